@@ -65,7 +65,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 def fit_lines(ours: Row) -> list[str]:
     """What the filter says of itself, from its object in summary.json: statuses, verdict, sources of variance."""
-    from experiments.pipeline.integrity.budget import shares_words
+    from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
     lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]

@@ -14,8 +14,8 @@ from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line, Step
+from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.recorder import join
-from experiments.pipeline.recorder_thread import RecorderThread
 from vision import Frame
 from vision.arrays import Image
 

@@ -28,7 +28,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
-from experiments.pipeline.integrity.monitor import IntegrityMonitor
+from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
 

@@ -25,9 +25,8 @@ from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import is_identified
 from experiments.pipeline.line import Line
-from experiments.pipeline.track import marks_to_use
+from experiments.pipeline.track import each_frame, marks_to_use
 from experiments.plain import counted
-from experiments.threads import ahead
 
 Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
@@ -45,15 +44,13 @@ NAMED = 4
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
     """All marks of each frame, those that are there for scoring only included; raises InputError, SourceError."""
-    times = recording.exposures_s
     if recording.marks is not None:
         return list(marks_to_use(recording))
-    line = Line(recording.scene, baseline=False)
     frames = []
-    with recording.open_frames() as film, ahead(film) as pictures:
-        for k, frame in enumerate(pictures):
-            frames.append((frame.exposure_s, line.see(frame.exposure_s, frame.image).marks))
-            advance((k + 1) / len(times))
+    for frame, step in each_frame(Line(recording.scene, baseline=False), recording):
+        assert frame is not None
+        frames.append((frame.exposure_s, step.marks))
+        advance(len(frames) / len(recording.exposures_s))
     return frames
 
 
@@ -69,11 +66,10 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
         positions[i] = np.mean([mark.position for mark in seen], axis=0)
         variances.append(np.mean([np.trace(mark.cov) for mark in seen]) / network.dim / len(seen))
     try:
-        return replace(
-            recording.scene, network=fit_rest_lengths(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
-        )
+        fitted = fit_rest_lengths(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
     except NetworkError as error:
         raise InputError(f"{recording.folder}: {error}") from None
+    return replace(recording.scene, network=fitted)
 
 
 def identified_scene(

@@ -30,8 +30,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.sight.on_plane import looked_for, on_plane
-from experiments.pipeline.sight.reference import ReferenceMarks, ReferenceSeen
+from experiments.pipeline.sight import ReferenceMarks, ReferenceSeen, looked_for, on_plane
 from vision import PlaneCamera
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
@@ -148,11 +147,6 @@ class Line:
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether the filter's state is one of numbers: no mark would mend another."""
-        return self.filter.is_finite
 
     @property
     def camera(self) -> PlaneCamera:

@@ -17,11 +17,12 @@ from estimators import Plan, PlannedTarget, TissueModel, candidate_paths, target
 from estimators import plan as ranked
 from experiments.arrays import Floats
 from experiments.errors import InputError
+from experiments.formats.estimate_rows import AXES
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.line import Line
-from experiments.pipeline.track import marks_to_use
+from experiments.pipeline.track import each_frame
 
 Advance = Callable[[float], None]
 
@@ -54,16 +55,8 @@ def planned(
         scene = recording.scene
         task = read_task(plan_path, scene.network.dim)
         line = Line(scene, baseline=False, fixes=recording.fixes)
-        n_frames = len(recording.exposures_s)
-        if recording.marks is not None:
-            for k, (exposure_s, marks) in enumerate(marks_to_use(recording)):
-                line.take(exposure_s, marks)
-                advance((k + 1) / n_frames)
-        else:
-            with recording.open_frames() as frames:
-                for k, frame in enumerate(frames):
-                    line.see(frame.exposure_s, frame.image)
-                    advance((k + 1) / n_frames)
+        for k, _ in enumerate(each_frame(line, recording), start=1):
+            advance(k / len(recording.exposures_s))
         ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
         if ahead.cov is None:
             raise InputError.at(source, "marks that start the filter", "none")
@@ -90,8 +83,7 @@ def planned(
 
 def table(done: Planned) -> pd.DataFrame:
     """All paths as plan.csv has them, from the best on, rejected ones after the allowed."""
-    found = done.plan
-    axes = "xyz"[: done.scene.network.dim]
+    found, axes = done.plan, AXES[: done.scene.network.dim]
     columns: dict[str, Any] = {"rank": np.arange(1, len(found.order) + 1)}
     for name, places in (("entry", found.entries), ("tip", found.tips), ("pushed", found.pushed)):
         columns |= {f"{name}_{axis}_mm": 1e3 * places[found.order, a] for a, axis in enumerate(axes)}
@@ -105,13 +97,13 @@ def table(done: Planned) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def next_best(found: Plan, n: int = SHOWN) -> list[int]:
-    """Rows of the best path and up to n others, each with an entry apart from those before."""
+def next_best(found: Plan) -> list[int]:
+    """Rows of the best path and up to `SHOWN` others, each with an entry apart from those before."""
     chosen: list[int] = []
     for k in found.order[: int(found.allowed.sum())]:
         if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):
             chosen.append(int(k))
-        if len(chosen) > n:
+        if len(chosen) > SHOWN:
             break
     return chosen
 

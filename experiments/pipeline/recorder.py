@@ -86,9 +86,8 @@ class Recorder:
             raise self._fault
         height, width = frame.image.shape[:2]
         if (width, height) != self.size_px:
-            raise InputError.at(
-                self.folder, f"frames of {self.size_px[0]} x {self.size_px[1]} px", f"{width} x {height}"
-            )
+            expected = f"frames of {self.size_px[0]} x {self.size_px[1]} px"
+            raise InputError.at(self.folder, expected, f"{width} x {height}")
         if not round(frame.exposure_s, 9) > round(self._last_s, 9):
             raise InputError.at(self.folder, f"a frame after {self._last_s:.9f} s", f"{frame.exposure_s:.9f} s")
         times = self._piece.times_s
@@ -117,9 +116,8 @@ class Recorder:
         if not piece.times_s:
             self._pieces.discard()
             return
-        lines = "".join(f"{piece.first_row + k},{time_s:.9f}\n" for k, time_s in enumerate(piece.times_s)).encode(
-            "ascii"
-        )
+        rows_of = enumerate(piece.times_s, start=piece.first_row)
+        lines = "".join(f"{k},{time_s:.9f}\n" for k, time_s in rows_of).encode("ascii")
         try:
             self._pieces.finish()
             with (self.folder / "frames.csv").open("r+b") as rows:
@@ -128,11 +126,11 @@ class Recorder:
                 rows.truncate()
                 rows.flush()
                 os.fsync(rows.fileno())
-        except (OSError, vision.SourceError) as error:
-            if isinstance(error, OSError):
-                self._fault = InputError.refused(self.folder, "room to write", error)
-            else:
-                self._fault = InputError(str(error))
+        except OSError as error:
+            self._fault = InputError.refused(self.folder, "room to write", error)
+            raise self._fault from error
+        except vision.SourceError as error:
+            self._fault = InputError(str(error))
             raise self._fault from error
         self._piece = _Piece(piece.first_row + len(piece.times_s), piece.begins_at + len(lines))
 
@@ -181,7 +179,9 @@ def record(
                     check_size(frame, scene)
                 if force:
                     remove_recording(folder)
-                recorder = _begun(folder, frame, scene, scene_path, codec, clock)
+                height, width = frame.image.shape[:2]
+                recorder = Recorder(folder, (width, height), codec, clock=clock)
+                _copy_scene(scene, scene_path, folder / "scene.toml")
             elif frame.exposure_s - first_s >= seconds:
                 break
             recorder.take(frame)
@@ -216,21 +216,11 @@ def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
         raise InputError.at(out, "a new or an empty folder", "files in it; --force replaces a recording in it")
 
 
-def _begun(
-    folder: Path,
-    frame: vision.Frame,
-    scene: Scene | None,
-    scene_path: Path | None,
-    codec: vision.Codec,
-    clock: Callable[[], float],
-) -> Recorder:
-    height, width = frame.image.shape[:2]
-    recorder = Recorder(folder, (width, height), codec, clock=clock)
+def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> None:
     if scene_path is not None:
-        write_whole(folder / "scene.toml", scene_path.read_bytes())
+        write_whole(path, scene_path.read_bytes())
     elif scene is not None:
-        write_scene(scene, folder / "scene.toml")
-    return recorder
+        write_scene(scene, path)
 
 
 def rate_of(exposures_s: Floats) -> float:
@@ -298,14 +288,14 @@ def record_source(
             )
         except (vision.SourceError, InputError) as error:
             fault = error
-    if fault is None and not (out / SEGMENTS).is_dir():
-        fault = InputError("expected frames, found none")
     n_frames = 0
     if (out / SEGMENTS).is_dir():
         try:
             n_frames = join(out, stage("join"))
         except InputError as error:
-            fault = error if fault is None else fault
+            fault = fault or error
+    elif fault is None:
+        fault = InputError("expected frames, found none")
     if fault is not None:
         kept = f"; {counted(n_frames, 'frame')} until then in {out}" if n_frames else ""
         raise InputError(f"{vision.shown_source(source)}: {fault}{kept}")

@@ -20,11 +20,19 @@ from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
-from experiments.pipeline.integrity.budget import error_budget, variance_shares
+from experiments.pipeline.integrity import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
-from experiments.pipeline.scores.fit import TruthScore, fit_of, frames_by_status, sigmas_m, verdict
+from experiments.pipeline.scores.fit import (
+    TruthScore,
+    Withheld,
+    fit_of,
+    frames_by_status,
+    sigmas_m,
+    verdict,
+    withheld_of,
+)
 from experiments.pipeline.scores.marks import MarkShares, MarkTally, marks_verdict
-from experiments.pipeline.scores.withheld import Withheld, withheld_of
+from experiments.plain import plain
 from experiments.threads import ahead
 
 if TYPE_CHECKING:
@@ -83,11 +91,10 @@ def track(
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
     explain = watch is not None or recording.marks is None
     line = Line(recording.scene, fixes=recording.fixes, check=check, explain=explain)
-    n_frames = len(recording.exposures_s)
-    steps = []
+    steps: list[Step] = []
     checked: dict[str, list[LeaveOneOutCheck]] = {}
     tally = MarkTally(recording.scene)
-    for k, (frame, step) in enumerate(each_frame(line, recording)):
+    for frame, step in each_frame(line, recording):
         tally.take(step)
         if watch is not None:
             watch.take(frame, line, step)
@@ -95,7 +102,7 @@ def track(
         if line.checks is not None:
             for node, one in line.checks.checks.items():
                 checked.setdefault(node, []).append(one)
-        advance((k + 1) / n_frames)
+        advance(len(steps) / len(recording.exposures_s))
     counts: dict[str, float | int | None] = {
         "marks_refused": sum(n for node, n in line.filter.rejected.items() if node != "fix"),
         "repairs": sum(line.filter.repairs.values()),
@@ -114,13 +121,8 @@ def track(
     return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares(), shares)
 
 
-def each_step(line: Line, recording: Recording) -> Iterator[Step]:
-    """Estimates of each frame of a recording, from its frames or from the marks that stand in their place."""
-    return (step for _, step in each_frame(line, recording))
-
-
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
-    """As `each_step`, with the frames; None where marks stand in their place."""
+    """What the line makes of each frame of a recording, with the frames, None where marks stand in their place."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)
@@ -214,16 +216,14 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
     found: dict[str, float | int | None] = {}
     if done.has_truth:
         errors = rows["err_mm"].dropna().to_numpy()
-        finite = len(errors) > 0 and bool(np.isfinite(errors).all())
-        found["mae_mm"] = _finite(errors.mean()) if finite else None
-        found["sd_mm"] = _finite(errors.std()) if finite else None
-        found["rmse_mm"] = _finite(np.sqrt((errors**2).mean())) if finite else None
+        found |= dict.fromkeys(("mae_mm", "sd_mm", "rmse_mm"))
+        if len(errors) and np.isfinite(errors).all():
+            found |= plain({"mae_mm": float(errors.mean()), "sd_mm": float(errors.std())})
+            found["rmse_mm"] = plain(float(np.sqrt((errors**2).mean())))
         nees = rows["nees"].dropna().to_numpy()
         if len(nees):
-            found |= {
-                "coverage95": coverage(nees, done.recording.scene.network.dim),
-                "mean_nees": _finite(nees.mean()),
-            }
+            found["coverage95"] = coverage(nees, done.recording.scene.network.dim)
+            found["mean_nees"] = plain(float(nees.mean()))
     sigmas_mm = 1e3 * np.array(sigmas_m(estimates))
     if len(sigmas_mm):
         found |= {"sigma_mm": float(sigmas_mm.mean()), "sigma_most_mm": float(sigmas_mm.max())}
@@ -235,11 +235,6 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
         "frames_lost": int(rows["status"].isin([Status.COASTING, Status.LOST]).sum()),
         "ms_per_frame": float(1e3 * np.median(seconds)),
     }
-
-
-def _finite(number: float) -> float | None:
-    """The number as JSON can have it: None where it is not finite."""
-    return float(number) if np.isfinite(number) else None
 
 
 def summary(done: Track) -> dict[str, dict[str, Any]]:

@@ -129,16 +129,8 @@ def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
         kinds.setdefault((one.advice, NUMBER.sub("#", one.reason)), []).append(k)
     order = {advice: rank for rank, advice in enumerate(COLOURS)}
     found = sorted(kinds.items(), key=lambda item: (order[item[0][0]], item[1][0]))
-    n = len(done.guidance)
-    return [
-        (advice, _with_ranges([done.guidance[k].reason for k in frames]), _mask(frames, n))
-        for (advice, _), frames in found
-    ]
-
-
-def _mask(frames: Sequence[int], n: int) -> list[bool]:
-    held = set(frames)
-    return [k in held for k in range(n)]
+    held = {kind: np.isin(np.arange(len(done.guidance)), frames).tolist() for kind, frames in found}
+    return [(kind[0], _with_ranges([done.guidance[k].reason for k in frames]), held[kind]) for kind, frames in found]
 
 
 def _with_ranges(reasons: Sequence[str]) -> str:

@@ -12,7 +12,7 @@ from vision import Calibration
 MOST_ARROWS, MOST_NAMES = 2000, 30
 
 
-def calibration_picture(calibration: Calibration, form: str = "png") -> bytes:
+def calibration_picture(calibration: Calibration, form: str) -> bytes:
     """A picture as a file of this form, png, pdf or svg."""
     return saved(calibration_figure(calibration), form)
 
@@ -20,8 +20,7 @@ def calibration_picture(calibration: Calibration, form: str = "png") -> bytes:
 @styled
 def calibration_figure(calibration: Calibration) -> Figure:
     """Arrows from corners expected to corners seen, enlarged, beside bars of rms picture by picture."""
-    figure, axes = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
-    area, bars = axes[0]
+    figure, [[area, bars]] = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
     _residuals(calibration, area)
     _bars(calibration, bars)
     return figure

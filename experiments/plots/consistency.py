@@ -15,8 +15,7 @@ from estimators.consistency.whiteness import effective_count
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER
-from experiments.pipeline.scores.fit import fit_of
-from experiments.pipeline.scores.withheld import Withheld
+from experiments.pipeline.scores.fit import Withheld, fit_of
 from experiments.pipeline.track import Track, table
 from experiments.plain import counted
 from experiments.plots.bands import STATUS_COLOURS, draw_bands

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from estimators import ReliabilityBin
@@ -20,8 +19,8 @@ from experiments.plots.style import (
     SKY,
     SMALL_PT,
     VERMILLION,
+    grid_figure,
     legend_below,
-    new_figure,
     styled,
     write_picture,
 )
@@ -47,19 +46,11 @@ def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None)
         write_picture(figure(done), folder / f"{name}.png", vector)
 
 
-def _axes(title: str, height_mm: float) -> tuple[Figure, Axes]:
-    figure = new_figure(COLUMN_MM, height_mm)
-    ax = figure.subplots()
-    ax.set_title(title)
-    return figure, ax
-
-
 @styled
 def hits_figure(done: Trials) -> Figure:
     """The hit rate of each policy with its 95 % interval."""
-    figure, ax = _axes(
-        f"hits in a lesion of {1e3 * done.case.plan.lesion.radius_m:g} mm radius, {len(done.runs)} runs", 58.0
-    )
+    figure, [[ax]] = grid_figure(COLUMN_MM, 58.0)
+    ax.set_title(f"hits in a lesion of {1e3 * done.case.plan.lesion.radius_m:g} mm radius, {len(done.runs)} runs")
     for k, policy in enumerate(POLICIES):
         of = figures(done.of(policy))
         rate, low, high = (100.0 * float(of[key] or 0.0) for key in ("hit_rate", "hit_rate_low", "hit_rate_high"))
@@ -77,24 +68,18 @@ def hits_figure(done: Trials) -> Figure:
 @styled
 def misses_figure(done: Trials) -> Figure:
     """Which part of the runs came how near: needles that never arrived count as beyond every distance."""
-    figure, ax = _axes("distance to the true target at arrival", 70.0)
+    figure, [[ax]] = grid_figure(COLUMN_MM, 70.0)
+    ax.set_title("distance to the true target at arrival")
     for policy in POLICIES:
         of = done.of(policy)
         missed = np.sort([1e3 * one.miss_m for one in of if one.miss_m is not None])
         share = 100.0 * np.arange(1, len(missed) + 1) / len(of)
         n_out = int((missed > FARTHEST_MM).sum())
         label = policy + (f" ({n_out} farther)" if n_out else "")
-        x, y = np.r_[0.0, missed, np.inf], np.r_[0.0, share, share[-1] if len(share) else 0.0]
-        near = x <= FARTHEST_MM
-        ax.step(
-            np.r_[x[near], FARTHEST_MM],
-            np.r_[y[near], y[near][-1]],
-            where="post",
-            color=COLOURS[policy],
-            ls=DASHES[policy],
-            lw=1.1,
-            label=label,
-        )
+        near = missed <= FARTHEST_MM
+        x, y = np.r_[0.0, missed[near], FARTHEST_MM], np.r_[0.0, share[near]]
+        style = {"color": COLOURS[policy], "ls": DASHES[policy], "lw": 1.1}
+        ax.step(x, np.r_[y, y[-1]], where="post", label=label, **style)
     radius = 1e3 * done.case.plan.lesion.radius_m
     ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
     ax.set(xlim=(0.0, FARTHEST_MM), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs that came as near [%]")
@@ -115,7 +100,8 @@ def advised_figure(done: Trials) -> Figure:
 @styled
 def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
     """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
-    figure, ax = _axes(title, COLUMN_MM + 8.0)
+    figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
+    ax.set_title(title)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")
     left_out, labelled = 0, set()
     for row in rows:

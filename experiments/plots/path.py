@@ -71,7 +71,9 @@ def _whole(done: Track, ax: Axes, side: tuple[int, int]) -> None:
     if not filmed:
         body = 1e3 * body_box(done)[:, list(side)]
         around = widened(body, AROUND)
-        _limit(ax, np.vstack([body, within(means, around), within(papers, around)]), 0.08)
+        points = np.vstack([body, within(means, around), within(papers, around)])
+        (left, low), (right, high) = widened(np.array([points.min(axis=0), points.max(axis=0)]), 0.08)
+        ax.set(xlim=(left, right), ylim=(low, high))
     _network(done, ax, side, lines=not filmed)
     _paths(done, ax, side, thick=0.7)
 
@@ -84,7 +86,8 @@ def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
     errors = np.linalg.norm(means - truth, axis=1)
     usual = ~(errors > FAR * np.nanmedian(errors)) if len(known) else np.full(len(means), True)
     near = np.vstack([within(means[usual], widened(body, AROUND)), known])
-    middle, reach = _middle_and_reach(near if len(near) else body)
+    points = near if len(near) else body
+    middle, reach = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.6 * max(1.0, float(np.ptp(points, axis=0).max()))
     ax.set_aspect("equal")
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
     _paths(done, ax, side, thick=1.0)
@@ -120,13 +123,11 @@ def _of_time(done: Track) -> Normalize:
     return Normalize(float(done.times_s[0]), max(float(done.times_s[-1]), float(done.times_s[0]) + 1e-9))
 
 
-def _missed(done: Track) -> bool:
-    return any(e.status in MISSED for e in done.estimates(FILTER))
-
-
 def _ellipse_keys(done: Track) -> dict[str, Line2D]:
     """Entries of a legend by their label: an ellipse, and a faint one where there are any."""
-    opacities = {"2-sigma ellipse": 0.9} | ({"coasting, lost or diverged": FAINT} if _missed(done) else {})
+    opacities = {"2-sigma ellipse": 0.9}
+    if any(e.status in MISSED for e in done.estimates(FILTER)):
+        opacities["coasting, lost or diverged"] = FAINT
     return {
         label: Line2D([], [], marker="o", ls="none", mfc="none", mec=OURS_IN_TIME, mew=0.6, ms=5, alpha=alpha)
         for label, alpha in opacities.items()
@@ -141,19 +142,9 @@ def _ellipses(done: Track, ax: Axes, side: tuple[int, int], reach: float) -> tup
     covs = {k: 1e6 * cov[pair] for k in chosen if (cov := estimates[k].cov) is not None}
     drawn = [k for k, cov in covs.items() if _fits(cov, reach)]
     for k in drawn:
-        missed = estimates[k].status in MISSED
-        ax.add_patch(
-            ellipse(
-                1e3 * estimates[k].mean[list(side)],
-                covs[k],
-                2.0,
-                ec=colours(norm(estimates[k].time_s)),
-                fc="none",
-                lw=0.6,
-                alpha=FAINT if missed else 0.9,
-                zorder=3,
-            )
-        )
+        alpha, colour = FAINT if estimates[k].status in MISSED else 0.9, colours(norm(estimates[k].time_s))
+        mean_mm = 1e3 * estimates[k].mean[list(side)]
+        ax.add_patch(ellipse(mean_mm, covs[k], 2.0, ec=colour, fc="none", lw=0.6, alpha=alpha, zorder=3))
     return len(drawn), len(covs) - len(drawn)
 
 
@@ -185,40 +176,12 @@ def _network(done: Track, ax: Axes, side: tuple[int, int], *, lines: bool) -> No
         ax.add_collection(LineCollection(list(x[network.springs]), colors="0.8", linewidths=0.5), autolim=False)
         ax.plot(*x[~network.fixed].T, "o", color="0.5", ms=2.5, zorder=1.2)
         ax.plot(*x[network.fixed].T, "s", color="0.3", ms=2.5, zorder=1.2)
-    for name in named_nodes(done):
-        place = x[network.index(name)]
-        target = name == scene.target.node
-        ax.annotate(
-            name,
-            (float(place[0]), float(place[1])),
-            (3, -8) if target else (3, 3),
-            textcoords="offset points",
-            fontsize=SMALL_PT,
-            color=OURS if target else "0.25",
-            path_effects=HALO,
-            zorder=5,
-            annotation_clip=True,
-        )
-
-
-def named_nodes(done: Track) -> list[str]:
-    """The nodes to name in a picture: all of a small network, of a large one those with marks and the target's."""
-    scene = done.recording.scene
-    names = scene.network.names
-    if len(names) <= MOST_NAMES:
-        return list(names)
     meant = {*scene.measured_nodes, scene.target.node}
-    return [name for name in names if name in meant]
-
-
-def _limit(ax: Axes, points: Floats, margin: float) -> None:
-    (left, low), (right, high) = widened(np.array([points.min(axis=0), points.max(axis=0)]), margin)
-    ax.set(xlim=(left, right), ylim=(low, high))
-
-
-def _middle_and_reach(points: Floats) -> tuple[Floats, float]:
-    """Middle of the points (n, 2) [mm], and half of what a square picture of them shows [mm]."""
-    return 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.6 * max(1.0, float(np.ptp(points, axis=0).max()))
+    for name, place in zip(network.names, x, strict=True):
+        if name in meant or len(x) <= MOST_NAMES:
+            target = name == scene.target.node
+            words = ax.annotate(name, place, (3, -8) if target else (3, 3), textcoords="offset points", zorder=5)
+            words.set(fontsize=SMALL_PT, color=OURS if target else "0.25", path_effects=HALO, annotation_clip=True)
 
 
 def _fits(cov: Floats, reach: float) -> bool:

@@ -5,10 +5,12 @@ Blue is the path to take, pale blue the next best, vermillion what is forbidden 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from matplotlib.transforms import Bbox
@@ -20,7 +22,18 @@ from estimators import Obstacle
 from experiments.arrays import Floats
 from experiments.pipeline.plan import Planned, next_best
 from experiments.plots.path import ellipse
-from experiments.plots.style import BLUE, PAGE_MM, PURPLE, SKY, SMALL_PT, TEXT_PT, VERMILLION, new_figure, styled
+from experiments.plots.style import (
+    BLUE,
+    PAGE_MM,
+    PURPLE,
+    SKY,
+    SMALL_PT,
+    TEXT_PT,
+    VERMILLION,
+    legend_below,
+    new_figure,
+    styled,
+)
 
 BEST, NEXT, FORBIDDEN, LESION = BLUE, SKY, VERMILLION, PURPLE
 FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}
@@ -49,14 +62,10 @@ def plan_figure(done: Planned) -> Figure:
     for ax in (whole, close):
         for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
             _obstacle(ax, one, FILLS[kind], _path_x(done, chosen) if ax is whole else None)
-    _lesion(done, whole, chosen, close=False)
-    _lesion(done, close, chosen, close=True)
+        _lesion(done, ax, chosen, close=ax is close)
     _frame(done, whole)
     whole.set_title(f"Needle paths to {done.scene.target.node}", fontweight="bold")
-    entries = [
-        entry for ax in (whole, close) for entry in zip(*ax.get_legend_handles_labels(), strict=True) if entry[1]
-    ]
-    figure.legend(*zip(*entries, strict=True), loc="outside lower center", ncols=4)
+    legend_below(figure, (whole, close), 4)
     _words(done, words, chosen)
     return figure
 
@@ -67,8 +76,7 @@ def _tissue(done: Planned, ax: Axes) -> None:
     if np.linalg.matrix_rank(x - x.mean(axis=0)) == 2:
         hull = x[ConvexHull(x).vertices]
         ax.add_patch(Polygon(hull, fc=TISSUE, ec=SKIN, lw=1.2, zorder=0, label="tissue at rest"))
-    for i, j in network.springs:
-        ax.plot(*x[[i, j]].T, color="0.82", lw=0.8, zorder=1)
+    ax.add_collection(LineCollection(list(x[network.springs]), colors="0.82", linewidths=0.8, zorder=1))
     fixed = network.fixed
     ax.plot(*x[~fixed].T, "o", color="0.55", ms=4, ls="none", zorder=2)
     ax.plot(*x[fixed].T, "s", color="0.35", ms=4, ls="none", zorder=2)
@@ -247,14 +255,12 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     found = done.plan
     ax.axis("off")
     n, allowed = len(found.hits), int(found.allowed.sum())
-    if not chosen:
-        head, color = "No path is allowed", FORBIDDEN
-    else:
+    head, color = "No path is allowed", FORBIDDEN
+    if chosen:
         head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
     ax.text(0.0, 1.0, head, fontsize=TEXT_PT, fontweight="bold", color=color, va="top", transform=ax.transAxes)
     lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
-    for one, count in _rejections(done):
-        lines.append(f"    {count} against {one}")
+    lines += [f"    {count} against {one}" for one, count in _rejections(done)]
     told = "\n".join(lines[:6])
     ax.text(0.0, 0.89, told, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
@@ -281,9 +287,6 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
 
 
 def _rejections(done: Planned) -> list[tuple[str, int]]:
-    counts: dict[str, int] = {}
-    for reasons in done.plan.reasons:
-        for reason in reasons:
-            counts[reason] = counts.get(reason, 0) + 1
+    counts = Counter(reason for reasons in done.plan.reasons for reason in reasons)
     words = {"too long": "the longest depth", "too steep": "the angle to the skin", "outside the entry": "the entry"}
-    return [(words.get(name, name), n) for name, n in sorted(counts.items(), key=lambda item: -item[1])]
+    return [(words.get(name, name), n) for name, n in counts.most_common()]

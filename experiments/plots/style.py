@@ -7,7 +7,7 @@ and Ito's [wong2011]; a path in time is coloured by viridis, which is perceptual
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -106,9 +106,11 @@ def span(ax: Axes, times_s: Floats) -> None:
         ax.set_xlim(times_s[0], times_s[-1])
 
 
-def legend_below(figure: Figure, ax: Axes, n_columns: int) -> None:
-    """The legend of one of the axes under all of them: never over data."""
-    handles, labels = ax.get_legend_handles_labels()
+def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
+    """The legend of one or some of the axes under all of them: never over data."""
+    entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
+    handles = [one for handles, _ in entries for one in handles]
+    labels = [one for _, labels in entries for one in labels]
     figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
 
 

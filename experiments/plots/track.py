@@ -121,13 +121,10 @@ def _over_time(
     times = done.times_s
     at, spread = thinned(times, sigma)
     about = np.zeros(len(at)) if len(multiples) > 1 else np.interp(at, times, ours)
+    label: str | None = f"{', '.join(str(m) for m in reversed(multiples))} predicted standard deviations"
     for k in multiples:
-        label = (
-            f"{', '.join(str(m) for m in reversed(multiples))} predicted standard deviations"
-            if k == multiples[0]
-            else None
-        )
         ax.fill_between(at, about - k * spread, about + k * spread, color=OURS, alpha=0.17, lw=0, label=label)
+        label = None  # once for all
     draw_bands(ax, times, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
     ax.plot(*thinned(times, papers), color=PAPERS, lw=0.5, alpha=0.8, label="paper's open loop")
     ax.plot(*thinned(times, ours), color=OURS, lw=0.8, label="filter")

@@ -24,7 +24,7 @@ from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
-from experiments.pipeline.integrity.budget import error_budget, variance_shares
+from experiments.pipeline.integrity import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 

@@ -10,7 +10,7 @@ import numpy as np
 from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
-from experiments.pipeline.integrity.budget import USUAL, shares_words
+from experiments.pipeline.integrity import USUAL, shares_words
 from experiments.plain import counted
 from experiments.projects.check import SceneCheck
 

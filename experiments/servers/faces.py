@@ -19,14 +19,12 @@ class Faces:
     """How a run is served: sockets that listen, None for what is not served.
 
     token: what a client must know to write; read_open: whether it may read without it
-    igtl_version: of OpenIGTLink's header, 1 or 2
     """
 
     page: socket.socket | None = None
     openigtlink: socket.socket | None = None
     token: str = ""
     read_open: bool = True
-    igtl_version: int = 2
 
 
 def listening(option: str, address: str, port: int | None) -> socket.socket:

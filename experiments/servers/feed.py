@@ -32,13 +32,13 @@ class Moment:
 class Feed:
     """Newest state of a live run, and the way back for commands.
 
-    send: hands a command to the loop, which may refuse it; it never waits
+    send: hands a command, as told in `commands`, to the loop, which may refuse it; it never waits
     scene: what does not change from frame to frame; viewers are shown it first
     State: the newest moment; how many clients want pictures.
     """
 
     def __init__(self, scene: Message, send: Callable[[Message], None] = lambda _command: None) -> None:
-        self.scene, self._send = scene, send
+        self.scene, self.command = scene, send
         self.newest: Moment | None = None
         self.n_watching = 0
         self._changed = asyncio.Event()
@@ -58,7 +58,3 @@ class Feed:
         except TimeoutError:
             return None
         return self.newest
-
-    def command(self, command: Message) -> None:
-        """Ask the loop for something: `{"command": NAME, ...}`, as told in `commands`."""
-        self._send(command)

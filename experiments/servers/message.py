@@ -6,18 +6,18 @@ Lengths are in mm and mm², times in s; numbers that there are none of are null.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from estimators import Guidance, Insertion, TargetEstimate
 from experiments.arrays import Floats
-from experiments.film.overlay import WITHIN_95, MarkDrawn, Overlay
+from experiments.film.overlay import WITHIN_95, MarkDrawn, NeedleDrawn, Overlay
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import pose_line
+from experiments.pipeline.live.shown import Counters
 from experiments.version import version
 
 VERSION = 1
@@ -25,27 +25,20 @@ STALE_MS = 200
 """Age of the newest state from which on a viewer calls it stale [ms]; asked for by those who stand beside a needle."""
 
 
-@dataclass(slots=True)
-class LoopFigures:
-    """How the loop does: counted since the run began.
-
-    frames, without_frame, dropped, not_used: as `softaim live` counts them
-    deadlines_missed: frames whose estimate was not there before the next frame was due
-    latency_ms: of the newest frame, from exposure to estimate; latency_p99_ms: of 99 in 100 of all
-    stages_ms: of the newest frame, by stage: wait, detect, predict, update, advise
-    rate_hz: frames a second; memory_mb: of the process
-    """
-
-    frames: int = 0
-    without_frame: int = 0
-    dropped: int = 0
-    not_used: int = 0
-    deadlines_missed: int = 0
-    latency_ms: float | None = None
-    latency_p99_ms: float | None = None
-    rate_hz: float | None = None
-    memory_mb: float | None = None
-    stages_ms: dict[str, float] = field(default_factory=dict)
+def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
+    """How the loop does, as a state has it; interval_s: usual time from frame to frame [s]."""
+    return {
+        "frames": known.frames,
+        "without_frame": known.without_frame,
+        "dropped": known.dropped,
+        "not_used": known.not_used,
+        "deadlines_missed": known.deadlines_missed,
+        "latency_ms": known.latency_ms if known.frames else None,
+        "latency_p99_ms": known.latencies.quantile_ms(0.99) if known.frames else None,
+        "rate_hz": None if interval_s is None else 1.0 / interval_s,
+        "memory_mb": memory_mb,
+        "stages_ms": {stage: 1e3 * seconds for stage, seconds in known.stages_s.items()},
+    }
 
 
 def scene_message(
@@ -84,7 +77,7 @@ def state_message(
     *,
     utc_s: float,
     from_frame: bool,
-    counters: LoopFigures,
+    counters: Mapping[str, Any],
     overlay: Overlay | None = None,
     nodes_m: Floats | None = None,
     nis_band: tuple[float, float] | None = None,
@@ -99,9 +92,9 @@ def state_message(
     """What is known at one moment.
 
     utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
+    counters: as `counters_message` has them
     overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
-    needle: where it is
-    fault: why the estimate may not be relied upon, None where it may
+    needle: where it is; fault: why the estimate may not be relied upon, None where it may
     errors: which errors have most of the target's variance
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
@@ -126,7 +119,7 @@ def state_message(
         "advice": None if guidance is None else _advice(guidance),
         "needle": None if needle is None else _needle(needle),
         "picture": None if overlay is None else _picture(overlay),
-        "counters": {name: getattr(counters, name) for name in LoopFigures.__dataclass_fields__},
+        "counters": dict(counters),
         "events": [dict(one) for one in events],
         "recording": recording,
         "paused": paused,
@@ -143,17 +136,14 @@ def _needle(insertion: Insertion) -> dict[str, Any]:
 
 
 def _advice(guidance: Guidance) -> dict[str, Any]:
-    def mm(length_m: float | None) -> float | None:
-        return None if length_m is None else 1e3 * length_m
-
     return {
         "advice": str(guidance.advice),
         "reason": guidance.reason,
         "probability": guidance.probability,
         "arrival_s": guidance.arrival_s,
         "aim_mm": None if guidance.aim is None else _mm(guidance.aim),
-        "lateral_mm": mm(guidance.lateral_m),
-        "depth_mm": mm(guidance.depth_m),
+        "lateral_mm": None if guidance.lateral_m is None else 1e3 * guidance.lateral_m,
+        "depth_mm": None if guidance.depth_m is None else 1e3 * guidance.depth_m,
         "turn_deg": None if guidance.turn_rad is None else float(np.degrees(guidance.turn_rad)),
         "best_in_s": guidance.best_in_s,
         "best_probability": guidance.best_probability,
@@ -162,7 +152,6 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
     """Where all is seen, in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
-    needle = overlay.needle
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],
         "target_px": _px(overlay.target_px),
@@ -173,14 +162,16 @@ def _picture(overlay: Overlay) -> dict[str, Any]:
         "advice_colour": _colour(overlay.advice_colour) if overlay.advice else None,
         "notes": list(overlay.notes),
         "marks": [_mark(one) for one in overlay.marks],
-        "needle": None
-        if needle is None
-        else {
-            "shaft_px": [_px(one) for one in needle.shaft_px],
-            "ahead_px": [_px(one) for one in needle.ahead_px],
-            "aim_px": None if needle.aim_px is None else _px(needle.aim_px),
-            "aim_ellipse_px": _ellipse(needle.aim_cov_px2),
-        },
+        "needle": None if overlay.needle is None else _needle_drawn(overlay.needle),
+    }
+
+
+def _needle_drawn(needle: NeedleDrawn) -> dict[str, Any]:
+    return {
+        "shaft_px": [_px(one) for one in needle.shaft_px],
+        "ahead_px": [_px(one) for one in needle.ahead_px],
+        "aim_px": _px(needle.aim_px),
+        "aim_ellipse_px": _ellipse(needle.aim_cov_px2),
     }
 
 
@@ -189,15 +180,15 @@ def _mark(mark: MarkDrawn) -> dict[str, Any]:
         "node": mark.name,
         "fate": str(mark.fate),
         "why": mark.why,
-        "center_px": None if mark.center_px is None else _px(mark.center_px),
-        "expected_px": None if mark.expected_px is None else _px(mark.expected_px),
+        "center_px": _px(mark.center_px),
+        "expected_px": _px(mark.expected_px),
         "expected_ellipse_px": _ellipse(mark.expected_cov_px2),
         "shape_px": mark.shape_px.tolist(),
     }
 
 
-def _px(place_px: Floats) -> list[float] | None:
-    return [float(x) for x in place_px] if np.isfinite(place_px).all() else None
+def _px(place_px: Floats | None) -> list[float] | None:
+    return None if place_px is None or not np.isfinite(place_px).all() else [float(x) for x in place_px]
 
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:

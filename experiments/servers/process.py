@@ -54,8 +54,7 @@ class _Served:
         if (listener := faces.openigtlink) is not None:
             from experiments.servers.openigtlink.server import serve as openigtlink
 
-            version = faces.igtl_version
-            servers.append(("OpenIGTLink", lambda feed: openigtlink(listener, feed, version=version)))
+            servers.append(("OpenIGTLink", lambda feed: openigtlink(listener, feed)))
         if (page := faces.page) is not None:
             from experiments.servers.page.serving import serve as serve_page
 

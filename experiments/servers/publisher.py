@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from functools import lru_cache
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -21,9 +20,8 @@ from experiments.formats.scene.scene import Scene
 from experiments.log import LOG
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.control import Control
-from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.preparing import PREPARING
-from experiments.pipeline.live.shown import Shown
+from experiments.pipeline.live.shown import Counters, Shown, memory_mb
 from experiments.servers.commands import (
     Command,
     Fix,
@@ -37,7 +35,7 @@ from experiments.servers.commands import (
     read_command,
 )
 from experiments.servers.link import Link
-from experiments.servers.message import LoopFigures, scene_message, state_message
+from experiments.servers.message import counters_message, scene_message, state_message
 from vision import Frame, SourceError
 
 LAST_EVENTS = 8
@@ -66,10 +64,7 @@ class LastEvents(logging.Handler):
 
 
 class Shows:
-    """An `Attendant` by a link.
-
-    State: the link; the last events; whether the run is paused or recorded.
-    """
+    """An `Attendant` by a link. State: the link; the last events; whether the run is paused or recorded."""
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
         self.link = link
@@ -84,17 +79,14 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none.
-
-        time_s: the frame's, or now, as the source tells time [s]
-        """
+        """Show a frame of which nothing is estimated yet, or that there is none."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
         nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
         guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
         utc_s, events = time.time() - since_s, list(self._events.lines)
-        counters = LoopFigures(not_used=n_shown, memory_mb=self._memory_mb)
+        counters = counters_message(Counters(not_used=n_shown), None, self._memory_mb)
         self.link.publish(
             lambda: state_message(
                 nowhere,
@@ -118,7 +110,9 @@ class Shows:
             image = None if shown.frame is None else shown.frame.image
         if camera is None:
             nodes_m = node_places(line)
-        counters = self._counters(shown)
+        if not shown.counters.frames % 64:
+            self._memory_mb = memory_mb()
+        counters = counters_message(shown.counters, shown.interval_s, self._memory_mb)
         utc_s = shown.at_s + time.time() - time.monotonic()
         needle = None if shown.plan is None else shown.plan.insertion
         events, recording, paused = list(self._events.lines), self._recording, self._paused
@@ -142,28 +136,10 @@ class Shows:
             image,
         )
 
-    def _counters(self, shown: Shown) -> LoopFigures:
-        known = shown.counters
-        if not known.frames % 64:
-            self._memory_mb = memory_mb()
-        return LoopFigures(
-            known.frames,
-            known.without_frame,
-            known.dropped,
-            known.not_used,
-            known.deadlines_missed,
-            known.latency_ms,
-            known.latencies.quantile_ms(0.99),
-            None if shown.interval_s is None else 1.0 / shown.interval_s,
-            self._memory_mb,
-            {stage: 1e3 * seconds for stage, seconds in known.stages_s.items()},
-        )
-
     def attend(self, control: Control) -> None:
         """Do what was asked since the last turn of the loop; what cannot be done is reported.
 
         It ends after `ATTENDS_S`: no client delays a frame by many requests. The rest is done at the next turn.
-
         Where it is served is said with the first frame, or when none came for a while: bad input is one line alone.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
@@ -189,9 +165,7 @@ class Shows:
         LOG.addHandler(self._events)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         LOG.removeHandler(self._events)
 
 

@@ -55,15 +55,10 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
     """Every policy in the world of one case, and what comes of advice in it."""
     world = world_of(case)
     state, paper, warm = warmed(world)
-    makers: tuple[Callable[[], Rest | Filtered], ...] = (
-        lambda: Rest(world),
-        lambda: paper,
-        lambda: Filtered(world, warm),
-        lambda: Ahead(world, warm),
-        lambda: Waiting(world, warm),
-    )
-    tried = tuple(attempt(world, make(), state) for make in makers)
-    return tried, advised(world, warm, state) if case.advice else ()
+    tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]
+    # one after the other: all have the one filter, set back to where it was
+    tried += [attempt(world, policy(world, warm), state) for policy in (Filtered, Ahead, Waiting)]
+    return tuple(tried), advised(world, warm, state) if case.advice else ()
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
@@ -76,19 +71,17 @@ def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
 def summary(done: Trials) -> dict[str, object]:
     """summary.json: a row for each policy, by its name, and the calibration."""
     case = done.case
-    figures_by_policy: dict[str, object] = {
+    return {
         "scenario": case.scenario.title,
         "runs": len(done.runs),
         "radius_mm": 1e3 * case.plan.lesion.radius_m,
         "speed_mm_s": 1e3 * case.plan.insertion.speed_m_s,
         "steer_mm_s": 1e3 * case.steer_m_s,
         "strength": case.strength,
+        **{policy: figures(done.of(policy)) for policy in POLICIES},
+        "advise": advice_figures(done.advised),
+        "calibration": [asdict(row) for row in calibrated(done)],
     }
-    for policy in POLICIES:
-        figures_by_policy[policy] = figures(done.of(policy))
-    figures_by_policy["advise"] = advice_figures(done.advised)
-    figures_by_policy["calibration"] = [asdict(row) for row in calibrated(done)]
-    return figures_by_policy
 
 
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
@@ -121,22 +114,21 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
 
 def table(done: Trials) -> pd.DataFrame:
     """runs.csv: a row for each run and policy; mm and seconds, empty where there is nothing."""
-    rows = []
-    for k, run in enumerate(done.runs):
-        for one in run:
-            rows.append(
-                {
-                    "seed": done.case.seed + k,
-                    "policy": one.policy,
-                    "hit": int(one.hit),
-                    "miss_mm": None if one.miss_m is None else 1e3 * one.miss_m,
-                    "seconds": one.seconds,
-                    "insertions": one.insertions,
-                    "p_hit": one.probability,
-                    "told_radius_mm": 1e3 * one.drawn_radius_m,
-                    "told": one.drawn_probability,
-                }
-            )
+    rows = [
+        {
+            "seed": done.case.seed + k,
+            "policy": one.policy,
+            "hit": int(one.hit),
+            "miss_mm": None if one.miss_m is None else 1e3 * one.miss_m,
+            "seconds": one.seconds,
+            "insertions": one.insertions,
+            "p_hit": one.probability,
+            "told_radius_mm": 1e3 * one.drawn_radius_m,
+            "told": one.drawn_probability,
+        }
+        for k, run in enumerate(done.runs)
+        for one in run
+    ]
     return pd.DataFrame(rows)
 
 

@@ -37,7 +37,6 @@ class PhantomCamera:
         self,
         scenario: Scenario,
         *,
-        hours: float = np.inf,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
@@ -54,7 +53,6 @@ class PhantomCamera:
             scenario.distractors, self.scene.cameras[0].size_px, self._rng, hues_of(self.scene)
         )
         self._lighting = vision.Lighting()
-        self._end_s = 3600.0 * hours
         self._clock, self._sleep = clock, sleep
         self._began_s = clock()
         self.time_s = 0.0
@@ -83,8 +81,6 @@ class PhantomCamera:
             self._began_s += late
         elif late > 0:
             due += interval * np.floor(late / interval)
-        if due >= self._end_s:
-            return False
         self._move(due)
         self._image = draw(self.scene, self.positions, self._lighting, self._rng, strays=self._strays)
         early = self._began_s + due - self._clock()

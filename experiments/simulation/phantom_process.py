@@ -24,14 +24,14 @@ ENDS_S = 2.0
 """How long that process has to end [s]; chosen."""
 
 
-def film(connection: Connection, name: str, fps: float | None) -> None:
-    """Once it is asked to, send the pictures of the phantom of a scenario as they are due, until nobody takes them."""
+def film(connection: Connection, fps: float | None) -> None:
+    """Once it is asked to, send the phantom's pictures as they are due, until nobody takes them."""
     begin_helper()
     # here: the process that begins this one is not to wait for what it loads
     from experiments.formats.scenario import read_scenario
     from experiments.simulation.phantom_camera import PhantomCamera
 
-    scenario = read_scenario(name)
+    scenario = read_scenario(SCENARIO)
     if fps is not None:
         scenario = scenario.model_copy(update={"frame_interval_s": 1.0 / fps})
     camera = PhantomCamera(scenario)
@@ -52,14 +52,13 @@ class PhantomProcess:
     """Pictures of a `PhantomCamera` that runs elsewhere, as cv2.VideoCapture gives them.
 
     It begins at once, and loads for seconds: meanwhile others may, too. The phantom stands still until it is opened.
-    name: of the scenario; fps: frames a second in place of the scenario's
-    State: the process, and what it sent last.
+    fps: frames a second in place of the scenario's. State: the process, and what it sent last.
     """
 
-    def __init__(self, name: str = SCENARIO, fps: float | None = None) -> None:
+    def __init__(self, fps: float | None = None) -> None:
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=film, args=(theirs, name, fps), name="softaim phantom", daemon=True)
+        self._process = context.Process(target=film, args=(theirs, fps), name="softaim phantom", daemon=True)
         self._process.start()
         theirs.close()
         self._sent = b""

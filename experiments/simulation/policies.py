@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 
@@ -44,26 +43,36 @@ WAYS, MARGIN_S = 1.5, 0.75
 study's tables."""
 
 
-class Policy(Protocol):
-    """What steers a needle; `waits`: whether it starts on GO, and retracts on a fault or where a hit is improbable."""
+class Policy:
+    """What steers a needle: at where the target stands, as far as it says nothing else. State: when and where that is.
 
-    name: str
-    waits: bool
+    waits: whether it starts on GO, and retracts on a fault or where a hit is improbable
+    """
+
+    name, waits = "", False
+    time_s: float
+    place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """Take in a frame; push: the needle's since the last one, as predicted [N], (n_free, dim)."""
+        self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
         """Where the target is expected from now on; pushes: the needle's in the frames ahead, as predicted."""
+        dim = len(self.place)
+        times_s = self.time_s + np.array([0.0, 60.0])
+        return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
         """The density of the target's place then, None where there is none.
 
         parts: of the needle's force from now until then, as predicted [N], (2, n_free, dim), see `predicted_parts`
         """
+        return None
 
     def fault(self, now_s: float) -> str | None:
         """Why it gives no guidance now, None where it does."""
+        return None
 
 
 def covariance(estimate: TargetEstimate) -> Floats:
@@ -124,38 +133,15 @@ def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
     return error**2 / 3.0 * shifts.T @ shifts
 
 
-def _standing(time_s: float, place: Floats) -> TargetPath:
-    dim = len(place)
-    return TargetPath(time_s + np.array([0.0, 60.0]), np.array([place, place]), np.zeros((2, dim, dim)))
+class Rest(Policy):
+    """Aim once, at where the target rests."""
 
-
-class Rest:
-    """Aim once, at where the target rests. State: time_s, of the last frame."""
-
-    name, waits = "rest", False
+    name = "rest"
 
     def __init__(self, world: World) -> None:
-        self.time_s = 0.0
-        network = world.believed
-        self._place = target_map(network, world.case.given.target.point).position(
-            network.positions[network.free].ravel()
-        )
-
-    def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Nothing is taken in."""
-        self.time_s = time_s
-
-    def path(self, pushes: Floats) -> TargetPath:
-        """Where it rests, for ever."""
-        return _standing(self.time_s, self._place)
-
-    def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """None."""
-        return None
-
-    def fault(self, now_s: float) -> str | None:
-        """None."""
-        return None
+        network, self.time_s = world.believed, 0.0
+        target = target_map(network, world.case.given.target.point)
+        self.place = target.position(network.positions[network.free].ravel())
 
 
 class Paper(Rest):
@@ -169,8 +155,7 @@ class Paper(Rest):
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
         """The simulation goes on to the frame."""
-        self.time_s = time_s
-        self._place = self._loop.update(time_s, marks).mean
+        self.time_s, self.place = time_s, self._loop.update(time_s, marks).mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,13 +170,14 @@ class Warm:
     breathing: Breathing
 
 
-class Filtered:
+class Filtered(Policy):
     """Aim at the filter's present target. State: the filter, its last estimate."""
 
-    name, waits = "filter", False
+    name = "filter"
 
     def __init__(self, world: World, warm: Warm) -> None:
         self.tissue, self.estimate, self._tables = warm.tissue, warm.estimate, warm.tables
+        self.time_s, self.place = warm.estimate.time_s, warm.estimate.mean
         self.tissue.restore(warm.then)
         self._compliance = compliance(world.believed, world.case.given.target.point)
         self._error = world.case.plan.forces.error
@@ -200,10 +186,7 @@ class Filtered:
         """Predict under the predicted push, take in the marks."""
         self.tissue.predict(time_s, push)
         self.estimate = self.tissue.update(marks)
-
-    def path(self, pushes: Floats) -> TargetPath:
-        """Where it is now, for ever."""
-        return _standing(self.estimate.time_s, self.estimate.mean)
+        self.time_s, self.place = time_s, self.estimate.mean
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
         """The filter's own prediction, and what wrong forces of the needle make of it."""
@@ -265,7 +248,7 @@ class Ahead(Filtered):
 
 
 class Waiting(Ahead):
-    """As `Ahead`, started on GO, drawn back where a hit becomes improbable. State: as `Filtered`."""
+    """As `Ahead`, started on GO, drawn back where a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,17 @@ from experiments.formats.recording import Truth as TruthTable
 from experiments.formats.scenario import SeenMarks
 from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene
-from experiments.simulation.truth import Truth
 
 MISPLACED_M = (0.03, 0.15)
 """How far from its place an outlier is [m]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth:
+    """Where the free nodes were: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
+
+    times_s: Floats
+    positions: Floats
 
 
 def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:

@@ -39,8 +39,7 @@ from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, wit
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
-from experiments.simulation.seen_marks import seen_marks
-from experiments.simulation.truth import Truth
+from experiments.simulation.seen_marks import Truth, seen_marks
 from experiments.threads import ahead
 from experiments.version import version
 
@@ -163,8 +162,8 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    if nodes is None:
-        raise ValueError("nodes: expected their names, as `completed` gives them, found none")
+    """Rows of these nodes, which `completed` names."""
+    assert nodes is not None
     return [_row(network, node) for node in nodes]
 
 

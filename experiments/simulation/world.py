@@ -87,15 +87,8 @@ class World:
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
         """The tissue under the needle from one time to another [s], and whether the skin has given way."""
-        return advance_steered(
-            self.network,
-            self.needle,
-            state,
-            drive,
-            outside=self.knots,
-            between_s=between_s,
-            punctured=punctured,
-        )
+        world = self.network, self.needle, state, drive
+        return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 
 
 def world_of(case: Case) -> World:
@@ -112,9 +105,7 @@ def world_of(case: Case) -> World:
     start, forces = start_and_forces(network, scenario.model_copy(update=change), rng)
     knot_s = KNOT_S if scenario.tremor is None else min(KNOT_S, scenario.tremor.interval_s / 4.0)
     times = np.arange(0.0, lasting, knot_s)
-    knots = np.zeros((len(times), *start.shape))
-    for force in forces:
-        knots += np.array([force(t) for t in times])
+    knots = sum((np.array([force(t) for t in times]) for force in forces), np.zeros((len(times), *start.shape)))
     stated = case.plan.forces
     low, high = 1.0 - stated.error, 1.0 + stated.error
     true = {key: value * rng.uniform(low, high) for key, value in stated.constants().items()}

@@ -29,7 +29,7 @@ def track(
     from experiments.formats.recording import read_recording
     from experiments.pipeline.events import report_move, report_swap
     from experiments.pipeline.line import FILTER
-    from experiments.pipeline.scores.withheld import withheld_words
+    from experiments.pipeline.scores.fit import withheld_words
     from experiments.pipeline.track import summary, write_tables
     from experiments.pipeline.track import track as tracked
     from experiments.plots.track import write_track_plots

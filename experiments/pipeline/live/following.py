@@ -25,11 +25,10 @@ from experiments.pipeline.line import Film
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
-from experiments.pipeline.live.memory import memory_mb
 from experiments.pipeline.live.outputs import StatusLine
 from experiments.pipeline.live.preparing import PREPARING, prepared
 from experiments.pipeline.live.session import ESTIMATES, Session
-from experiments.pipeline.live.shown import Publisher
+from experiments.pipeline.live.shown import Publisher, memory_mb
 from experiments.simulation.phantom_process import PhantomProcess
 
 SCENE = "scene.toml"
@@ -121,10 +120,8 @@ def live(
             control = Control(
                 session, folder, source=shown_source, needle=None if needle_path is None else needle_path.read_bytes()
             )
-            memory = Memory()
 
             def attend() -> None:
-                memory.begin(session)
                 if viewer is not None:
                     viewer.attend(control)
 
@@ -150,7 +147,7 @@ def live(
                 raise InputError.at(
                     name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
                 )
-    return _followed(session, name, fault, memory, refused, recordings)
+    return _followed(session, name, fault, refused, recordings)
 
 
 def _prepared(
@@ -185,28 +182,10 @@ def _prepared(
     return session
 
 
-@dataclass(slots=True)
-class Memory:
-    """Memory of the process [MB] when the first frames were done, all that is compiled loaded; None before."""
-
-    began_mb: float | None = None
-    done: bool = False
-
-    def begin(self, session: Session) -> None:
-        """Look at it, once."""
-        if not self.done and session.counters.frames >= SETTLED_FRAMES:
-            self.done, self.began_mb = True, memory_mb()
-
-
-SETTLED_FRAMES = 60
-"""Frames after which nothing is loaded any more; chosen."""
-
-
 def _followed(
     session: Session,
     name: str,
     fault: Exception | None,
-    memory: Memory,
     refused: Mapping[str, int] | None,
     recordings: list[Path],
 ) -> Followed:
@@ -222,7 +201,7 @@ def _followed(
         counters.latencies.quantile_ms(0.99),
         counters.latencies.worst_ms,
         counters.deadlines_missed,
-        (memory.began_mb, memory_mb()),
+        (counters.began_mb, memory_mb()),
         None if session.advice is None else dict(session.advice.counts),
         refused,
         tuple(recordings),

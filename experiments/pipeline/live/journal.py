@@ -8,15 +8,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-import vision
 from estimators import MarkMeasurement
 from experiments.errors import InputError, shown
-from experiments.pipeline.live.marks.receiver import MarksFrame
-from experiments.pipeline.live.outputs import LiveTable
 
 JOURNAL = "journal.csv"
 HEADER = ("what", "time_s", "now_s", "values")
@@ -60,27 +57,10 @@ class Done:
     now_s: float
     values: tuple[Any, ...] = ()
 
-
-class Journal(Protocol):
-    """Is told what the loop does, before anything else is asked of it."""
-
-    def note(self, done: Done) -> None:
-        """Write down what is not a frame."""
-
-    def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
-        """Write down a frame that came, exposed at this time [s], and keep it; fits: whether it can be used."""
-
-
-class JournalTable:
-    """A journal as a table that grows. Numbers are written so that they are read bit for bit."""
-
-    def __init__(self, path: Path) -> None:
-        self.table = LiveTable(path, HEADER)
-        self.table.begin()
-
-    def note(self, done: Done) -> None:
-        """Write it down: values are such as JSON has."""
-        self.table.write((str(done.act), repr(done.time_s), repr(done.now_s), json.dumps(done.values, allow_nan=False)))
+    @property
+    def row(self) -> tuple[str, ...]:
+        """As a journal has it: numbers are read bit for bit, values are such as JSON has."""
+        return str(self.act), repr(self.time_s), repr(self.now_s), json.dumps(self.values, allow_nan=False)
 
 
 def mark_values(marks: Sequence[MarkMeasurement]) -> tuple[Any, ...]:

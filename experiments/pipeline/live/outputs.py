@@ -10,7 +10,6 @@ import time
 from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TextIO
 
 import numpy as np
@@ -33,12 +32,10 @@ class LiveTable:
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
-        self.path, self.fault, self.n_left_out = path, None, 0
+        self.path, self.n_left_out, self._header = path, 0, header
+        self.fault: InputError | None = None
         self.also: list[LiveTable] = []
-        self._header = header
         self._file: TextIOWrapper | None = None
-
-    fault: InputError | None
 
     def begin(self) -> None:
         """Make the file, where that is not done: a run without a frame leaves an older one as it is."""
@@ -104,9 +101,7 @@ class StatusLine:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with self._changed:
             self._ended = True
             self._changed.notify()
@@ -147,10 +142,7 @@ FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
 
 
 class Latencies:
-    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first.
-
-    State: the counts, and the longest [ms].
-    """
+    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)

@@ -15,17 +15,17 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.pictures import MARKS
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.log import LOG
-from experiments.pipeline.live.journal import JOURNAL, Act, Done, JournalTable, mark_values
+from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, Done, mark_values
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
-from experiments.pipeline.recorder_thread import RecorderThread
+from experiments.pipeline.live.recorder_thread import RecorderThread
 
 WAITING = 64
 """Pictures that wait for the thread, at most: one second at 60 frames/s, 60 MB at 640x480; chosen."""
 
 
 class LiveRecording:
-    """A recording of a live run, in a new folder: a `Journal`.
+    """A recording of a live run, in a new folder.
 
     begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
     Where the thread falls behind, or the disk is full, the recording ends there and says so; the run goes on.
@@ -43,7 +43,7 @@ class LiveRecording:
                 write_whole(folder / "needle.toml", needle)
         except OSError as error:
             raise InputError.refused(folder, "a new folder that can be written", error) from error
-        self.journal = JournalTable(folder / JOURNAL)
+        self._journal = LiveTable(folder / JOURNAL, HEADER)
         self._marks: LiveTable | None = None
         self._frames: LiveTable | None = None
         self._pictures = RecorderThread[vision.Frame](
@@ -64,8 +64,8 @@ class LiveRecording:
     def note(self, done: Done) -> None:
         """Write down what is not a frame."""
         if self.going:
-            self.journal.note(done)
-            self.fault = self.fault or self.journal.table.fault
+            self._journal.write(done.row)
+            self.fault = self.fault or self._journal.fault
 
     def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
         """Write down a frame that came, exposed at this time [s], and keep it; fits: whether it can be used."""
@@ -79,9 +79,8 @@ class LiveRecording:
             self.n_frames += 1
         else:
             if not self._pictures.put(vision.Frame(self.n_frames, exposure_s, frame.image)):
-                self.fail(
-                    InputError.at(self.folder, "a disk and a processor that keep up", f"{WAITING} frames waiting")
-                )
+                found = f"{WAITING} frames waiting"
+                self.fail(InputError.at(self.folder, "a disk and a processor that keep up", found))
                 return
             self.note(Done(Act.FRAME, exposure_s, now_s))
             self.n_frames += 1
@@ -105,6 +104,6 @@ class LiveRecording:
     def finish(self) -> None:
         """Write what waits, and end the tables: nothing comes any more."""
         self._pictures.finish()
-        for table in (self.journal.table, self._marks, self._frames):
+        for table in (self._journal, self._marks, self._frames):
             if table is not None:
                 table.close()

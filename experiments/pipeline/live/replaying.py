@@ -34,16 +34,6 @@ class Replayed:
     begun: bool
 
 
-@dataclass(slots=True)
-class _Clock:
-    """Says what the run's clock said [s]."""
-
-    now_s: float = 0.0
-
-    def __call__(self) -> float:
-        return self.now_s
-
-
 def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
     """Replay a recording of a live run, write its tables to a folder that exists, and compare. Raises InputError.
 
@@ -54,14 +44,14 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
     plan = read_needle(needle, scene.target.radius_m, scene.network.dim) if needle.exists() else None
     journal = list(read_journal(folder / JOURNAL))
     begun = bool(journal) and journal[0].act is Act.BEGIN and journal[0].values[-1] is True
-    clock = _Clock()
-    session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=clock)
+    now_s = 0.0  # what the run's clock said
+    session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=lambda: now_s)
     pictures = _pictures(folder, journal)
     n_frames = lacking = 0
     try:
         for k, done in enumerate(journal):
             advance(k / len(journal))
-            clock.now_s = done.now_s
+            now_s = done.now_s
             if done.act in (Act.FRAME, Act.MARKS):
                 frame = _frame(done, pictures, n_frames)
                 if frame is None:
@@ -107,7 +97,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
         case Act.UNFIT:
             session.unfit(done.time_s)
         case Act.COAST:
-            session.coast(done.now_s)
+            session.coast(done.time_s)
         case Act.PAUSE:
             session.pause(bool(values[0]))
         case Act.RESET:

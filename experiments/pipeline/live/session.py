@@ -30,15 +30,15 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_distractors, report_event, report_move, report_swap
 from experiments.pipeline.frame_sources import check_size
-from experiments.pipeline.integrity.monitor import IntegrityMonitor
+from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
-from experiments.pipeline.live.journal import Act, Done, Journal
-from experiments.pipeline.live.lateness import Lateness
+from experiments.pipeline.live.journal import Act, Done
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.outputs import LiveTable
+from experiments.pipeline.live.recording import LiveRecording
 from experiments.pipeline.live.shown import Counters, Publisher, Shown, status_text
-from experiments.pipeline.warm_up import warm_up
+from experiments.pipeline.live.warm_up import warm_up
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
@@ -71,7 +71,7 @@ class Session:
     rehearse: no frame waits for a compiler; where time is a script's, none needs that
     State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
     who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
-    marks contradicted the model; how late frames may be.
+    marks contradicted the model.
     """
 
     def __init__(
@@ -84,16 +84,14 @@ class Session:
         watch: Watcher | None = None,
         publisher: Publisher | None = None,
         clock: Callable[[], float] = time.monotonic,
-        settings: LiveSettings = LIVE_DEFAULTS,
         rehearse: bool = True,
     ) -> None:
         if rehearse:
             warm_up(scene)
-        self.settings = settings
         self._explain = watch is not None or publisher is not None
         self.line = Line(scene, baseline=False, explain=self._explain)
         self.watch, self.publisher = watch, publisher
-        self.journals: list[Journal] = []
+        self.journals: list[LiveRecording] = []
         self.paused = False
         self.integrity = IntegrityMonitor(scene, self.line.filter)
         self.picture: vision.Frame | None = None
@@ -107,7 +105,6 @@ class Session:
         self._usable, self._origin_s = True, 0.0
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
-        self._lateness = Lateness()
 
     def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
         """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
@@ -155,7 +152,7 @@ class Session:
 
     def _check_filter(self) -> None:
         """Begin anew where the filter's state is no number any more, which no mark would mend."""
-        if not self.line.is_finite:
+        if not self.line.filter.is_finite:
             report_event(self._own_s(self._clock()), "filter", "its state is no number: it begins anew")
             self._begin_anew()
 
@@ -195,7 +192,7 @@ class Session:
     @property
     def _fault(self) -> str | None:
         """Why there is no advice, whatever the newest estimate says of itself."""
-        return PAUSED if self.paused else self.integrity.doubt.reason or self._lateness.fault
+        return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
         self,
@@ -230,9 +227,9 @@ class Session:
         if tissue.time_s is None or self._last_s is None:
             self._show("no frame yet")
             return
-        self._note(Act.COAST, now_s, now_s)
-        interval_s, settings = self.interval_s, self.settings
-        behind_s = now_s - (SOURCE.hung_s if interval_s is None else settings.behind_s + 2.0 * interval_s)
+        self._note(Act.COAST, time_s=now_s)
+        interval_s = self.interval_s
+        behind_s = now_s - (SOURCE.hung_s if interval_s is None else LIVE_DEFAULTS.behind_s + 2.0 * interval_s)
         if behind_s > tissue.time_s:
             self._write(self.line.take(behind_s, []).estimates[FILTER])
             self.counters.without_frame += 1
@@ -250,7 +247,7 @@ class Session:
     def count_from(self, origin_s: float) -> None:
         """Tell times as a source does whose own time was nought at origin_s on the clock [s]: those of a film."""
         if origin_s != self._origin_s:
-            self._note(Act.ORIGIN, origin_s, self._clock())
+            self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
         if self.advice is not None:
             self.advice.origin_s = origin_s
@@ -262,28 +259,27 @@ class Session:
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
-    def _note(self, act: Act, time_s: float, now_s: float, values: Sequence[Any] = ()) -> None:
+    def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> None:
+        """Tell the journals what is done now; time_s: of which time it is [s], of now where there is none."""
+        now_s = self._clock()
         for journal in self.journals:
-            journal.note(Done(act, time_s, now_s, tuple(values)))
+            journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
 
     def pause(self, on: bool) -> None:
         """Use no frames from now on, or use them again; meanwhile there is no advice."""
-        now_s = self._clock()
-        self._note(Act.PAUSE, now_s, now_s, [on])
+        self._note(Act.PAUSE, [on])
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
         """By how much frames may come later than their times say [s], and whether they come too unevenly to tell."""
-        if self._lateness.take(late_s, uneven=uneven):
-            now_s = self._clock()
-            self._note(Act.DATED, now_s, now_s, [late_s, uneven])
+        if self.integrity.dated(late_s, uneven=uneven):
+            self._note(Act.DATED, [late_s, uneven])
 
     def reset(self) -> None:
         """Forget the state: the next frame starts anew."""
-        self._note(Act.RESET, self.line.filter.time_s or 0.0, self._clock())
+        self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
         self._begin_anew()
         self.integrity.looked()
-        self._lateness.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:
         """Take in a direct sighting of the target at the time of the newest estimate: where [m], (dim,), how sure [m].
@@ -297,26 +293,23 @@ class Session:
         if np.shape(place_m) != (dim,):
             raise ValueError(f"fix: expected {dim} coordinates, found {len(place_m)}")
         bias_m = 0.0 if self.line.scene.settings.fix_bias is not None else USUAL_BIAS.sd_m
-        self._note(Act.FIX, tissue.time_s, self._clock(), [float(x) for x in (*place_m, sd_m)])
+        self._note(Act.FIX, [float(x) for x in (*place_m, sd_m)], time_s=tissue.time_s)
         self.line.identity.fix(place_m, (sd_m**2 + bias_m**2) * np.eye(dim))
 
     def colour(self, node: str, hue: vision.MarkHue) -> None:
         """From now on the mark on this node has this colour."""
-        marks, now_s = self.line.scene.marks, self._clock()
-        self._note(Act.HUE, now_s, now_s, [node, *astuple(hue)])
-        self.line.colour(tuple(mark.coloured(hue) if mark.node == node else mark for mark in marks))
+        self._note(Act.HUE, [node, *astuple(hue)])
+        self.line.colour(tuple(m.coloured(hue) if m.node == node else m for m in self.line.scene.marks))
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """A tracked needle's tip is here [m], (dim,), and so it points, (dim,). ValueError where there is no needle."""
         self._needle().needle_at(tip_m, direction)
-        now_s = self._clock()
-        self._note(Act.NEEDLE, now_s, now_s, [float(x) for x in (*tip_m, *direction)])
+        self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
         """The tracked needle is not seen any more. ValueError where there is no needle."""
         self._needle().needle_unseen()
-        now_s = self._clock()
-        self._note(Act.NEEDLE, now_s, now_s)
+        self._note(Act.NEEDLE)
 
     def _needle(self) -> LiveAdvice:
         if self.advice is None:
@@ -336,7 +329,7 @@ class Session:
     @property
     def wait_s(self) -> float:
         """Longest wait for a frame before the target is predicted [s]: no longer than advice takes to go stale."""
-        wait_s = self.settings.wait_s
+        wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 
     @property

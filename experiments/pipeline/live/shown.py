@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +17,19 @@ from experiments.pipeline.line import Line, Step
 from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
+SETTLED_FRAMES = 60
+"""Frames after which nothing is loaded any more; chosen."""
+
+STATM = Path("/proc/self/statm")
+
+
+def memory_mb() -> float | None:
+    """What this process holds in memory now [MB]; None where the system does not tell."""
+    try:
+        return int(STATM.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+    except (OSError, AttributeError, ValueError, IndexError):
+        return None
+
 
 @dataclass(slots=True)
 class Counters:
@@ -25,6 +40,7 @@ class Counters:
     late: frames whose estimate took longer than the usual time from frame to frame
     latencies: from exposure to estimate; latency_ms: of the newest frame
     stages_s: of the newest frame, by stage: wait (for the frame), predict, detect, update, advise
+    began_mb: memory of the process when the first frames were done
     """
 
     frames: int = 0
@@ -35,6 +51,7 @@ class Counters:
     latency_ms: float = np.nan
     latencies: Latencies = field(default_factory=Latencies)
     stages_s: Mapping[str, float] = field(default_factory=dict)
+    began_mb: float | None = None
 
     def add(self, latency_s: float, stages_s: Mapping[str, float], *, took_s: float, interval_s: float | None) -> None:
         """Count a frame that gave an estimate after so long, which took so long of the loop [s]."""
@@ -43,6 +60,8 @@ class Counters:
         self.latency_ms = 1e3 * latency_s
         self.latencies.add(self.latency_ms)
         self.stages_s = stages_s
+        if self.frames == SETTLED_FRAMES:
+            self.began_mb = memory_mb()
 
     @property
     def deadlines_missed(self) -> int:

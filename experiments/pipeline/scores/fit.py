@@ -1,7 +1,7 @@
-"""Are marks predicted as well as stated: innovations against the band of a consistent filter; and a verdict.
+"""Are marks predicted as well as stated: innovations against the band of a consistent filter, and a verdict.
 
 Innovations test the filter where there are marks. Of a hidden target they show nothing: a truth does, a fix, or marks
-that are withheld.
+that are withheld, predicted as if they were hidden.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import Status, TargetEstimate, mean_bounds
+from estimators import LeaveOneOutCheck, Status, TargetEstimate, mean_bounds
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
@@ -144,4 +144,40 @@ def _fit_words(fit: Fit) -> str:
     return (
         f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
         "constants or noise levels are wrong (softaim identify, softaim tune)"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Withheld:
+    """How one mark was predicted by the filter that never gets it.
+
+    frames: in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: the dimension is
+    right; ratio: root mean square of errors by what was predicted of them, 1 is right
+    """
+
+    frames: int
+    mean_error_mm: float
+    mean_nees: float
+    ratio: float
+
+
+def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
+    """Of the predictions of one mark, one or more."""
+    errors = np.array([one.error for one in checks])
+    nees = float(np.mean([one.nees for one in checks]))
+    distances = np.linalg.norm(errors, axis=1)
+    return Withheld(len(checks), 1e3 * float(distances.mean()), nees, float(np.sqrt(nees / errors.shape[1])))
+
+
+def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
+    """What the check means for the target, in one sentence; scale: factor on the target's covariance, 1 or more."""
+    if not withheld:
+        return "no mark was predicted as if hidden while the others were tracked: the check says nothing"
+    worst = max(withheld, key=lambda node: withheld[node].ratio)
+    ratio = withheld[worst].ratio
+    meant = "the target, hidden too, may be off as much" if ratio > 1.0 else "so the target's sigma can be believed"
+    widened = f"was made {scale**0.5:.2f} times as large" if scale > 1.0 else "was left as it is"
+    return (
+        f"marks predicted as if hidden are off by up to {ratio:.2f} times the predicted ({worst}): "
+        f"{meant}; sigma of the target {widened}"
     )

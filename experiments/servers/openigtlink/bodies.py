@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arrays import Floats
-from experiments.servers.openigtlink.codec import ASCII, UTF8, MalformedError, padded_text, utf8
+from experiments.servers.openigtlink.codec import ASCII, UTF8, MalformedError, padded_text
 
 MATRIX = struct.Struct(">12f")
 STATUS = struct.Struct(">Hq20s")
@@ -40,12 +40,11 @@ def read_transform(content: bytes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class StatusBody:
-    """A STATUS: its code, 1 where all is well, the sender's own sub-code, a name of at most 20 bytes, and text."""
+    """A STATUS: its code, 1 where all is well, a name of at most 20 bytes, and text."""
 
     code: int
     name: str
     text: str
-    subcode: int = 0
 
 
 def pack_status(status: StatusBody) -> bytes:
@@ -53,15 +52,7 @@ def pack_status(status: StatusBody) -> bytes:
     name = status.name.encode()
     if len(name) > 20:
         raise ValueError(f"status name: expected at most 20 bytes, found {status.name!r}")
-    return STATUS.pack(status.code, status.subcode, name) + status.text.encode() + b"\0"
-
-
-def read_status(content: bytes) -> StatusBody:
-    """The content of a STATUS; MalformedError where it is none."""
-    if len(content) < STATUS.size:
-        raise MalformedError(f"STATUS: expected {STATUS.size} bytes or more, found {len(content)}")
-    code, subcode, name = STATUS.unpack_from(content)
-    return StatusBody(code, padded_text(name), padded_text(content[STATUS.size :]), subcode)
+    return STATUS.pack(status.code, 0, name) + status.text.encode() + b"\0"
 
 
 def pack_string(text: str) -> bytes:
@@ -70,16 +61,6 @@ def pack_string(text: str) -> bytes:
     if len(found) > 0xFFFF:
         raise ValueError(f"string: expected at most 65535 bytes, found {len(found)}")
     return STRING.pack(ASCII if text.isascii() else UTF8, len(found)) + found
-
-
-def read_string(content: bytes) -> str:
-    """The text of a STRING; MalformedError where it is none, or of another character set than ASCII and UTF-8."""
-    if len(content) < STRING.size:
-        raise MalformedError(f"STRING: expected {STRING.size} bytes or more, found {len(content)}")
-    encoding, length = STRING.unpack_from(content)
-    if encoding not in (ASCII, UTF8) or len(content) != STRING.size + length:
-        raise MalformedError(f"STRING: expected {length} bytes of ASCII or UTF-8, found {len(content) - STRING.size}")
-    return utf8(content[STRING.size :])
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,14 +73,6 @@ class PointBody:
     rgba: tuple[int, int, int, int] = (255, 255, 0, 255)
     diameter_mm: float = 0.0
     owner: str = ""
-
-
-def pack_points(points: Sequence[PointBody]) -> bytes:
-    """POINT."""
-    return b"".join(
-        POINT.pack(p.name.encode(), p.group.encode(), *p.rgba, *p.place_mm, p.diameter_mm, p.owner.encode())
-        for p in points
-    )
 
 
 def read_points(content: bytes) -> list[PointBody]:

@@ -32,7 +32,7 @@ class MalformedError(ValueError):
 class Message:
     """One message, its content as bytes; utc_s: seconds since 1970 UTC, 0 where there is none.
 
-    metadata and number are those of version 2. Raises ValueError where a header has no room for it.
+    metadata and number: of version 2. Raises ValueError where a header has no room for it.
     """
 
     type: str
@@ -62,30 +62,17 @@ class Header:
     crc: int
 
 
-def encode(message: Message, version: int = 2) -> bytes:
-    """The bytes of a message; version 1 has neither metadata nor number. ValueError for another version."""
-    if version not in VERSIONS:
-        raise ValueError(f"version: expected 1 or 2, found {version}")
-    body = message.content if version == 1 else _extended(message)
-    header = HEADER.pack(
-        version,
-        message.type.encode(),
-        message.device.encode(),
-        int(message.utc_s * TICKS),
-        len(body),
-        crc64(body),
-    )
-    return header + body
-
-
-def _extended(message: Message) -> bytes:
-    """The body in version 2: extended header, content, index of the metadata, metadata."""
+def encode(message: Message) -> bytes:
+    """The bytes of a message in version 2: header, extended header, content, index of the metadata, metadata."""
     index, texts = INDEX.pack(len(message.metadata)), b""
     for key, value in message.metadata.items():
         text = value.encode()
         index += ENTRY.pack(len(key.encode()), ASCII if value.isascii() else UTF8, len(text))
         texts += key.encode() + text
-    return EXTENDED.pack(EXTENDED.size, len(index), len(texts), message.number) + message.content + index + texts
+    extended = EXTENDED.pack(EXTENDED.size, len(index), len(texts), message.number)
+    body = extended + message.content + index + texts
+    kind, device, ticks = message.type.encode(), message.device.encode(), int(message.utc_s * TICKS)
+    return HEADER.pack(2, kind, device, ticks, len(body), crc64(body)) + body
 
 
 def decode_header(found: bytes) -> Header:

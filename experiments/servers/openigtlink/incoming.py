@@ -34,13 +34,12 @@ class RefusedError(ValueError):
 class Incoming:
     """What one client sent, as commands, each checked.
 
-    dim: of the tissue: of a place in a plane z is left out; needle_device: name of the transform of the needle's tip
+    dim: of the tissue: of a place in a plane z is left out
     State: whether the client sends the needle; its newest points, as programs send a whole list again to add one.
     """
 
-    def __init__(self, dim: int, needle_device: str = NEEDLE) -> None:
-        self._dim, self._needle_device = dim, needle_device
-        self.sends_needle = False
+    def __init__(self, dim: int) -> None:
+        self._dim, self.sends_needle = dim, False
         self._points: frozenset[PointBody] = frozenset()
 
     def commands(self, message: Message) -> list[Command]:
@@ -48,7 +47,7 @@ class Incoming:
 
         Raises MalformedError where its content is not of its type, RefusedError for numbers that make no sense.
         """
-        if message.type == "TRANSFORM" and message.device == self._needle_device:
+        if message.type == "TRANSFORM" and message.device == NEEDLE:
             return self._needle(message)
         if message.type == "POINT":
             return self._fixes(read_points(message.content))
@@ -57,9 +56,8 @@ class Incoming:
     def _needle(self, message: Message) -> list[Command]:
         matrix = read_transform(message.content)
         self.sends_needle = True
-        if message.metadata.get("TransformStatus", TransformStatus.OK) != TransformStatus.OK:
-            return [UNSEEN]
-        if not np.isfinite(matrix).all():  # some trackers say so by NaN
+        is_seen = message.metadata.get("TransformStatus", TransformStatus.OK) == TransformStatus.OK
+        if not is_seen or not np.isfinite(matrix).all():  # some trackers say so by NaN
             return [UNSEEN]
         try:
             return [self._pose(matrix)]

@@ -67,34 +67,29 @@ class Packet:
     needle: bytes = b""
 
 
-def packet_of(state: Mapping[str, Any], version: int) -> Packet:
-    """What is sent of a state, in this header version.
-
-    Version 1 has no room for the status of a transform: those are sent that are OK.
-    """
+def packet_of(state: Mapping[str, Any]) -> Packet:
+    """What is sent of a state."""
     utc_s, fit = state["utc_s"], transform_status(state)
 
     def transform(device: str, matrix: Floats | None) -> bytes:
-        sent = fit is TransformStatus.OK or (fit is not None and version > 1)
-        if not sent or matrix is None or not (np.abs(matrix) <= LARGEST).all():
+        if fit is None or matrix is None or not (np.abs(matrix) <= LARGEST).all():
             return b""
-        metadata = {"TransformStatus": str(fit)}
-        return encode(Message("TRANSFORM", device, pack_transform(matrix), utc_s, metadata), version)
+        return encode(Message("TRANSFORM", device, pack_transform(matrix), utc_s, {"TransformStatus": str(fit)}))
 
-    status = status_message(HEALTH, status_of(state), utc_s, version)
-    details = encode(Message("STRING", DETAILS, pack_string(json.dumps(details_of(state))), utc_s), version)
+    status = status_message(HEALTH, status_of(state), utc_s)
+    details = encode(Message("STRING", DETAILS, pack_string(json.dumps(details_of(state))), utc_s))
     moved = transform(TARGET, target_matrix(state)) + transform(SPREAD, spread_matrix(state))
     return Packet(moved + status + details, transform(NEEDLE, needle_matrix(state)))
 
 
-def sphere_message(version: int) -> bytes:
+def sphere_message() -> bytes:
     """The unit sphere, as POLYDATA, that `SpreadToReference` carries to the ellipsoid."""
-    return encode(Message("POLYDATA", SPHERE, pack_surface(*unit_sphere())), version)
+    return encode(Message("POLYDATA", SPHERE, pack_surface(*unit_sphere())))
 
 
-def status_message(device: str, status: StatusBody, utc_s: float, version: int) -> bytes:
+def status_message(device: str, status: StatusBody, utc_s: float) -> bytes:
     """A STATUS message."""
-    return encode(Message("STATUS", device, pack_status(status), utc_s), version)
+    return encode(Message("STATUS", device, pack_status(status), utc_s))
 
 
 def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
@@ -126,26 +121,13 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
     """What STRING holds, as JSON: covariance, health, probability of a hit, and advice: no GO where INVALID or lost."""
-    fit, advice, fault = transform_status(state), state["advice"] or {}, state["fault"]
+    fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
-    reason = advice.get("reason")
-    return {
-        "utc_s": state["utc_s"],
-        "time_s": state["time_s"],
-        "status": state["status"],
-        "fault": None if fault is None else _short(fault),
-        "paused": state["paused"],
-        "transform_status": fit,
-        "cov_mm2": state["cov_mm2"],
-        "sigma_mm": state["sigma_mm"],
-        "marks_used": state["marks_used"],
-        "nis": state["nis"],
-        "poked": state["poked"],
-        "probability": advice.get("probability"),
-        "advice": advice.get("advice"),
-        "reason": None if reason is None else _short(reason),
-    }
+    told = {key: state[key] for key in ("utc_s", "time_s", "status", "fault", "paused")} | {"transform_status": fit}
+    told |= {key: state[key] for key in ("cov_mm2", "sigma_mm", "marks_used", "nis", "poked")}
+    told |= {key: advice.get(key) for key in ("probability", "advice", "reason")}
+    return told | {key: _short(told[key]) for key in ("fault", "reason") if told[key] is not None}
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:

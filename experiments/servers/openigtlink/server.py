@@ -22,7 +22,6 @@ from experiments.servers.openigtlink.codec import HEADER, MalformedError, decode
 from experiments.servers.openigtlink.incoming import Incoming, RefusedError
 from experiments.servers.openigtlink.outgoing import (
     HEALTH,
-    NEEDLE,
     REPLY,
     Code,
     Packet,
@@ -54,31 +53,16 @@ GONE = (OSError, asyncio.IncompleteReadError)
 """How a connection ends whose client simply goes; a TimeoutError is an OSError, too."""
 
 
-async def serve(
-    sock: socket.socket,
-    feed: Feed,
-    *,
-    version: int = 2,
-    needle_device: str = NEEDLE,
-    allow_write: bool = False,
-    settings: LinkSettings = SETTINGS,
-) -> None:
-    """Serve clients until cancelled; then all connections are closed, and the socket.
-
-    sock: bound, of any address; version: of the header, 1 or 2
-    needle_device: name of the transform of a tracked needle's tip that clients may send
-    allow_write: take needles and sightings of other machines' clients, too; of this one's they are taken always
-    """
-    await _Server(feed, version, needle_device, allow_write, settings).run(sock)
+async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SETTINGS) -> None:
+    """Serve clients until cancelled; then all connections are closed, and the socket; sock: bound, of any address."""
+    await _Server(feed, settings).run(sock)
 
 
 class _Server:
     """State: the clients' tasks; how many were dropped; the newest packet and its count; an event for the next one."""
 
-    def __init__(self, feed: Feed, version: int, needle_device: str, allow_write: bool, settings: LinkSettings) -> None:
-        self._feed, self._version, self._settings = feed, version, settings
-        self._needle_device, self._allow_write = needle_device, allow_write
-        self._sphere = sphere_message(version)
+    def __init__(self, feed: Feed, settings: LinkSettings) -> None:
+        self._feed, self._settings, self._sphere = feed, settings, sphere_message()
         self._clients: set[asyncio.Task[None]] = set()
         self._n_dropped = 0
         self._packet, self._count = Packet(b""), 0
@@ -104,33 +88,25 @@ class _Server:
                 number = moment.number
             if not self._clients:
                 continue
-            self._packet = self._stale(stale_s) if moment is None else packet_of(moment.state, self._version)
+            self._packet = _stale(stale_s) if moment is None else packet_of(moment.state)
             self._count += 1
             self._next.set()
             self._next = asyncio.Event()
 
-    def _stale(self, stale_s: float) -> Packet:
-        text = f"nothing new for {1e3 * stale_s:.0f} ms: what was sent is not of now"
-        status = StatusBody(Code.TIME_OUT, "STALE", text)
-        return Packet(status_message(HEALTH, status, time.time(), self._version))
-
     def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._clients) >= self._settings.clients:
-            writer.write(self._refusal(Code.BUSY, f"{self._settings.clients} clients are served already"))
+            writer.write(_refusal(Code.BUSY, f"{self._settings.clients} clients are served already"))
             writer.close()
             return
         task = asyncio.get_running_loop().create_task(self._client(reader, writer))
         self._clients.add(task)
         task.add_done_callback(self._clients.discard)
 
-    def _refusal(self, code: Code, text: str) -> bytes:
-        return status_message(REPLY, StatusBody(code, "REFUSED", text), time.time(), self._version)
-
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Tell and hear one client until it is gone."""
         writer.transport.set_write_buffer_limits(high=0)
         _keep_little(writer.get_extra_info("socket"), self._settings.kernel_bytes)
-        incoming = Incoming(self._feed.scene["dim"], self._needle_device)
+        incoming = Incoming(self._feed.scene["dim"])
         tasks = [
             asyncio.create_task(self._tell(writer, incoming)),
             asyncio.create_task(self._hear(reader, writer, incoming)),
@@ -140,7 +116,7 @@ class _Server:
             for task in done:
                 error = task.exception()
                 self._report(error, _name(writer))
-                if isinstance(error, MalformedError) and incoming.sends_needle and self._may_write(writer):
+                if isinstance(error, MalformedError) and incoming.sends_needle and _is_local(writer):
                     self._feed.command(UNSEEN)
         finally:
             for task in tasks:
@@ -162,7 +138,7 @@ class _Server:
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
         """Hand on what the client asks for. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
-        may_write = self._may_write(writer)
+        may_write = _is_local(writer)
         while True:
             first = await reader.readexactly(1)
             async with asyncio.timeout(self._settings.message_s):
@@ -171,25 +147,15 @@ class _Server:
             try:
                 commands = incoming.commands(message)
             except RefusedError as error:
-                self._answer(writer, Code.ILLEGAL_INSTRUCTION, str(error))
+                _answer(writer, Code.ILLEGAL_INSTRUCTION, str(error))
                 commands = list(error.instead) if may_write else []
             if commands and not may_write:
-                self._answer(
-                    writer, Code.ACCESS_DENIED, "needles and points are taken from programs of this machine only"
-                )
+                _answer(writer, Code.ACCESS_DENIED, "needles and points are taken from programs of this machine only")
                 commands = []
             for command in commands:
                 self._feed.command(command)
             # Messages that wait in the buffer are read without a pause: others must have their turn
             await asyncio.sleep(0)
-
-    def _may_write(self, writer: asyncio.StreamWriter) -> bool:
-        return self._allow_write or _is_local(writer)
-
-    def _answer(self, writer: asyncio.StreamWriter, code: Code, text: str) -> None:
-        """Say why something was not done, unless the client is still taking what it was sent before."""
-        if writer.transport.get_write_buffer_size() == 0:
-            writer.write(self._refusal(code, text))
 
     def _report(self, error: BaseException | None, name: str) -> None:
         """A line of what ended a connection, where the client did not simply go: of the 1st, 2nd, 4th ... dropped."""
@@ -200,6 +166,21 @@ class _Server:
             return
         level = logging.INFO if isinstance(error, MalformedError | TimeoutError) else logging.ERROR
         LOG.log(level, "OpenIGTLink: %d dropped, the last from %s: %s", self._n_dropped, name, str(error) or "stuck")
+
+
+def _stale(stale_s: float) -> Packet:
+    text = f"nothing new for {1e3 * stale_s:.0f} ms: what was sent is not of now"
+    return Packet(status_message(HEALTH, StatusBody(Code.TIME_OUT, "STALE", text), time.time()))
+
+
+def _refusal(code: Code, text: str) -> bytes:
+    return status_message(REPLY, StatusBody(code, "REFUSED", text), time.time())
+
+
+def _answer(writer: asyncio.StreamWriter, code: Code, text: str) -> None:
+    """Say why something was not done, unless the client is still taking what it was sent before."""
+    if writer.transport.get_write_buffer_size() == 0:
+        writer.write(_refusal(code, text))
 
 
 def _keep_little(sock: socket.socket, n_bytes: int) -> None:

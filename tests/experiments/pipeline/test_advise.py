@@ -8,17 +8,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dynamics import four_mass_phantom
+from dynamics import OUTER, four_mass_phantom
 from estimators import AdviceSettings, Hit, Needle
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.reference import Reference
-from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.advise import advise, came_true, reliability, table
-from experiments.pipeline.integrity.monitor import UNTESTED
+from experiments.pipeline.integrity import UNTESTED
 from tests.experiments.command import softaim
+from tests.experiments.pipeline.tables import near, write_recording
 
+PHANTOM = four_mass_phantom()
+REST_MM = 1e3 * PHANTOM.positions[PHANTOM.index("M2")]
 GOOD = (Path(__file__).parents[1] / "needle.toml").read_text(encoding="utf-8")
 OUTSIDE = GOOD.replace("depth_mm = 2.0", "depth_mm = 0.0")
 LEAST = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -2.0]\nspeed_mm_s = 200.0\n"
@@ -36,20 +39,11 @@ def path(tmp_path: Path) -> Path:
 @pytest.fixture
 def recording(tmp_path: Path) -> Path:
     """Marks of the phantom at rest, to a micrometre, for three seconds, 30 frames/s, none from 2.5 to 2.8 s."""
-    folder = tmp_path / "rec"
-    folder.mkdir()
-    network = four_mass_phantom()
-    marks = tuple(Mark(node, 0.0, 0.03) for node in ("M1", "M3", "M4"))
+    marks = tuple(Mark(node, 0.0, 0.03) for node in OUTER)
     target, still = Target("M2", 0.005, position_sd_m=0.0), Reference(drift_sd_m=0.0)
-    write_scene(Scene(network, marks, target, (), reference=still), folder / "scene.toml")
-    times, rng = np.arange(90) / 30, np.random.default_rng(0)
-    seen = times[(times < 2.5) | (times > 2.8)]
-    rows = [
-        (t, m.node, *(1e3 * network.positions[network.index(m.node)] + rng.normal(0.0, 1e-3, 2)), 1.0)
-        for t in seen
-        for m in marks
-    ]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    scene, times, rng = Scene(PHANTOM, marks, target, (), reference=still), np.arange(90) / 30, np.random.default_rng(0)
+    frames = [(t, near(scene, OUTER, 1e-6, rng)) for t in times[(times < 2.5) | (times > 2.8)]]
+    folder = write_recording(tmp_path / "rec", scene, frames, 1.0)
     pd.DataFrame({"frame": range(90), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
     return folder
 
@@ -91,8 +85,7 @@ def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsy
     assert UNTESTED in set(rows["reason"])
     assert any(reason.startswith("no mark was seen for") for reason in rows["reason"])
     sure = rows[~none].iloc[8]
-    rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
-    np.testing.assert_allclose(sure[["aim_x_mm", "aim_y_mm"]].astype(float), rest_mm, atol=12.0)
+    np.testing.assert_allclose(sure[["aim_x_mm", "aim_y_mm"]].astype(float), REST_MM, atol=12.0)
     assert sure["depth_mm"] == pytest.approx(215.0 - sure["aim_y_mm"] + 15.0, abs=1e-6)
     assert sure["lateral_mm"] == pytest.approx(abs(sure["aim_x_mm"]), abs=1e-6)
     assert sure["arrival_s"] - sure["time_s"] == pytest.approx(sure["depth_mm"] / 200.0, abs=1e-6)
@@ -115,8 +108,7 @@ def test_a_needle_that_is_inside_is_to_stop_where_there_is_no_guidance(recording
 
 def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
     """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
-    rest_mm = 1e3 * four_mass_phantom().positions[four_mass_phantom().index("M2")]
-    entry = rest_mm + np.array([100.0, 40.0])
+    entry = REST_MM + np.array([100.0, 40.0])
     path.write_text(OUTSIDE.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
     rows = table(advise(read_recording(recording), read_needle(path, 0.005, 2)))
     last = rows.iloc[-1]
@@ -160,8 +152,7 @@ def test_faults_are_told_in_one_line(path, fault):
 def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, capsys):
     path.write_text(GOOD.replace("go = 0.8", "go = 1.1"))
     assert softaim("advise", recording, "--needle", path, "--out", tmp_path / "out") == 2
-    told = capsys.readouterr().err
-    assert told == f"softaim: {path}: advice.go: expected 1 or less, found 1.1\n"
+    assert capsys.readouterr().err == f"softaim: {path}: advice.go: expected 1 or less, found 1.1\n"
     assert not (tmp_path / "out").exists()
 
 
@@ -170,9 +161,7 @@ def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path)
 
     Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of three seconds.
     """
-    network = four_mass_phantom()
-    rest = 1e3 * network.positions[network.index("M2")]
-    times = np.arange(91) / 30
+    rest, times = REST_MM, np.arange(91) / 30
     truth = pd.DataFrame({"time_s": times, "node": "M2", "x_mm": rest[0] + 3.0, "y_mm": rest[1]})
     truth.to_csv(recording / "truth.csv", index=False)
     path.write_text(

@@ -17,6 +17,7 @@ from tests.vision.drawn_boards import BOARD, LENS, SIZE_PX, drawn, poses, sub_pi
 from vision import Board, Pose, VideoWriter, calibrate
 
 CHESS = ("--board", "9x6", "--square-mm", "25")
+CHARUCO = ("--charuco", "4X4_50")
 TO_RIGHT = Pose(cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0], np.array([-0.05, 0.0, 0.0]))
 
 
@@ -118,58 +119,30 @@ def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
 
 
 BAD = [
-    (
-        ("{p}/left", *CHESS, "--board", "9by6"),
-        '--board: expected columns x rows, such as 9x6, found "9by6"',
-    ),
-    (
-        ("{p}/left", *CHESS, "--board", "2x6"),
-        '--board: expected 3 or more inner corners each way, found "2x6"',
-    ),
+    (("{p}/left", *CHESS, "--board", "9by6"), '--board: expected columns x rows, such as 9x6, found "9by6"'),
+    (("{p}/left", *CHESS, "--board", "2x6"), '--board: expected 3 or more inner corners each way, found "2x6"'),
     (("{p}/left", *CHESS, "--square-mm", "0"), "--square-mm: expected more than 0, found 0.0"),
     (("{p}/left", *CHESS, "--marker-mm", "9"), "--marker-mm: expected --charuco with it, found none"),
     (("{p}/left", *CHESS, "--charuco", "9X9"), "--charuco: expected one of 4X4_100, "),
-    (
-        ("{p}/left", *CHESS, "--charuco", "4X4_50"),
-        "--marker-mm: expected a length above 0 and below --square-mm,",
-    ),
-    (
-        ("{p}/left", *CHESS, "--board", "12x10", "--charuco", "4X4_50", "--marker-mm", "9"),
-        "--charuco: board dictionary",
-    ),
+    (("{p}/left", *CHESS, "--charuco", "4X4_50"), "--marker-mm: expected a length above 0 and below --square-mm,"),
+    (("{p}/left", *CHESS, "--board", "12x10", *CHARUCO, "--marker-mm", "9"), "--charuco: board dictionary"),
     (("{p}/none.png", *CHESS), "none.png: expected a picture, found no such file"),
     (("{p}/left/0.png", "{t}/broken.png", *CHESS), "broken.png: expected a picture, found a file that cannot be read"),
     (("{p}/left/0.png", "{t}/small.png", *CHESS), "small.png: expected 400x300 as 0.png has, found 40x30"),
-    (
-        ("{p}/plain", *CHESS),
-        "plain: expected pictures of the board of 9x6 inner corners, found it in none of 7; check",
-    ),
-    (
-        ("{p}/left/0.png", "{p}/left/1.png", *CHESS),
-        "pictures: expected the board in 4 or more, found it in 2 of 2; show",
-    ),
+    (("{p}/plain", *CHESS), "plain: expected pictures of the board of 9x6 inner corners, found it in none of 7; check"),
+    (("{p}/left/0.png", "{p}/left/1.png", *CHESS), "pictures: expected the board in 4 or more, found it in 2 of 2;"),
     (("{p}/alike", *CHESS), "pictures: expected boards that face 10 degrees or more apart, found"),
-    (
-        ("{p}/left", *CHESS, "--plane", "x.png"),
-        "x.png: expected a picture of the board on the plane, found no such",
-    ),
+    (("{p}/left", *CHESS, "--plane", "x.png"), "x.png: expected a picture of the board on the plane, found no such"),
     (CHESS, "calibrate: expected pictures of one camera or --camera NAME=FOLDER of several, found neither"),
     (("--camera", "left", *CHESS), '--camera: expected NAME=FOLDER, found "left"'),
     (("--camera", "left={p}/left", *CHESS), "--camera: expected two or more cameras"),
-    (
-        ("--camera", "left={p}/left", "--camera", "right={p}/no", *CHESS),
-        "--camera right: expected a folder of",
-    ),
+    (("--camera", "left={p}/left", "--camera", "right={p}/no", *CHESS), "--camera right: expected a folder of"),
 ]
 
 
 @pytest.mark.parametrize(("words", "line"), BAD, ids=[line.split(" found")[0] for _, line in BAD])
 def test_bad_input_is_one_line_and_leaves_nothing(
-    words: tuple[str, ...],
-    line: str,
-    pictures: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...], line: str, pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "broken.png").write_bytes(b"no picture")
     cv2.imwrite(str(tmp_path / "small.png"), np.full((30, 40), 9, dtype=np.uint8))

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from dynamics import HIDDEN, OUTER
@@ -11,9 +10,9 @@ from estimators import METHODS, ExtendedKalmanFilter, Status, TargetEstimate, Un
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.compare import chosen, compare, methods_of, tracking_problem, write_comparison
 from experiments.simulation.simulate import scene_of
+from tests.experiments.pipeline.tables import near, write_recording
 
 N_FRAMES = 8
 
@@ -40,17 +39,9 @@ class Short:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     """Marks of the phantom at rest, 1 mm off an axis, 30 frames/s; also one of the target, for scoring only."""
-    folder = tmp_path_factory.mktemp("rec")
-    scene = replace(scene_of(read_scenario("quiet")), cameras=())
-    write_scene(scene, folder / "scene.toml")
-    network, rng = scene.network, np.random.default_rng(2)
-    rows = [
-        (k / 30.0, node, *(1e3 * network.positions[network.index(node)] + rng.normal(0.0, 1.0, 2)), 1.0)
-        for k in range(N_FRAMES)
-        for node in (*OUTER, HIDDEN)
-    ]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    return read_recording(folder)
+    scene, rng = replace(scene_of(read_scenario("quiet")), cameras=()), np.random.default_rng(2)
+    frames = [(k / 30.0, near(scene, (*OUTER, HIDDEN), 1e-3, rng)) for k in range(N_FRAMES)]
+    return read_recording(write_recording(tmp_path_factory.mktemp("rec"), scene, frames, 1.0))
 
 
 def test_a_newly_registered_method_runs_as_itself(recording, monkeypatch, tmp_path):

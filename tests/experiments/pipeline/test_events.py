@@ -34,11 +34,10 @@ def test_a_network_that_rests_where_it_is_drawn_is_not_mentioned(scene):
 
 def test_one_that_does_not_is_said_by_how_much(scene):
     """M1 drawn 3 and 4 mm off, hence 5 mm: it rests where it did, and so do all others."""
-    off = drawn_off(scene, "M1", [3e-3, -4e-3])
-    offsets = rest_offsets(off)
+    offsets = rest_offsets(off(scene))
     assert offsets[scene.network.index("M1")] == pytest.approx(5e-3, abs=1e-9)
     assert np.delete(offsets, scene.network.index("M1")).max() < 1e-9
-    said = rest_line(off)
+    said = rest_line(off(scene))
     assert said is not None
     assert "up to 5.0 mm from where it is drawn (node M1; the target's 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
@@ -56,43 +55,53 @@ def damped(scene):
     return replace(scene, network=replace(scene.network, drag=scene.network.drag + 0.1))
 
 
-def test_each_step_that_was_left_out_is_named_with_what_that_means(scene):
-    """Those before the command, and no others."""
-    off = drawn_off(scene, "M1", [3e-3, -4e-3])
-    assert list(steps_left_out(off, "simulate")) == ["at-rest"]
-    assert list(steps_left_out(off, "identify")) == ["at-rest"]
-    assert list(steps_left_out(off, "tune")) == ["at-rest", "identify"]
-    lines = steps_left_out(off, "track")
-    assert list(lines) == ["at-rest", "identify", "tune"]
+def off(scene):
+    """The scene with M1 drawn 5 mm off."""
+    return drawn_off(scene, "M1", [3e-3, -4e-3])
+
+
+def found(scene):
+    """The scene after its constants were identified."""
+    return with_step(scene, "identify", "1")
+
+
+def rested(scene):
+    """The scene drawn 5 mm off after its rest and then its constants were found, which move it again."""
+    return found(with_step(off(scene), "at-rest", "1"))
+
+
+@pytest.mark.parametrize(
+    ("made", "command", "left_out"),
+    [
+        (off, "simulate", ["at-rest"]),
+        (off, "identify", ["at-rest"]),
+        (off, "tune", ["at-rest", "identify"]),
+        (off, "track", ["at-rest", "identify", "tune"]),
+        (found, "track", ["tune"]),
+        (lambda scene: tuned(found(scene)), "track", []),
+        (lambda scene: with_step(scene, "simulate", "1"), "track", ["tune"]),
+        (tuned, "track", ["identify"]),
+        (lambda scene: damped(tuned(found(scene))), "track", ["identify"]),
+        (lambda scene: found(tuned(scene)), "track", ["tune"]),
+        (rested, "track", ["tune"]),
+        (lambda scene: found(off(scene)), "track", ["at-rest", "tune"]),
+        (lambda scene: drawn_off(rested(scene), "M1", [1e-3, 0.0]), "track", ["at-rest", "identify", "tune"]),
+    ],
+)
+def test_steps_before_a_command_that_were_not_done_are_left_out(scene, made, command, left_out):
+    """Nor are those that were done before the network was changed by hand, or constants were found."""
+    assert list(steps_left_out(made(scene), command)) == left_out
+
+
+def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
+    lines = steps_left_out(off(scene), "track")
     assert lines["identify"] == "constants were not identified (softaim identify): no covariance has their errors"
-    assert lines["tune"] == (
-        "settings were not tuned (softaim tune): covariances may be too large, probabilities too low"
+    assert (
+        lines["tune"] == "settings were not tuned (softaim tune): covariances may be too large, probabilities too low"
     )
-
-
-def test_what_was_done_is_not_left_out(scene):
-    found = with_step(scene, "identify", "1")
-    assert list(steps_left_out(found, "track")) == ["tune"]
-    assert steps_left_out(tuned(found), "track") == {}
-    assert list(steps_left_out(with_step(scene, "simulate", "1"), "track")) == ["tune"]
-    assert list(steps_left_out(tuned(scene), "track")) == ["identify"]
-
-
-def test_what_was_changed_by_hand_since_is_left_out_again(scene):
-    changed = steps_left_out(damped(tuned(with_step(scene, "identify", "1"))), "track")
-    assert list(changed) == ["identify"]
-    assert "not identified since the network was changed after softaim tune" in changed["identify"]
-    again = steps_left_out(with_step(tuned(scene), "identify", "1"), "track")
-    assert "tuned before softaim identify, for other constants" in again["tune"]
-
-
-def test_rest_that_was_found_is_not_left_out_until_the_network_is_changed_by_hand(scene):
-    """Constants found later move it: that is no reason to find it again. Another step than this finds no rest."""
-    off = drawn_off(scene, "M1", [3e-3, -4e-3])
-    rested = with_step(with_step(off, "at-rest", "1"), "identify", "1")
-    assert "at-rest" not in steps_left_out(rested, "track")
-    assert "at-rest" in steps_left_out(with_step(off, "identify", "1"), "track")
-    assert "at-rest" in steps_left_out(drawn_off(rested, "M1", [1e-3, 0.0]), "track")
+    changed = steps_left_out(damped(tuned(found(scene))), "track")["identify"]
+    assert "not identified since the network was changed after softaim tune" in changed
+    assert "tuned before softaim identify, for other constants" in steps_left_out(found(tuned(scene)), "track")["tune"]
 
 
 def test_what_is_assumed_is_one_line(scene):

@@ -26,6 +26,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.studies.estimation.trials import Trial, seen, truth
 from tests.experiments.command import softaim
 from tests.experiments.conftest import ONE_START
+from tests.experiments.pipeline.tables import write_recording
 
 SD_MM = 4.14
 
@@ -39,13 +40,10 @@ def told(network, off):
 
 def recorded(folder: Path, trial: Trial, cache: Path, nodes) -> Path:
     """A recording of marks.csv of the phantom, whose scene is 10 % off (rest lengths 1 %), with its truth."""
-    folder.mkdir()
     network = told(four_mass_phantom(), (0.1, 0.01))
     scene = replace(scene_of(read_scenario("poked")), network=network, cameras=())
-    write_scene(scene, folder / "scene.toml")
     frames, hidden = seen(trial, cache, np.random.default_rng(trial.seed), nodes)
-    rows = [(t, m.node, *(1e3 * m.position), SD_MM) for t, marks in frames for m in marks]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    write_recording(folder, scene, [(t, [(m.node, m.position) for m in marks]) for t, marks in frames], SD_MM)
     true = pd.DataFrame({"time_s": [t for t, _ in frames], "node": "M2"})
     true[["x_mm", "y_mm"]] = 1e3 * hidden
     true.to_csv(folder / "truth.csv", index=False)
@@ -175,13 +173,10 @@ def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys)
 
 def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
     """Marks at the rest of another network, without noise told of as 0.01 mm: to 0.01 mm; stiffness as it was."""
-    scene = scene_of(read_scenario("poked"))
+    scene = replace(scene_of(read_scenario("poked")), cameras=())
     true = rest_shape(told(four_mass_phantom(), (0.1, 0.02)))
-    folder = tmp_path / "rec"
-    folder.mkdir()
-    write_scene(replace(scene, cameras=()), folder / "scene.toml")
-    rows = [(0.0, n, *(1e3 * true[scene.network.index(n)]), 0.01) for n in ("M1", "M2", "M3", "M4")]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
+    shown = [(node, true[scene.network.index(node)]) for node in ("M1", "M2", "M3", "M4")]
+    folder = write_recording(tmp_path / "rec", scene, [(0.0, shown)], 0.01)
     assert softaim("identify", folder, "--at-rest", "--out", tmp_path / "scene.toml") == 0
     assert "it rests where the recording shows it" in capsys.readouterr().out
     found = read_scene(tmp_path / "scene.toml").network

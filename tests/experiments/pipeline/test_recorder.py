@@ -5,7 +5,6 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,14 +69,11 @@ def small_scene() -> Scene:
     return replace(scene, cameras=(replace(scene.cameras[0], size_px=SIZE),))
 
 
-class Frames:
+class Frames(list[Frame]):
     """Frames that the test made."""
 
     def __init__(self, *frames: Frame) -> None:
-        self.frames = frames
-
-    def __iter__(self) -> Iterator[Frame]:
-        return iter(self.frames)
+        super().__init__(frames)
 
     def close(self) -> None:
         pass

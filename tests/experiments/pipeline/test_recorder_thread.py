@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.errors import InputError
+from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.recorder import join
-from experiments.pipeline.recorder_thread import RecorderThread
 from vision import Frame, VideoFileFrames
 
 

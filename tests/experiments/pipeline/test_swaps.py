@@ -1,7 +1,6 @@
 """Names that were exchanged, from marks on the line to what a person is told."""
 
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +8,13 @@ import pytest
 
 from dynamics import OUTER
 from estimators import IdentitySwap, MarkMeasurement
-from experiments.commands import app as cli
-from experiments.formats.recording import Fix, MarkRow, write_marks_csv
+from experiments.formats.recording import Fix
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
+from tests.experiments.command import softaim
+from tests.experiments.pipeline.tables import write_recording
 from vision import Frame
 
 FRAMES, FROM = 40, 20
@@ -79,14 +78,10 @@ def test_marks_of_two_hues_are_not_alike(scene):
 
 
 @pytest.mark.usefixtures("without_pictures")
-def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, monkeypatch, capsys):
-    rows = [[MarkRow(m.node, m.position, NOISE_M) for m in marks(places, k, since=FROM)] for k in range(FRAMES)]
-    (tmp_path / "rec").mkdir()
-    write_scene(scene, tmp_path / "rec" / "scene.toml")
-    write_marks_csv(tmp_path / "rec" / "marks.csv", TIMES_S, rows, dim=2)
-    monkeypatch.setattr(sys, "argv", ["softaim", "track", str(tmp_path / "rec"), "--out", str(tmp_path / "out")])
-    with pytest.raises(SystemExit, match="0"):
-        cli.main()
+def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, capsys):
+    frames = [(TIMES_S[k], [(m.node, m.position) for m in marks(places, k, since=FROM)]) for k in range(FRAMES)]
+    recording = write_recording(tmp_path / "rec", scene, frames, 1e3 * NOISE_M)
+    assert softaim("track", recording, "--out", tmp_path / "out") == 0
     *_, told = capsys.readouterr().err.splitlines(keepends=True)
     assert told == "softaim: 0.67 s: swap: M3 and M4 were taken for each other since 0.67 s; undone\n"
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["swaps_undone"] == 1

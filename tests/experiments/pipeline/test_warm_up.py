@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-NAMES = ["phantom", "chain3", "block27"]
+NAMES = ["phantom", "space"]
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """A program for `test_warm_up`: prints each kernel that a run calls in a way it was not called in before it began.
 
-    python -m tests.experiments.pipeline.warmed phantom BODY ...
+    python -m tests.experiments.pipeline.warmed phantom space
 
-phantom: pictures, and a needle; BODY: marks of a body of the zoo; each in a process of its own. Such a call is compiled
+phantom: pictures, and a needle; space: marks of a body in space; each in a process of its own. Such a call is compiled
 while a frame waits, unless an earlier run left it on the disk.
 """
 
@@ -10,6 +10,7 @@ import multiprocessing
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,10 +21,10 @@ import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import CovarianceError, MarkMeasurement
 from experiments.formats.needle_file import read_needle
-from experiments.formats.scene.scene import Mark, Scene, Target
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.warm_up import warm_up
+from experiments.pipeline.live.warm_up import warm_up
 from vision import Frame
 
 INTERVAL = 1 / 30
@@ -101,37 +102,28 @@ def run_phantom() -> set[str]:
     return called() - before
 
 
-def run_body(name: str) -> set[str]:
+def run_space() -> set[str]:
     """What marks of a body call beyond the rehearsal: seen, some missing, pushed, exchanged, none, elsewhere, a fix."""
-    from experiments.simulation.bodies.zoo import make_body
-
-    body = make_body(name, 3, seconds=1.0)
-    marks = tuple(Mark(node, 0.0, 0.01) for node in body.marked)
-    hidden = body.hidden[0] if body.hidden else body.marked[-1]
-    scene = Scene(body.network, marks, Target(hidden, 5e-3), ())
+    given = read_scene(Path("tests/experiments/hanging.toml"))
+    scene = replace(given, marks=tuple(Mark(node, 0.0, 0.01) for node in ("a", "hidden")))
     warm_up(scene)
-    line, before, dim = Line(scene, baseline=False), called(), body.network.dim
-    cov, rng = body.mark_sd_m**2 * np.eye(dim), np.random.default_rng(0)
-    places = {node: body.network.index(node) for node in body.marked}
+    line, before = Line(scene, baseline=False), called()
+    cov, rng = 2.5e-7 * np.eye(3), np.random.default_rng(0)
     for k in range(46):
-        at = body.positions[min(k, len(body.positions) - 1)]
-        far = 0.1 * body.size_m if 26 <= k < 40 else 0.0
-        seen = [MarkMeasurement(node, at[i] + far + 1e-4 * rng.normal(size=dim), cov) for node, i in places.items()]
-        if 8 <= k < 13:
-            exchanged = [*seen[1::-1], *seen[2:]]  # two only: of many, all ways to name them are followed
-            seen = [replace(one, node=other.node) for one, other in zip(seen, exchanged, strict=True)]
-        try:
+        aside = 5e-3 * np.sin(k / 3.0) + (0.01 if 26 <= k < 40 else 0.0)
+        places = scene.network.positions[scene.network.free] + aside + 1e-4 * rng.normal(size=(2, 3))
+        names = ("a", "hidden") if 8 <= k < 13 else ("hidden", "a")
+        seen = [MarkMeasurement(node, place, cov) for node, place in zip(names, places, strict=True)]
+        with suppress(CovarianceError):
             line.take(k * INTERVAL, [] if 16 <= k < 21 else seen[(k // 4) % 2 :])
             if k % 15 == 5:
-                line.identity.fix(line.filter.predict_at(k * INTERVAL).mean, 1e-6 * np.eye(dim))
-        except CovarianceError:
-            pass
+                line.identity.fix(line.filter.predict_at(k * INTERVAL).mean, 1e-6 * np.eye(3))
     return called() - before
 
 
 def report(name: str) -> None:
     """Print what a run calls, a line each, and that it is over."""
-    for kernel in sorted(run_phantom() if name == "phantom" else run_body(name)):
+    for kernel in sorted(run_phantom() if name == "phantom" else run_space()):
         print(f"{name}: {kernel}", flush=True)
     print(f"{name}: over", flush=True)
 

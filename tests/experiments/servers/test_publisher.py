@@ -203,10 +203,10 @@ def test_what_cannot_be_done_is_said_and_the_run_goes_on(shown, capfd, asked, sa
 def test_a_needle_whose_pose_is_refused_is_not_seen_until_one_is_taken(shown, refused, tip_mm, advice):
     """No advice outside, ABORT inside, as long as only such poses come."""
     link, _control, go_on = shown
-    go_on(10)
+    go_on(3)
     link.asked = [{"command": "needle", "tip_mm": tip_mm, "direction": [0.0, -1.0]}]
     assert "does not see it" not in go_on()["advice"]["reason"]
-    for _ in range(3):
+    for _ in range(2):
         link.asked = [refused]
         found = go_on()["advice"]
         assert found["advice"] == advice

@@ -171,14 +171,14 @@ def test_a_filter_of_uncertain_constants_predicts_with_their_errors(scenario: Pa
 def test_needles_hit_as_often_as_their_tips_are_near(scenario: Path, tmp_path: Path):
     """A tissue at rest, a needle that does not push, tip errors of 1.5 mm on a ball of 2 mm: a chi of 3 dimensions.
 
-    P(|N(0, 1.5² I)| < 2) = 0.380 by SciPy; of 1,000 insertions, to three standard deviations, 4.6 points.
+    P(|N(0, 1.5² I)| < 2) = 0.380 by SciPy; of 400 insertions, to three standard deviations, 7.3 points.
     """
     scenario.write_text(SCENARIO.split("[tremor]", maxsplit=1)[0])
     (tmp_path / "needle.toml").write_text(NEEDLE + "[lesion]\nradius_mm = 2.0\n")
     world, rng = world_of(case(scenario, needle_path=tmp_path / "needle.toml")), np.random.default_rng(0)
     there = Guidance(Advice.GO, "", arrival_s=1.5, probability=0.38, depth_m=0.03)
-    found = [inserted(world, there, (1.0, 5.0), world.start, rng.normal(size=3)) for _ in range(1000)]
-    assert np.mean([one.hit for one in found]) == pytest.approx(chi.cdf(2.0 / 1.5, 3), abs=0.046)
+    found = [inserted(world, there, (1.0, 5.0), world.start, rng.normal(size=3)) for _ in range(400)]
+    assert np.mean([one.hit for one in found]) == pytest.approx(chi.cdf(2.0 / 1.5, 3), abs=0.073)
     assert inserted(world, there, (1.0, 1.4), world.start, np.zeros(3)).hit is None
 
 
@@ -216,10 +216,8 @@ def test_reliability_by_hand():
     assert said["go_difference_sd"] is None
     assert [row["n"] for row in said["bins"]] == [0, 0, 0, 0, 0, 2, 0, 1, 0, 1]
 
-
-def test_nothing_advised_is_nothing_told():
-    said = advice_figures([[AdvisedInsertion(0.0, Advice.NO_GUIDANCE)]])
-    assert (said["insertions"], said["told"], said["go_came_true"]) == (0, None, None)
+    nothing = advice_figures([[AdvisedInsertion(0.0, Advice.NO_GUIDANCE)]])
+    assert (nothing["insertions"], nothing["told"], nothing["go_came_true"]) == (0, None, None)
 
 
 def test_directions_across_are_square_to_the_needle_and_each_other():
@@ -229,9 +227,12 @@ def test_directions_across_are_square_to_the_needle_and_each_other():
 
 
 def test_a_way_aside_is_shortened_not_turned():
-    np.testing.assert_allclose(within(np.array([3.0, -4.0]), 1.0), [0.6, -0.8])
-    np.testing.assert_allclose(within(np.array([3.0, -4.0]), 6.0), [3.0, -4.0])
-    np.testing.assert_allclose(within(np.zeros(2), 0.0), [0.0, 0.0])
+    for way, most, found in (
+        ([3.0, -4.0], 1.0, [0.6, -0.8]),
+        ([3.0, -4.0], 6.0, [3.0, -4.0]),
+        ([0.0] * 2, 0.0, [0.0] * 2),
+    ):
+        np.testing.assert_allclose(within(np.array(way), most), found)
 
 
 def test_a_core_is_a_hit_by_its_length():
@@ -267,8 +268,17 @@ def test_the_command_on_a_scene_of_ones_own(scenario: Path, tmp_path: Path, caps
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert written["advise"]["insertions"] == 20
     assert written["wait-for-go"]["told"] > 0.9
+    for policy in ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go"):
+        row = written[policy]
+        assert row["hit_rate_low"] <= row["hit_rate"] <= row["hit_rate_high"]
+        assert {"miss_mm", "seconds_to_hit", "insertions"} <= set(row)
+    assert [row["low"] for row in written["calibration"]] == [k / 10 for k in range(10)]
+    assert sum(row["n"] for row in written["calibration"]) == 2
     seeds = {line.split(",")[0] for line in (out / "runs.csv").read_text().splitlines()[1:]}
     assert seeds == {"9", "10"}
+    assert {path.name for path in out.iterdir()} - {"provenance.json", "softaim.log"} == {
+        *("summary.json", "runs.csv", "advised.csv", "hits.png", "misses.png", "reliability.png", "advised.png")
+    }
 
 
 def test_without_advice_there_is_none(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):

@@ -12,6 +12,26 @@ from experiments.simulation.phantom_process import PhantomProcess
 from tests.experiments.webcam import coarse_webcam
 
 
+def clocked() -> tuple[PhantomCamera, list[float], list[float]]:
+    """A camera by a clock of the test's own, that clock [s], and how long it slept each time [s]."""
+    now, waits = [100.0], []
+
+    def sleep(seconds: float) -> None:
+        waits.append(seconds)
+        now[0] += seconds
+
+    return PhantomCamera(coarse_webcam(), clock=lambda: now[0], sleep=sleep), now, waits
+
+
+def moved(n_frames: int) -> np.ndarray:
+    """Where all nodes are in so many frames [m], (n_frames, n_nodes, 2)."""
+    camera, places = clocked()[0], []
+    for _ in range(n_frames):
+        assert camera.grab()
+        places.append(camera.positions)
+    return np.array(places)
+
+
 @pytest.mark.slow
 def test_pictures_come_at_times_that_this_process_shares():
     """17 a second; the usual 30 are tested below, by a clock of the test's own."""
@@ -52,36 +72,26 @@ def test_the_phantom_is_a_source_of_live_frames():
     assert scene.steps[-1].name == "simulate"
 
 
-@pytest.mark.parametrize(("away_s", "moved"), [(0.25, 7), (0.99, 29), (60.0, 1)])
-def test_the_phantom_makes_up_for_a_moment_and_stood_still_in_a_longer_one(away_s, moved):
+@pytest.mark.parametrize(("away_s", "n_moved"), [(0.25, 7), (0.99, 29), (60.0, 1)])
+def test_the_phantom_makes_up_for_a_moment_and_stood_still_in_a_longer_one(away_s, n_moved):
     """Pictures are of now in either case: the phantom has moved by so many frames since the one before."""
-    now = [100.0]
-
-    def sleep(seconds: float) -> None:
-        now[0] += seconds
-
-    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
+    camera, now, _ = clocked()
     assert camera.grab()
     now[0] += away_s + 1e-6
     assert camera.grab()
-    assert camera.time_s == pytest.approx((1 + moved) / 30)
+    assert camera.time_s == pytest.approx((1 + n_moved) / 30)
     assert now[0] - 1e-3 * camera.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(0.0, abs=1 / 30)
 
 
 def test_a_picture_is_there_when_it_is_due_however_long_it_is_drawn(monkeypatch):
     """Of 20 ms a picture: no latency of the simulation is in that of what sees it."""
-    now, waits = [100.0], []
-
-    def sleep(seconds: float) -> None:
-        waits.append(seconds)
-        now[0] += seconds
+    camera, now, waits = clocked()
 
     def slowly(*_: object, **_strays: object) -> np.ndarray:
         now[0] += 0.02
         return np.zeros((480, 640, 3), np.uint8)
 
     monkeypatch.setattr("experiments.simulation.phantom_camera.draw", slowly)
-    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
     for k in range(4):
         assert camera.grab()
         assert camera.retrieve()[1].shape == (480, 640, 3)
@@ -93,39 +103,16 @@ def test_a_picture_is_there_when_it_is_due_however_long_it_is_drawn(monkeypatch)
 def test_the_phantom_goes_on_when_its_forces_come_again(monkeypatch):
     """Of half a second here: after two seconds it still moves."""
     monkeypatch.setattr("experiments.simulation.phantom_camera.COMES_AGAIN_S", 0.5)
-    now = [100.0]
-
-    def sleep(seconds: float) -> None:
-        now[0] += seconds
-
-    camera = PhantomCamera(coarse_webcam(), hours=0.01, clock=lambda: now[0], sleep=sleep)
-    places = []
-    for _ in range(60):
-        assert camera.grab()
-        places.append(camera.positions)
+    places = moved(60)
     assert np.ptp(places[:15], axis=0).max() > 1e-5
     assert np.ptp(places[45:], axis=0).max() > 1e-5
 
 
 def test_the_phantom_moves_as_by_an_exact_integrator(monkeypatch):
     """Within 3 µm, a tenth of what its marks are found to, over two seconds with pokes."""
-
-    def moved() -> np.ndarray:
-        now = [100.0]
-
-        def sleep(seconds: float) -> None:
-            now[0] += seconds
-
-        camera = PhantomCamera(coarse_webcam(), clock=lambda: now[0], sleep=sleep)
-        places = []
-        for _ in range(60):
-            assert camera.grab()
-            places.append(camera.positions)
-        return np.array(places)
-
-    found = moved()
+    found = moved(60)
     for name, value in (("RTOL", 1e-9), ("ATOL", 1e-11)):
         monkeypatch.setattr(f"experiments.simulation.phantom_camera.{name}", value)
-    exact = moved()
+    exact = moved(60)
     assert np.ptp(exact, axis=0).max() > 5e-3
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=3e-6)

@@ -6,9 +6,8 @@ import numpy as np
 
 from dynamics import HIDDEN, OUTER
 from experiments.formats.scenario import SeenMarks, read_scenario
-from experiments.simulation.seen_marks import seen_marks
+from experiments.simulation.seen_marks import Truth, seen_marks
 from experiments.simulation.simulate import scene_of
-from experiments.simulation.truth import Truth
 
 SCENE = replace(scene_of(read_scenario("quiet")), cameras=())
 N = 2000

@@ -87,7 +87,11 @@ def test_the_truth_in_space_is_newtons(scenario: Path):
 
 def test_a_body_in_space_is_marks_and_truth(scenario: Path, tmp_path: Path):
     """Noise of 90 coordinates as stated, 0.2 mm to three of its standard errors (7.5 %); the scene as it was."""
-    simulate(read_scenario(str(scenario)), tmp_path / "rec")
+    shares: list[float] = []
+    simulate(read_scenario(str(scenario)), tmp_path / "rec", advance=shares.append)
+    assert len(shares) > 20
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
     names = sorted(path.name for path in (tmp_path / "rec").iterdir())
     assert names == ["frames.csv", "marks.csv", "scene.toml", "truth.csv"]
     own, step = (tmp_path / "rec" / "scene.toml").read_text().split("\n[[provenance]]\n")
@@ -117,20 +121,16 @@ def test_a_flat_scene_is_filmed_with_its_own_marks(flat: Path, tmp_path: Path):
         np.testing.assert_allclose(found.center_px, [159.5 + 1.5 * x, 20.5 - 1.5 * y], atol=0.3)
 
 
-def test_without_a_film_a_flat_scene_is_marks(flat: Path, tmp_path: Path):
+def test_two_cameras_take_no_film_and_without_one_a_flat_scene_is_marks(flat: Path, tmp_path: Path):
+    scene = tmp_path / "hanging.toml"
+    scene.write_text(scene.read_text() + CAMERA.replace("front", "side"))
+    expected = r"hanging\.toml: camera: expected one at most for a film \(--no-film\), found 2"
+    with pytest.raises(InputError, match=expected):
+        simulate(read_scenario(str(flat)), tmp_path / "rec")
+    assert not (tmp_path / "rec").exists()
     assert softaim("simulate", flat, "--out", tmp_path / "rec", "--no-film") == 0
     assert (tmp_path / "rec" / "marks.csv").is_file()
     assert not (tmp_path / "rec" / "video.avi").exists()
-
-
-def test_two_cameras_take_no_film(flat: Path, tmp_path: Path):
-    scene = tmp_path / "hanging.toml"
-    scene.write_text(scene.read_text() + CAMERA.replace("front", "side"))
-    with pytest.raises(
-        InputError, match=r"hanging\.toml: camera: expected one at most for a film \(--no-film\), found 2"
-    ):
-        simulate(read_scenario(str(flat)), tmp_path / "rec")
-    assert not (tmp_path / "rec").exists()
 
 
 def test_a_camera_in_a_file_of_its_own_is_written_out(flat: Path, tmp_path: Path):
@@ -235,13 +235,12 @@ def test_stiff_links_are_followed(mass: float, dashpot: float):
 
 def test_links_that_are_stiff_enough_take_implicit_steps(monkeypatch: pytest.MonkeyPatch):
     """Explicit ones of 16 µs would be taken for the links of 1 g and heavy dashpots, of 0.6 ms for those of 20 g."""
-    methods = []
+    methods, integrate = [], module.integrate_adaptive
 
     def noted(*arguments: object, method: str, **options: object) -> np.ndarray:
         methods.append(method)
-        return module.integrate_adaptive.__wrapped__(*arguments, method=method, **options)
+        return integrate(*arguments, method=method, **options)
 
-    noted.__wrapped__ = module.integrate_adaptive
     monkeypatch.setattr(module, "integrate_adaptive", noted)
     read = read_scenario("quiet").model_copy(update={"release": None, "tremor": None, "duration_s": 0.1})
     for mass, dashpot in ((0.02, 0.5), (0.001, 50.0)):
@@ -276,11 +275,3 @@ def test_the_recording_keeps_the_scene_whose_constants_are_wrong(scenario: Path,
     assert abs(sag - 0.1 * 9.81 / 200.0) > 1e-4
     assert recording.scene.steps == ()
     assert (tmp_path / "rec" / "scene.toml").read_text() == HANGING
-
-
-def test_progress_of_the_truth_is_told(scenario: Path, tmp_path: Path):
-    shares: list[float] = []
-    simulate(read_scenario(str(scenario)), tmp_path / "rec", advance=shares.append)
-    assert len(shares) > 20
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0

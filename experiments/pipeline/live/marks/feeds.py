@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from experiments.pipeline.live.marks.lines import LONGEST_LINE
 from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
-from vision import SourceError, SourceSettings
+from vision import SourceError
 
 POLL_S = 0.1
 """Period in which a feed that waits looks whether it is still wanted; a line wakes it at once."""
@@ -20,13 +20,12 @@ class UdpFeed:
     """Lines that come as datagrams, one or more in each, to a port of this machine; SourceError where it is not free.
 
     host: own address to listen on; the loopback, unless given, so that only programs of this machine are heard
-    Once one host has sent, others are refused, until it has been silent for settings.hung_s.
+    Once one host has sent, others are refused, until it has been silent for SETTINGS.hung_s.
 
     State: the socket; who sent last, and when [s].
     """
 
-    def __init__(self, port: int, host: str = LOOPBACK, *, settings: SourceSettings = SETTINGS) -> None:
-        self._settings = settings
+    def __init__(self, port: int, host: str = LOOPBACK) -> None:
         try:
             family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
@@ -59,7 +58,7 @@ class UdpFeed:
                     raise
                 return
             now = receiver.clock()
-            if sender[0] != self._sender and now - self._heard_s < self._settings.hung_s:
+            if sender[0] != self._sender and now - self._heard_s < SETTINGS.hung_s:
                 receiver.refuse("of another sender", f"expected frames of {self._sender}, found {sender[0]}")
                 continue
             self._sender, self._heard_s = sender[0], now

@@ -61,7 +61,7 @@ class LiveMarks(Closing):
     """The newest frame of marks that a feed hands over, each once, until the feed ends or `close()`: a `MarkSource`.
 
     Lines that are no frame, and frames whose times do not follow, are refused: counted by kind, and reported as events,
-    the first at once and then at most one in settings.hung_s. Without a usable frame for settings.blocked_s the sender
+    the first at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
     is BLOCKED, as a camera is. A frame whose values repeat is withheld; while they are FROZEN it has no marks.
 
     refused: counts of what came and could not be used, by kind
@@ -72,22 +72,15 @@ class LiveMarks(Closing):
     origin_s = 0.0
     """Frames are told on the clock of this machine, which the sender's is brought to."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        feed: Feed,
-        *,
-        settings: SourceSettings = SETTINGS,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, scene: Scene, feed: Feed, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
         self.frames_dropped = 0
         self.refused: Counter[str] = Counter()
-        self._scene, self._feed, self._settings = scene, feed, settings
+        self._scene, self._feed = scene, feed
         self._changed = threading.Condition()
         self._stop = threading.Event()
-        self._sender = SenderClock(settings)
-        self._watch, self._frozen = SourceWatchdog(clock(), settings), FrozenValues(settings)
+        self._sender = SenderClock(SETTINGS)
+        self._watch, self._frozen = SourceWatchdog(clock(), SETTINGS), FrozenValues(SETTINGS)
         self._first = FirstMarks(scene)
         self._waiting: MarksFrame | None = None
         self._n_frames = 0
@@ -159,7 +152,7 @@ class LiveMarks(Closing):
         self.refused[kind] += 1
         self._unreported[kind] += 1
         now = self.clock()
-        if now - self._reported_s < self._settings.hung_s:
+        if now - self._reported_s < SETTINGS.hung_s:
             return
         self._reported_s = now
         counts = ", ".join(f"{n} {each}" for each, n in self._unreported.items())
@@ -211,5 +204,5 @@ class LiveMarks(Closing):
         self._stop.set()
         with self._changed:
             self._changed.notify_all()
-            self._changed.wait_for(lambda: self._finished, timeout=self._settings.blocked_s)
+            self._changed.wait_for(lambda: self._finished, timeout=SETTINGS.blocked_s)
         self._feed.close()

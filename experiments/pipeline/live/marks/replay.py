@@ -39,27 +39,23 @@ class MarksReplay(Closing):
         self._next = 0
         self._began_s: float | None = None
         self._events: list[SourceEvent] = []
-        self._ended = False
+        self.ended = False
 
     @property
     def origin_s(self) -> float:
         """When the file's own time was nought, on the clock [s]; 0 before the first frame."""
         return 0.0 if self._began_s is None else self._began_s - self._first_s
 
-    @property
-    def ended(self) -> bool:
-        """Whether all frames have been handed on."""
-        return self._ended
-
     def next(self, timeout_s: float) -> MarksFrame | None:
         """The newest frame that is due and was not yet seen; None where none is within timeout_s [s], or at the end."""
         now = self._clock()
         if self._began_s is None:
             self._began_s = now
-        if self._ended or self._next == len(self._times_s):
-            if not self._ended:
-                self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
-            self._ended = True
+        if self.ended:
+            return None
+        if self._next == len(self._times_s):
+            self._events.append(SourceEvent(now, EventKind.ENDED, "after the last frame"))
+            self.ended = True
             return None
         wait_s = self._began_s + self._times_s[self._next] - now
         if wait_s > timeout_s:
@@ -86,4 +82,4 @@ class MarksReplay(Closing):
 
     def close(self) -> None:
         """No frame comes any more."""
-        self._ended = True
+        self.ended = True

@@ -6,7 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from experiments.formats.recording import Recording, read_recording
+from experiments.formats.recording import read_recording
+from experiments.pipeline.exchange.exported import Exported, exported
 from tests.experiments.commands.good_files import SIZE_PX, write_good_files
 from vision.arrays import Image
 
@@ -27,6 +28,6 @@ def write_filmed(folder: Path) -> list[Image]:
     return images
 
 
-def opened(folder: Path, name: str) -> Recording:
-    """One of the recordings."""
-    return read_recording(folder / name)
+def export_of(folder: Path, name: str, results: str | None = None, start: str | None = None) -> Exported:
+    """One of the recordings, with the results in a folder beside it."""
+    return exported(read_recording(folder / name), None if results is None else folder / results, start)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
+from experiments.formats.recording import read_recording
 from experiments.pipeline.exchange import plus
-from experiments.pipeline.exchange.exported import exported
 from experiments.pipeline.exchange.plus import export_plus, picture_off_mm, picture_to_plane
 from tests.experiments.commands.good_files import SIZE_PX
-from tests.experiments.pipeline.exchange.recordings import opened, write_filmed
+from tests.experiments.pipeline.exchange.recordings import export_of, write_filmed
 from vision import Lens, Pose, posed_camera
 
 MAX_LINE_LENGTH = 1000
@@ -25,7 +25,7 @@ def sequence(
 ) -> tuple[dict[str, str], np.ndarray, int]:
     """Fields of the header, pixels (n_frames, height, width, n_channels), and what was returned."""
     stream = io.BytesIO()
-    placed = export_plus(exported(opened(folder, name), None if results is None else folder / results, start), stream)
+    placed = export_plus(export_of(folder, name, results, start), stream)
     data = stream.getvalue()
     end = data.index(b"ElementDataFile = LOCAL\n") + len(b"ElementDataFile = LOCAL\n")
     lines = data[:end].decode("ascii").splitlines()
@@ -43,6 +43,13 @@ def matrix(fields: dict[str, str], frame: int, name: str) -> np.ndarray:
     return np.array(fields[f"Seq_Frame{frame:04d}_{name}Transform"].split(), dtype=float).reshape(4, 4)
 
 
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    write_filmed(folder)
+    return folder
+
+
 def test_pixels_and_times_are_those_of_the_frames(tmp_path: Path) -> None:
     images = write_filmed(tmp_path)
     fields, pixels, _ = sequence(tmp_path, "filmed")
@@ -56,9 +63,8 @@ def test_pixels_and_times_are_those_of_the_frames(tmp_path: Path) -> None:
     assert not any("Target" in name for name in fields)
 
 
-def test_the_target_is_in_frames_that_are_trusted(tmp_path: Path) -> None:
-    write_filmed(tmp_path)
-    fields, _, placed = sequence(tmp_path, "filmed", "results", "2026-01-31T09:00:00Z")
+def test_the_target_is_in_frames_that_are_trusted(files: Path) -> None:
+    fields, _, placed = sequence(files, "filmed", "results", "2026-01-31T09:00:00Z")
     assert placed == 1
     statuses = [fields[f"Seq_Frame{k:04d}_TargetToReferenceTransformStatus"] for k in range(3)]
     assert statuses == ["INVALID", "OK", "INVALID"]
@@ -73,18 +79,16 @@ def test_the_target_is_in_frames_that_are_trusted(tmp_path: Path) -> None:
     assert fields["Seq_Frame0001_Timestamp"] == "1769850000.100000000"
 
 
-def test_pictures_lie_where_the_camera_sees_the_plane(tmp_path: Path) -> None:
+def test_pictures_lie_where_the_camera_sees_the_plane(files: Path) -> None:
     """Square to the plane: 15 mm a pixel, the middle of 64x48 px over the origin, v down."""
-    write_filmed(tmp_path)
-    fields, _, _ = sequence(tmp_path, "filmed")
+    fields, _, _ = sequence(files, "filmed")
     expected = [[15.0, 0.0, 0.0, -15.0 * 31.5], [0.0, -15.0, 0.0, 15.0 * 23.5], [0.0, 0.0, -15.0, 0.0], [0, 0, 0, 1]]
     np.testing.assert_allclose(matrix(fields, 2, "ImageToReference"), expected, atol=1e-6)
 
 
-def test_it_is_told_how_far_a_tilted_picture_is_off(tmp_path: Path) -> None:
+def test_it_is_told_how_far_a_tilted_picture_is_off(files: Path) -> None:
     """A camera 1 m before the plane, turned by 20 degrees about x, by the pinhole model."""
-    write_filmed(tmp_path)
-    scene = opened(tmp_path, "filmed").scene
+    scene = read_recording(files / "filmed").scene
     a = np.radians(20.0)
     # the camera looks down -z of the world: its x is the world's, its y and z point the other way
     rotation = np.array([[1, 0, 0], [0, -np.cos(a), np.sin(a)], [0, -np.sin(a), -np.cos(a)]])
@@ -102,9 +106,8 @@ def test_it_is_told_how_far_a_tilted_picture_is_off(tmp_path: Path) -> None:
     assert picture_off_mm(scene) < 1e-6
 
 
-def test_without_pictures_each_frame_is_one_pixel(tmp_path: Path) -> None:
-    write_filmed(tmp_path)
-    fields, pixels, placed = sequence(tmp_path, "marks", "results")
+def test_without_pictures_each_frame_is_one_pixel(files: Path) -> None:
+    fields, pixels, placed = sequence(files, "marks", "results")
     assert pixels.shape == (3, 1, 1, 1)
     assert placed == 1
     assert fields["UltrasoundImageType"] == "BRIGHTNESS"
@@ -114,14 +117,14 @@ def test_without_pictures_each_frame_is_one_pixel(tmp_path: Path) -> None:
 
 
 def test_it_is_said_where_plus_cannot_read_so_many(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    files: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    write_filmed(tmp_path)
-    monkeypatch.setattr(plus, "WHOLE_READ_BYTES", 3 * 3 * SIZE_PX[0] * SIZE_PX[1] + 1)
-    sequence(tmp_path, "filmed")
+    n_bytes = 3 * 3 * SIZE_PX[0] * SIZE_PX[1]
+    monkeypatch.setattr(plus, "WHOLE_READ_BYTES", n_bytes + 1)
+    sequence(files, "filmed")
     assert "PLUS" not in caplog.text
-    monkeypatch.setattr(plus, "WHOLE_READ_BYTES", 3 * 3 * SIZE_PX[0] * SIZE_PX[1])
-    sequence(tmp_path, "filmed")
+    monkeypatch.setattr(plus, "WHOLE_READ_BYTES", n_bytes)
+    sequence(files, "filmed")
     assert "PLUS reads no sequence of 4 GiB or more, as these 3 pictures are" in caplog.text
 
 

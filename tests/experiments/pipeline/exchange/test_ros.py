@@ -14,10 +14,10 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from experiments.errors import InputError
-from experiments.pipeline.exchange.exported import exported
+from experiments.formats.recording import read_recording
 from experiments.pipeline.exchange.ros import export_mcap, node_topics
 from tests.experiments.commands.good_files import ESTIMATES
-from tests.experiments.pipeline.exchange.recordings import opened, write_filmed
+from tests.experiments.pipeline.exchange.recordings import export_of, write_filmed
 
 START = "2026-01-31T10:00:00+01:00"
 START_NS = 1_769_850_000 * 10**9
@@ -27,7 +27,7 @@ START_NS = 1_769_850_000 * 10**9
 def messages(folder: Path, name: str, results: str | None, start: str | None = None) -> dict[str, list[Any]]:
     """Times [ns] and messages by topic; they come in the order of time."""
     stream = io.BytesIO()
-    counts = export_mcap(exported(opened(folder, name), None if results is None else folder / results, start), stream)
+    counts = export_mcap(export_of(folder, name, results, start), stream)
     stream.seek(0)
     reader = make_reader(stream, decoder_factories=[DecoderFactory()])
     assert reader.get_header().profile == "ros2"
@@ -40,6 +40,13 @@ def messages(folder: Path, name: str, results: str | None, start: str | None = N
         found[channel.topic].append((message.log_time, content))
     assert counts == {topic: len(own) for topic, own in found.items()}
     return found
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("files")
+    write_filmed(folder)
+    return folder
 
 
 def test_pictures_are_those_of_the_recording(tmp_path: Path) -> None:
@@ -67,10 +74,9 @@ def test_the_start_is_the_time_of_the_first_frame(tmp_path: Path) -> None:
     assert found[0][0] == 33_763_609_654_306
 
 
-def test_only_what_is_trusted_is_a_pose(tmp_path: Path) -> None:
+def test_only_what_is_trusted_is_a_pose(files: Path) -> None:
     """Of three rows one is TRACKING; all three say what they say."""
-    write_filmed(tmp_path)
-    found = messages(tmp_path, "filmed", "results")
+    found = messages(files, "filmed", "results")
     ((time_ns, pose),) = found["/target/pose"]
     assert time_ns == 10**8
     place = pose.pose.pose.position
@@ -84,24 +90,19 @@ def test_only_what_is_trusted_is_a_pose(tmp_path: Path) -> None:
         key: f"{float(first[key])}" for key in ("time_s", "x_mm", "y_mm", "xx", "xy", "yy", "marks_used", "poked")
     }
     advised = [json.loads(content.data) for _, content in found["/advice"]]
-    assert [(one["advice"], one["p_hit"]) for one in advised] == [
-        ("NO_GUIDANCE", None),
-        ("GO", 0.97),
-        ("NO_GUIDANCE", None),
-    ]
+    none = ("NO_GUIDANCE", None)
+    assert [(one["advice"], one["p_hit"]) for one in advised] == [none, ("GO", 0.97), none]
     ((fixed_ns, fix),) = found["/target/fix"]
     assert fixed_ns == 10**8
     assert fix.pose.pose.position.y == pytest.approx(0.188)
     assert fix.pose.covariance[0] == pytest.approx(1e-6)
 
 
-def test_marks_of_another_tracker_are_points(tmp_path: Path) -> None:
-    write_filmed(tmp_path)
-    found = messages(tmp_path, "marks", None)
+def test_marks_of_another_tracker_are_points(files: Path) -> None:
+    found = messages(files, "marks", None)
     assert set(found) == {"/marks/M1", "/marks/M3", "/marks/M4", "/target/fix"}
     assert [time_ns for time_ns, _ in found["/marks/M1"]] == [0, 10**8, 2 * 10**8]
-    recording = opened(tmp_path, "marks")
-    network = recording.scene.network
+    network = read_recording(files / "marks").scene.network
     for node in ("M1", "M3", "M4"):
         for _, content in found[f"/marks/{node}"]:
             place = (content.point.x, content.point.y)
@@ -131,13 +132,12 @@ def test_a_run_that_was_elsewhere_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "results" / "estimates.csv"
     path.write_text(path.read_text().replace("\n0", "\n100"))
     with pytest.raises(InputError, match=r"expected times of the recording's frames, 0 to 0.2 s, found 100 to 100.2 s"):
-        exported(opened(tmp_path, "filmed"), tmp_path / "results", None)
+        export_of(tmp_path, "filmed", "results")
 
 
-def test_times_that_ros_cannot_hold_are_refused(tmp_path: Path) -> None:
-    write_filmed(tmp_path)
+def test_times_that_ros_cannot_hold_are_refused(files: Path) -> None:
     with pytest.raises(InputError, match=r"--start: expected times from 1970 to 2038 with it"):
-        exported(opened(tmp_path, "filmed"), None, "2038-01-19T03:14:08Z")
+        export_of(files, "filmed", start="2038-01-19T03:14:08Z")
 
 
 def test_topics_are_names_that_ros_can_have() -> None:

@@ -10,7 +10,7 @@ from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, T
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.integrity.budget import USUAL, balance_of, error_budget, unstated, variance_shares
+from experiments.pipeline.integrity import USUAL, balance_of, error_budget, unstated, variance_shares
 from experiments.pipeline.line import Line
 from experiments.simulation.simulate import scene_of
 
@@ -31,6 +31,12 @@ def tissue(scene: Scene) -> TissueFilter:
 
 def stiffnesses(scene: Scene) -> list:
     return parameters(scene.network, ("stiffness",))
+
+
+def resting_marks(scene: Scene, positions: np.ndarray, sd_m: float) -> list[MarkMeasurement]:
+    """Marks of the measured nodes at these positions of all nodes [m], (n_nodes, 2)."""
+    cov = sd_m**2 * np.eye(2)
+    return [MarkMeasurement(node, positions[scene.network.index(node)], cov) for node in scene.measured_nodes]
 
 
 def marked(scene: Scene) -> list[int]:
@@ -58,32 +64,25 @@ def target_m(scene: Scene, changes: np.ndarray, seen: np.ndarray | None = None, 
     return rest_shape(body)[network.index(scene.target.node)]
 
 
-def of_stiffnesses(scene: Scene) -> np.ndarray:
-    """Covariance of the target by usual errors of the springs, each by itself [m²]."""
-    n = len(stiffnesses(scene))
-    slopes = [(target_m(scene, SMALL * one) - target_m(scene, np.zeros(n))) / SMALL for one in np.eye(n)]
-    return USUAL.stiffness**2 * np.einsum("ki,kj->ij", slopes, slopes)
+@pytest.fixture(scope="module")
+def lacks(scene: Scene) -> dict[str, np.ndarray]:
+    """Covariances of the target [m²] by usual errors of each spring, the target's mass, the camera's scale and drift.
 
-
-def of_scale(scene: Scene) -> np.ndarray:
-    """Covariance of the target by the usual error of the camera's scale [m²]."""
-    none = np.zeros(len(stiffnesses(scene)))
-    slope = (target_m(scene, none, larger(scene, SMALL)) - target_m(scene, none)) / SMALL
-    return USUAL.scale**2 * np.outer(slope, slope)
-
-
-def of_drift(scene: Scene) -> np.ndarray:
-    """Covariance of the target by the usual drift of the camera [m²]."""
-    none, drift = np.zeros(len(stiffnesses(scene))), 1e-5 * np.eye(2)
-    moved = [target_m(scene, none, scene.network.positions + one) - target_m(scene, none) for one in drift]
-    return (USUAL.drift_m / 1e-5) ** 2 * np.einsum("ki,kj->ij", moved, moved)
-
-
-def of_mass(scene: Scene) -> np.ndarray:
-    """Covariance of the target by the usual error of its mass [m²]: the marks hold all other free nodes."""
-    none = np.zeros(len(stiffnesses(scene)))
-    slope = (target_m(scene, none, heavier=SMALL) - target_m(scene, none)) / SMALL
-    return USUAL.mass**2 * np.outer(slope, slope)
+    The marks hold all other free nodes.
+    """
+    n, step_m = len(stiffnesses(scene)), 1e-5
+    none = np.zeros(n)
+    rest = target_m(scene, none)
+    moved = {
+        "springs": [USUAL.stiffness / SMALL * (target_m(scene, SMALL * one) - rest) for one in np.eye(n)],
+        "mass": [USUAL.mass / SMALL * (target_m(scene, none, heavier=SMALL) - rest)],
+        "scale": [USUAL.scale / SMALL * (target_m(scene, none, larger(scene, SMALL)) - rest)],
+        "drift": [
+            USUAL.drift_m / step_m * (target_m(scene, none, scene.network.positions + step_m * one) - rest)
+            for one in np.eye(2)
+        ],
+    }
+    return {name: np.einsum("ki,kj->ij", slopes, slopes) for name, slopes in moved.items()}
 
 
 def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = None, seen: bool = True) -> Scene:
@@ -96,26 +95,21 @@ def stated(scene: Scene, *, constants: bool = False, scale_sd: float | None = No
 
 def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> float:
     """Of the force that marks ask for that are seen here for a second."""
-    balance, found = balance_of(scene, tissue), None
-    for k in range(31):
-        marks = [
-            MarkMeasurement(node, positions[scene.network.index(node)], 1e-9 * np.eye(2))
-            for node in scene.measured_nodes
-        ]
-        found = balance.update(k / 30.0, marks)
+    balance, marks = balance_of(scene, tissue), resting_marks(scene, positions, 10**-4.5)
+    *_, found = (balance.update(k / 30.0, marks) for k in range(31))
     assert found is not None
     return found.probability
 
 
 @pytest.mark.parametrize("constants", [False, True])
 @pytest.mark.parametrize(("scale_sd", "seen"), [(None, True), (0.01, True), (None, False)])
-def test_the_filter_lacks_what_the_scene_leaves_unstated_and_no_more(scene, tissue, constants, scale_sd, seen):
+def test_the_filter_lacks_what_the_scene_leaves_unstated_and_no_more(scene, tissue, lacks, constants, scale_sd, seen):
     """Within 1 %: the slopes are those of small changes; the scale's is the largest, 2.5 mm."""
-    expected = of_drift(scene)
+    expected = lacks["drift"].copy()
     if not constants:
-        expected += of_stiffnesses(scene) + of_mass(scene)
+        expected += lacks["springs"] + lacks["mass"]
     if seen and scale_sd is None:
-        expected += of_scale(scene)
+        expected += lacks["scale"]
     cov = unstated(error_budget(stated(scene, constants=constants, scale_sd=scale_sd, seen=seen), tissue))
     np.testing.assert_allclose(cov, expected, atol=0.01 * (2.5e-3) ** 2, rtol=0.01)
 
@@ -132,11 +126,7 @@ def test_a_place_that_is_not_stated_widens_what_is_advised_and_a_stated_one_the_
     for each in (tissue, wider):
         filter_ = TissueFilter(scene.network, each.target.point, scene.measured_nodes, scene.settings)
         filter_.predict(0.0)
-        marks = [
-            MarkMeasurement(node, scene.network.positions[scene.network.index(node)], 1e-6 * np.eye(2))
-            for node in scene.measured_nodes
-        ]
-        estimates.append(filter_.update(marks))
+        estimates.append(filter_.update(resting_marks(scene, scene.network.positions, 1e-3)))
     added = estimates[1].cov - estimates[0].cov
     np.testing.assert_allclose(added, 16e-6 * np.eye(2), rtol=1e-6, atol=1e-12)
 
@@ -144,13 +134,11 @@ def test_a_place_that_is_not_stated_widens_what_is_advised_and_a_stated_one_the_
 def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that(scene):
     """The sag of the target by `rest_shape`, where the scene takes the body to be weightless."""
     floating = replace(scene, network=replace(scene.network, gravity=np.zeros(2)))
-    sag = np.linalg.norm(
-        (rest_shape(floating.network) - floating.network.positions)[scene.network.index(scene.target.node)]
-    )
+    at = scene.network.index(scene.target.node)
+    sag = np.linalg.norm((rest_shape(floating.network) - floating.network.positions)[at])
     assert sag > 1e-3
-    [source] = [
-        one for one in error_budget(floating, Line(floating, baseline=False).filter) if one.name.startswith("rest")
-    ]
+    budget = error_budget(floating, Line(floating, baseline=False).filter)
+    [source] = [one for one in budget if one.name.startswith("rest")]
     np.testing.assert_allclose(source.cov, sag**2 * np.eye(2), rtol=1e-9)
 
 
@@ -180,10 +168,7 @@ def test_constants_that_are_stated_are_those_of_the_balance(scene, tissue):
     """By the covariance of its force, which no stiffness known to 1 % makes as wide as one known to 30 %."""
     balance = balance_of(stated(scene, constants=True, scale_sd=0.0), tissue)
     other = StaticBalance(tissue, stated(scene, constants=True).uncertainty)
-    marks = [
-        MarkMeasurement(node, scene.network.positions[scene.network.index(node)], 1e-9 * np.eye(2))
-        for node in scene.measured_nodes
-    ]
+    marks = resting_marks(scene, scene.network.positions, 10**-4.5)
     found = [(balance.update(k / 30.0, marks), other.update(k / 30.0, marks)) for k in range(31)][-1]
     assert found[0] is not None
     assert found[1] is not None

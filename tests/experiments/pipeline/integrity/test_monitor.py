@@ -12,7 +12,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.integrity.monitor import UNTESTED, IntegrityMonitor
+from experiments.pipeline.integrity import UNTESTED, IntegrityMonitor
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.marks.receiver import MarksFrame
 from experiments.pipeline.live.session import Session

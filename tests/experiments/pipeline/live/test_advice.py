@@ -1,5 +1,6 @@
 """Advice in the live loop: as `softaim advise` gives it, none where marks or frames stop, and by the breath."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needl
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
-from experiments.pipeline.integrity.monitor import UNTESTED
+from experiments.pipeline.integrity import UNTESTED
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import Session
@@ -66,9 +67,13 @@ def known(scene: Scene) -> Scene:
 
 
 def run(
-    source: Clocked, folder: Path, plan: NeedlePlan, tested_s: float | None = -np.inf
+    source: Clocked,
+    folder: Path,
+    plan: NeedlePlan,
+    tested_s: float | None = -np.inf,
+    attend: Callable[[Session], None] = lambda _session: None,
 ) -> tuple[Session, pd.DataFrame, list[tuple[float, str]]]:
-    """The session, its forces tested, the rows of advice.csv, and what was shown when."""
+    """The session, its forces tested, the rows of advice.csv, and what was shown when; attend: at each turn."""
     shown: list[tuple[float, str]] = []
 
     def clock() -> float:
@@ -79,7 +84,7 @@ def run(
         scene, folder / "estimates.csv", lambda text: shown.append((clock(), text)), needle=plan, clock=clock
     )
     session.integrity.tested_s = tested_s
-    follow(session, source, np.inf, clock=clock)
+    follow(session, source, np.inf, clock=clock, attend=lambda: attend(session))
     session.close()
     return session, pd.read_csv(folder / "advice.csv"), shown
 
@@ -236,7 +241,7 @@ def test_words_say_what_where_and_why():
     assert words(Guidance(Advice.NO_GUIDANCE, "the estimate is LOST")) == "NO GUIDANCE: the estimate is LOST"
 
 
-def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, tmp_path, needle_file, capsys):
+def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, tmp_path, capsys):
     bad = tmp_path / "bad.toml"
     bad.write_text(NEEDLE.replace("go = 0.8", "go = 1.5"))
     words_of = ("live", "--source", recording.folder, "--needle", bad, "--out", tmp_path / "out")
@@ -284,21 +289,12 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     """It is seen 5 mm below the stated entry before half a second without frames, and out again before its end."""
     before = np.round(100.0 + INTERVAL * np.arange(15), 9)
     source = Clocked(frames_at(before, image), [], 101.0)
-    session = Session(
-        scene_of(coarse_webcam()),
-        tmp_path / "estimates.csv",
-        lambda _: None,
-        needle=plan,
-        clock=lambda: source.now,
-    )
 
-    def tracked() -> None:
+    def tracked(session: Session) -> None:
         inside = 100.4 < source.now < 100.8
         session.needle_at(np.array([0.0, 0.21 if inside else 0.22]), np.array([0.0, -1.0]))
 
-    follow(session, source, np.inf, clock=lambda: source.now, attend=tracked)
-    session.close()
-    rows = pd.read_csv(tmp_path / "advice.csv")
+    rows = run(source, tmp_path, plan, None, tracked)[1]
     gap = rows[rows["time_s"] > before[-1] + 0.1]
     assert set(gap["advice"][gap["time_s"] < 100.8]) == {"ABORT"}
     assert gap["reason"].iloc[0].endswith("; the estimate is 0.12 s old, more than 0.1 s")
@@ -311,26 +307,15 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
 def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_does(tmp_path, plan, image):
     """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside."""
     source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(40), 9), image), [], 101.4)
-    session = Session(
-        scene_of(coarse_webcam()),
-        tmp_path / "estimates.csv",
-        lambda _: None,
-        needle=plan,
-        clock=lambda: source.now,
-    )
 
-    session.integrity.tested_s = -np.inf
-
-    def tracked() -> None:
+    def tracked(session: Session) -> None:
         now = source.now - 100.0
         if 0.4 < now < 0.6 or 0.8 < now < 1.0:
             session.needle_unseen()
         else:
             session.needle_at(np.array([0.0, 0.21 if 0.7 < now < 1.1 else 0.22]), np.array([0.0, -1.0]))
 
-    follow(session, source, np.inf, clock=lambda: source.now, attend=tracked)
-    session.close()
-    rows = pd.read_csv(tmp_path / "advice.csv")
+    rows = run(source, tmp_path, plan, attend=tracked)[1]
     times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
     unseen = reasons.str.endswith("the needle's tracker does not see it")
     assert set(rows["advice"][unseen & (times < 0.7)]) == {"NO_GUIDANCE"}

@@ -18,10 +18,10 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.following import as_written, follow
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, read_journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
+from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.live.recording import WAITING, LiveRecording
-from experiments.pipeline.live.replaying import replay
+from experiments.pipeline.live.replaying import Replayed, replay
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.recorder_thread import RecorderThread
 from experiments.simulation.simulate import draw, scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
@@ -80,6 +80,13 @@ def recorded(folder: Path, source: Swinging, asked: dict[int, object] | None = N
     return found
 
 
+def again(folder: Path) -> Replayed:
+    """What a replay finds; its tables are in `again` beside the recording."""
+    out = folder.parent / "again"
+    out.mkdir()
+    return replay(folder, out)
+
+
 def rows(path: Path) -> list[dict[str, str]]:
     with path.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
@@ -103,8 +110,7 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     folder = recorded(tmp_path, source, asked)
     acts = {done.act for done in read_journal(folder / JOURNAL)}
     assert acts >= {Act.BEGIN, Act.FRAME, Act.COAST, Act.FIX, Act.HUE, Act.NEEDLE, Act.PAUSE, Act.RESET}
-    (tmp_path / "again").mkdir()
-    done = replay(folder, tmp_path / "again")
+    done = again(folder)
     assert done.begun
     assert not done.different
     assert done.rows["estimates.csv"] == len(rows(tmp_path / "estimates.csv")) > 45
@@ -120,8 +126,7 @@ def test_a_replay_that_differs_says_where(tmp_path):
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     lines[5] = lines[5].replace("0", "1", 1)
     table.write_text("".join(lines), encoding="utf-8")
-    (tmp_path / "again").mkdir()
-    assert replay(folder, tmp_path / "again").different == {"estimates.csv": 5}
+    assert again(folder).different == {"estimates.csv": 5}
 
 
 def test_what_was_recorded_is_a_recording_whose_pictures_are_the_frames(tmp_path):
@@ -141,15 +146,13 @@ def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(tmp_path):
     journal = folder / JOURNAL
     with journal.open("a", encoding="utf-8", newline="") as file:
         file.write("frame,101.0,101.02,[]\r\nframe,101.0333,101.05,[]\r\nfra")
-    (tmp_path / "again").mkdir()
-    done = replay(folder, tmp_path / "again")
+    done = again(folder)
     assert (done.frames, done.lacking, done.different) == (12, 2, {})
 
 
 def test_a_recording_that_begins_in_the_middle_says_so(tmp_path):
     folder = recorded(tmp_path, Swinging(20), record_at=8)
-    (tmp_path / "again").mkdir()
-    done = replay(folder, tmp_path / "again")
+    done = again(folder)
     assert not done.begun
     assert done.frames == 12
     assert rows(folder / "estimates.csv") == rows(tmp_path / "estimates.csv")[8:]
@@ -171,12 +174,11 @@ def test_marks_of_another_tracker_are_recorded_to_the_last_bit(tmp_path):
         session.take(MarksFrame(k, 100.0 + k / 30.0, marks if k != 7 else ()))
     (folder,) = control.finish()
     session.close()
-    (tmp_path / "again").mkdir()
-    assert not replay(folder, tmp_path / "again").different
+    assert not again(folder).different
     assert (tmp_path / "again" / "estimates.csv").read_bytes() == (tmp_path / "estimates.csv").read_bytes()
-    again = read_recording(folder)
-    assert len(again.exposures_s) == 15
-    covs = [row.cov for rows in again.marks or () for row in rows]
+    read = read_recording(folder)
+    assert len(read.exposures_s) == 15
+    covs = [row.cov for rows in read.marks or () for row in rows]
     np.testing.assert_allclose(covs, [cov] * 42, rtol=1e-12)
 
 
@@ -195,9 +197,9 @@ def test_the_written_scene_is_read_to_the_last_bit(tmp_path):
     """What a run uses is what its folder says: read and written again, not a digit changes."""
     scene = as_written(scene_of(read_scenario("webcam")))
     write_scene(scene, tmp_path / "scene.toml")
-    again = read_scene(tmp_path / "scene.toml")
-    assert scene_text(again) == scene_text(scene)
-    np.testing.assert_array_equal(again.network.positions, scene.network.positions)
+    read = read_scene(tmp_path / "scene.toml")
+    assert scene_text(read) == scene_text(scene)
+    np.testing.assert_array_equal(read.network.positions, scene.network.positions)
 
 
 def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monkeypatch, capfd):
@@ -218,19 +220,14 @@ def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monk
     ("text", "found"),
     [
         ("a,b\n", "header"),
-        (",".join(HEADER) + "\nframe,1.0\n", "row 2"),
-        (",".join(HEADER) + "\njump,1.0,1.0,[]\n", "row 2"),
-        (",".join(HEADER) + "\nframe,soon,1.0,[]\n", "row 2"),
+        *[(f"{','.join(HEADER)}\n{row}\n", "row 2") for row in ("frame,1.0", "jump,1.0,1.0,[]", "frame,soon,1.0,[]")],
         (",".join(HEADER) + "\nframe,1.0,1.0,[\n", "row 2"),
+        (None, "the journal of a live run, found none"),
     ],
 )
 def test_a_journal_that_is_none_is_refused_in_one_line(tmp_path, text, found):
     path = tmp_path / JOURNAL
-    path.write_text(text, encoding="utf-8")
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=found):
         list(read_journal(path))
-
-
-def test_there_is_no_journal_where_none_was_kept(tmp_path):
-    with pytest.raises(InputError, match="the journal of a live run, found none"):
-        list(read_journal(tmp_path / JOURNAL))

@@ -2,7 +2,8 @@
 
 import csv
 from collections import deque
-from itertools import pairwise
+from collections.abc import Callable
+from itertools import count, pairwise
 from pathlib import Path
 
 import cv2
@@ -58,15 +59,16 @@ def frames_at(times_s: np.ndarray, image: np.ndarray) -> list[tuple[float, Frame
     return [(t + 0.02, Frame(k, t, image)) for k, t in enumerate(times_s)]
 
 
-def run(source: Clocked, folder: Path) -> tuple[Session, list[dict[str, str]], list[tuple[float, str]]]:
-    """The session, its rows, and what was shown when."""
+def run(
+    source: Clocked, folder: Path, seconds: float = np.inf, attend: Callable[[Session], None] = lambda _session: None
+) -> tuple[Session, list[dict[str, str]], list[tuple[float, str]]]:
+    """The session, its rows, and what was shown when; attend: at each turn."""
     shown: list[tuple[float, str]] = []
-    scene = scene_of(coarse_webcam())
-    session = Session(scene, folder / "estimates.csv", lambda text: shown.append((source.now, text)))
-    follow(session, source, np.inf, clock=lambda: source.now)
+    scene, rows = scene_of(coarse_webcam()), folder / "estimates.csv"
+    session = Session(scene, rows, lambda text: shown.append((source.now, text)), clock=lambda: source.now)
+    follow(session, source, seconds, clock=lambda: source.now, attend=lambda: attend(session))
     session.close()
-    with (folder / "estimates.csv").open(encoding="utf-8") as file:
-        return session, list(csv.DictReader(file)), shown
+    return session, list(csv.DictReader(rows.read_text(encoding="utf-8").splitlines())) if rows.exists() else [], shown
 
 
 class PacedPhantom(vision.EveryFrame):
@@ -97,11 +99,7 @@ class PacedPhantom(vision.EveryFrame):
 def test_the_phantom_is_followed_frame_by_frame(tmp_path):
     """Two seconds at 30 frames/s by the test's clock: every frame, none without; a third of the paper's error."""
     source = PacedPhantom()
-    session = Session(source.camera.scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
-    follow(session, source, 2.0, clock=lambda: source.now)
-    session.close()
-    with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    session, rows, _ = run(source, tmp_path, 2.0)
     assert session.counters.frames == len(rows) == 60
     assert session.counters.without_frame == session.counters.not_used == 0
     np.testing.assert_allclose(np.diff([float(row["time_s"]) for row in rows]), INTERVAL, atol=1e-6)
@@ -177,12 +175,7 @@ def test_a_frame_older_than_what_was_told_and_one_of_another_size_are_not_used(t
 
 
 def test_before_the_first_frame_nothing_is_told_of_the_target(tmp_path):
-    source, shown = Clocked([], [], 100.3), []
-    session = Session(
-        scene_of(coarse_webcam()), tmp_path / "estimates.csv", lambda text: shown.append((source.now, text))
-    )
-    follow(session, source, np.inf, clock=lambda: source.now)
-    session.close()
+    session, _, shown = run(Clocked([], [], 100.3), tmp_path)
     assert list(tmp_path.iterdir()) == []  # what an earlier run may have left there stays
     assert {text for _, text in shown} == {"no frame yet"}
     assert session.counters.frames == 0
@@ -209,55 +202,31 @@ def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody
         def publish(self, moment, _line) -> None:
             shown.append(moment.fault or "")
 
-    clock = iter(np.arange(1.0, 9.0, 0.001))
-    session = Session(
-        scene_of(coarse_webcam()),
-        tmp_path / "e.csv",
-        lambda _: None,
-        publisher=Seen(),
-        clock=lambda: next(clock),
-    )
-    for k, act in enumerate(
-        (
-            lambda: session.dated(0.0, uneven=True),
-            lambda: session.dated(1.0, uneven=False),
-            session.reset,
-            lambda: session.dated(1.5, uneven=False),
-        )
-    ):
-        act()
+    clock, scene = iter(np.arange(1.0, 9.0, 0.001)), scene_of(coarse_webcam())
+    session = Session(scene, tmp_path / "e.csv", lambda _: None, publisher=Seen(), clock=lambda: next(clock))
+    for k, known in enumerate([(0.0, True), (1.0, False), None, (1.5, False)]):
+        session.reset() if known is None else session.dated(known[0], uneven=known[1])
         session.take(Frame(k, 1.0 + 0.033 * k, image))
     session.close()
-    assert ["unevenly" in shown[0], "1.0 s late" in shown[1], "late" in shown[2], "1.5 s late" in shown[3]] == [
-        True,
-        True,
-        False,
-        True,
-    ]
+    found = ["unevenly" in shown[0], "1.0 s late" in shown[1], "late" in shown[2], "1.5 s late" in shown[3]]
+    assert found == [True, True, False, True]
 
 
 @pytest.mark.parametrize("at", [10, 20])
 def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, image, caplog, at):
     """Before a frame, and before a moment without one; a contradiction of the marks stays in mind."""
     frames = frames_at(100.0 + INTERVAL * np.array([*range(15), *range(24, 36)]), image)
-    source = Clocked(frames, [], 101.3)
-    scene = scene_of(coarse_webcam())
-    session = Session(scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: source.now)
-    session.integrity.doubt.reason = "made up"
-    turns = 0
+    turns = count(1)
 
-    def attend() -> None:
-        nonlocal turns
-        turns += 1
-        if turns == at:
+    def attend(session: Session) -> None:
+        session.integrity.doubt.reason = "made up"
+        if next(turns) == at:
             session.line.filter.filter.covs[:] = np.nan
 
-    follow(session, source, np.inf, clock=lambda: source.now, attend=attend)
-    session.close()
+    session, rows, _ = run(Clocked(frames, [], 101.3), tmp_path, attend=attend)
     assert sum("its state is no number" in record.message for record in caplog.records) == 1
     assert session.counters.frames == len(frames)
     assert session.integrity.doubt.reason == "made up"
-    with (tmp_path / "estimates.csv").open(encoding="utf-8") as file:
-        status = [row["status"] for row in csv.DictReader(file)]
+    status = [row["status"] for row in rows]
     assert status[-1] == "TRACKING"
     assert sum(one != "INITIALISING" == then for one, then in pairwise(status)) == 1

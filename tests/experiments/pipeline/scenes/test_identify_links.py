@@ -7,17 +7,17 @@ from functools import partial
 from io import StringIO
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from estimators import Budget, FilterSettings, ResidualTest
 from experiments.engine import spare
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.formats.scene.scene import Scene, read_scene
 from experiments.formats.scene.target import Target
 from experiments.pipeline import identify
 from tests.estimators.identification.pendulum import LENGTHS, SD, hanging_links, swung
 from tests.experiments.command import softaim
+from tests.experiments.pipeline.tables import write_recording
 
 N_FRAMES = 60
 
@@ -31,18 +31,10 @@ def pendulum(factors):
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     """0.6 s at 100 frames/s, both masses seen to SD; lengths in the scene 8 and 7 % wrong."""
-    folder = tmp_path_factory.mktemp("pendulum") / "rec"
-    folder.mkdir()
-    write_scene(pendulum((1.08, 0.93)), folder / "scene.toml")
     times, places = swung(N_FRAMES)
-    noisy = 1e3 * (places + np.random.default_rng(4).normal(0.0, SD, places.shape))
-    rows = [
-        (t, name, *place, 1e3 * SD)
-        for t, now in zip(times, noisy, strict=True)
-        for name, place in zip(("joint", "end"), now, strict=True)
-    ]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    return folder
+    noisy = places + np.random.default_rng(4).normal(0.0, SD, places.shape)
+    frames = [(t, zip(("joint", "end"), now, strict=True)) for t, now in zip(times, noisy, strict=True)]
+    return write_recording(tmp_path_factory.mktemp("pendulum") / "rec", pendulum((1.08, 0.93)), frames, 1e3 * SD)
 
 
 @pytest.fixture(scope="module")

@@ -3,34 +3,26 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from estimators import FilterSettings
 from estimators.core.tissue import SOURCES
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import read_scene, write_scene
+from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.line import Line
 from experiments.simulation.simulate import scene_of
 from tests.experiments.command import softaim
+from tests.experiments.pipeline.tables import near, write_recording
 
 
 @pytest.fixture
 def recording(tmp_path):
     """Marks of the phantom where it is drawn, to 0.5 mm, 12 frames at 30 a second; followed by the usual filter."""
-    folder = tmp_path / "rec"
-    folder.mkdir()
     scene = replace(scene_of(read_scenario("poked")), cameras=(), settings=FilterSettings())
-    write_scene(scene, folder / "scene.toml")
     rng = np.random.default_rng(0)
-    rows = []
-    for k in range(12):
-        for node in ("M1", "M2", "M3", "M4"):
-            place = 1e3 * scene.network.positions[scene.network.index(node)] + rng.normal(0.0, 0.5, 2)
-            rows.append((k / 30.0, node, *place, 0.5))
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    return folder
+    frames = [(k / 30.0, near(scene, ("M1", "M2", "M3", "M4"), 5e-4, rng)) for k in range(12)]
+    return write_recording(tmp_path / "rec", scene, frames, 0.5)
 
 
 def state_led(folder, *nodes):

@@ -7,7 +7,6 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import vision
@@ -18,14 +17,15 @@ from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, write_scene
+from experiments.formats.scene.scene import Mark, Scene, Target, read_scene
 from experiments.pipeline.advise import advise
 from experiments.pipeline.compare import compare
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.plan import planned
-from experiments.pipeline.track import Track, each_step, figures, track
+from experiments.pipeline.track import Track, each_frame, figures, track
 from experiments.simulation.simulate import draw, scene_of
+from tests.experiments.pipeline.tables import near, write_recording
 from vision import Frame
 
 OFFSET_M = (0.012, -0.007)
@@ -47,18 +47,9 @@ def compared_of(folder: Path) -> Track:
 
 def recording(folder: Path, offset_m: tuple[float, ...], n: int = 15) -> Path:
     """So many frames, 30 a second, of the phantom at rest by noisy marks, the hidden one seen for scoring only."""
-    folder.mkdir()
-    network, rng = four_mass_phantom(), np.random.default_rng(0)
     marks = tuple(Mark(node, 0.0 if node == HIDDEN else 120.0, 0.03, node != HIDDEN) for node in (*OUTER, HIDDEN))
-    write_scene(Scene(network, marks, Target(HIDDEN, RADIUS_M, offset_m), ()), folder / "scene.toml")
-    times = np.arange(n) / 30
-    rows = [
-        (t, m.node, *(1e3 * network.positions[network.index(m.node)] + rng.normal(size=2)), 1.0)
-        for t in times
-        for m in marks
-    ]
-    pd.DataFrame(rows, columns=["time_s", "node", "x_mm", "y_mm", "sd_mm"]).to_csv(folder / "marks.csv", index=False)
-    pd.DataFrame({"frame": range(n), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
+    scene, rng = Scene(four_mass_phantom(), marks, Target(HIDDEN, RADIUS_M, offset_m), ()), np.random.default_rng(0)
+    write_recording(folder, scene, [(k / 30, near(scene, (*OUTER, HIDDEN), 1e-3, rng)) for k in range(n)], 1.0)
     (folder / "plan.toml").write_text(PLAN)
     (folder / "needle.toml").write_text(NEEDLE)
     return folder
@@ -71,7 +62,7 @@ def tracked(folder: Path, method: str) -> np.ndarray:
 def checked(folder: Path) -> np.ndarray:
     done = read_recording(folder)
     line = Line(done.scene, check=True)
-    return np.array([step.estimates[FILTER].mean for step in each_step(line, done)])
+    return np.array([step.estimates[FILTER].mean for _, step in each_frame(line, done)])
 
 
 def compared(folder: Path, method: str) -> np.ndarray:

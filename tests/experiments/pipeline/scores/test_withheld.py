@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from estimators import LeaveOneOutCheck
-from experiments.pipeline.scores.withheld import Withheld, withheld_of, withheld_words
+from experiments.pipeline.scores.fit import Withheld, withheld_of, withheld_words
 
 
 def test_errors_of_one_mark():

@@ -4,7 +4,8 @@ import asyncio
 import contextlib
 import json
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import wraps
 from typing import Any
 
 from experiments.servers.feed import Feed
@@ -14,6 +15,25 @@ from tests.experiments.servers.openigtlink.states import SCENE, state
 
 SOON_S = 60.0
 """For what comes at once; a busy machine takes long."""
+NEVER_STALE = 3_600_000
+"""In place of 200 ms where staleness is not the point: a busy machine takes long."""
+
+
+def awaited(test: Callable[..., Awaitable[None]]) -> Callable[..., None]:
+    """A test that is a coroutine, which must not take for ever."""
+
+    @wraps(test)
+    def run(*args: Any, **keys: Any) -> None:
+        asyncio.run(asyncio.wait_for(test(*args, **keys), 5.0 * SOON_S))
+
+    return run
+
+
+async def until(holds: Callable[[], object]) -> None:
+    """Wait for what comes soon."""
+    async with asyncio.timeout(SOON_S):
+        while not holds():
+            await asyncio.sleep(0.01)
 
 
 @contextlib.asynccontextmanager
@@ -36,7 +56,7 @@ async def serving(feed: Feed, **options: Any) -> AsyncIterator[int]:
 def told_of(**scene: Any) -> tuple[Feed, list[dict[str, Any]]]:
     """A feed of the scene with these keys, and the list of commands that come back through it."""
     commands: list[dict[str, Any]] = []
-    return Feed(SCENE | scene, commands.append), commands
+    return Feed(SCENE | {"stale_ms": NEVER_STALE} | scene, commands.append), commands
 
 
 def publish(feed: Feed, **other: Any) -> None:

@@ -1,10 +1,19 @@
-"""A state of a live run, as clients are told, and the scene that goes with it."""
+"""A state of a live run, as clients are told, the scene that goes with it, and what messages of it say."""
 
+import struct
 from typing import Any
+
+from experiments.servers.openigtlink.codec import Message
 
 UTC_S = 1.8e9 + 0.3125
 """In binary fractions, so that no codec has to round it."""
 SCENE = {"type": "scene", "dim": 2, "stale_ms": 200}
+
+
+def status_in(message: Message) -> tuple[int, str]:
+    """Code and name of a STATUS."""
+    code, _, name = struct.unpack_from(">Hq20s", message.content)
+    return code, name.rstrip(b"\0").decode()
 
 
 def state(**other: Any) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """Mutated messages: the codec refuses what is none, and the server goes on for everybody else.
 
-SOFTAIM_FUZZ=100000 in the environment is how many; `-s` shows how long it took and how long another client waited.
+SOFTAIM_FUZZ=100000 in the environment is how many.
 """
 
 import asyncio
@@ -9,28 +9,23 @@ import math
 import os
 import random
 import struct
-import time
 
 import numpy as np
 
 from experiments.servers.commands import read_command
 from experiments.servers.openigtlink.bodies import (
-    PointBody,
     StatusBody,
-    pack_points,
     pack_status,
     pack_string,
     pack_transform,
     read_points,
-    read_status,
-    read_string,
     read_transform,
 )
 from experiments.servers.openigtlink.codec import HEADER, MalformedError, Message, decode, decode_header, encode
 from experiments.servers.openigtlink.crc import crc64
 from experiments.servers.openigtlink.incoming import Incoming, RefusedError
 from tests.experiments.servers.openigtlink import published
-from tests.experiments.servers.openigtlink.connections import Client, connected, publish, serving, told_of
+from tests.experiments.servers.openigtlink.connections import Client, awaited, connected, publish, serving, told_of
 
 N_MESSAGES = int(os.environ.get("SOFTAIM_FUZZ", "3000"))
 N_ATTACKERS = 4
@@ -42,17 +37,11 @@ WHOLE = [
     published.STRING,
     published.POINT,
     published.POLYDATA,
-    *(
-        encode(message, version)
-        for version in (1, 2)
-        for message in (
-            Message("TRANSFORM", "NeedleTipToReference", pack_transform(np.eye(4)), 1.8e9, OK),
-            Message("POINT", "F", pack_points([PointBody("F-1", (1.0, 2.0, 3.0)), PointBody("F-2", (4.0, 5.0, 6.0))])),
-            Message("STATUS", "a", pack_status(StatusBody(1, "OK", "fine"))),
-            Message("STRING", "a", pack_string("fine")),
-            Message("GET_STATUS", "", b""),
-        )
-    ),
+    encode(Message("TRANSFORM", "NeedleTipToReference", pack_transform(np.eye(4)), 1.8e9, OK)),
+    encode(Message("POINT", "F", published.POINT[58:])),
+    encode(Message("STATUS", "a", pack_status(StatusBody(1, "OK", "fine")))),
+    encode(Message("STRING", "a", pack_string("fine"))),
+    encode(Message("GET_STATUS", "", b"")),
 ]
 
 
@@ -83,13 +72,13 @@ def mutated(rng: random.Random) -> bytes:
 
 def test_the_codec_refuses_what_is_no_message_and_nothing_else_happens():
     """Whatever is read of a mutated message, commands are finite; and among thousands some of each outcome come."""
-    rng, readers = random.Random(1), (read_transform, read_points, read_status, read_string)
+    rng = random.Random(1)
     outcomes = {"malformed": 0, "refused": 0, "nothing": 0, "commands": 0}
     for _ in range(N_MESSAGES):
         found = mutated(rng)
         try:
             message = decode(decode_header(found[: HEADER.size]), found[HEADER.size :])
-            for read in readers:
+            for read in (read_transform, read_points):
                 with contextlib.suppress(MalformedError):
                     read(message.content)
             commands = Incoming(3).commands(message)
@@ -106,7 +95,8 @@ def test_the_codec_refuses_what_is_no_message_and_nothing_else_happens():
     assert min(outcomes.values()) > 0
 
 
-def test_the_server_goes_on_for_everybody_else():
+@awaited
+async def test_the_server_goes_on_for_everybody_else():
     """Each mutated message on a connection of its own; another client gets moments all the while, and at the end."""
     rng = random.Random(2)
     n_each = max(N_MESSAGES // (1 if N_MESSAGES > 3000 else 5) // N_ATTACKERS, 1)
@@ -120,36 +110,28 @@ def test_the_server_goes_on_for_everybody_else():
                         client.writer.write_eof()
                     assert await client.is_dropped()
 
-    async def watch(client: Client, waits: list[float]) -> None:
-        before = time.monotonic()
+    async def watch(client: Client) -> None:
+        nonlocal n_seen
         while True:
             await client.until("NeedleTipToReference")
-            waits.append(time.monotonic() - before)
-            before = time.monotonic()
+            n_seen += 1
 
     async def moments(feed) -> None:
         while True:
             publish(feed)
             await asyncio.sleep(1 / 60)
 
-    async def scenario() -> None:
-        feed, commands = told_of(stale_ms=3_600_000)
-        waits: list[float] = []
-        began = time.monotonic()
-        async with serving(feed) as port, connected(port) as good:
-            others = [asyncio.create_task(watch(good, waits)), asyncio.create_task(moments(feed))]
-            await asyncio.gather(*(attack(port) for _ in range(N_ATTACKERS)))
-            seen = len(waits)
-            while len(waits) < seen + 3:
-                await asyncio.sleep(0.01)
-                assert not any(task.done() for task in others)
-            for task in others:
-                task.cancel()
-            await asyncio.gather(*others, return_exceptions=True)
-        for command in commands:
-            assert read_command(command)
-        assert len(asyncio.all_tasks()) == 1
-        took, longest = time.monotonic() - began, 1e3 * max(waits)
-        print(f"{N_ATTACKERS * n_each} connections: {took:.1f} s; {len(waits)} moments, {longest:.0f} ms at most")
-
-    asyncio.run(scenario())
+    (feed, commands), n_seen = told_of(), 0
+    async with serving(feed) as port, connected(port) as good:
+        others = [asyncio.create_task(watch(good)), asyncio.create_task(moments(feed))]
+        await asyncio.gather(*(attack(port) for _ in range(N_ATTACKERS)))
+        before = n_seen
+        while n_seen < before + 3:
+            await asyncio.sleep(0.01)
+            assert not any(task.done() for task in others)
+        for task in others:
+            task.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+    for command in commands:
+        assert read_command(command)
+    assert len(asyncio.all_tasks()) == 2

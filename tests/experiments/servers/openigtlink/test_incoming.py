@@ -34,17 +34,12 @@ def points(*places, name: str = "F") -> Message:
     return sent(PointMessage(positions=list(places), names=names, device_name="F"))
 
 
-def test_a_tracked_needle_is_a_command():
-    (command,) = Incoming(3).commands(pose([1.0, 2.0, 2.0], [10.0, -20.0, 30.0]))
-    assert command["command"] == "needle"
-    assert command["tip_mm"] == [10.0, -20.0, 30.0]
-    assert command["direction"] == pytest.approx([1 / 3, 2 / 3, 2 / 3], abs=1e-6)
-
-
-def test_in_a_plane_two_numbers_of_it_count():
-    (command,) = Incoming(2).commands(pose([0.0, 0.8, 0.6], [10.0, -20.0, 30.0]))
-    assert command["tip_mm"] == [10.0, -20.0]
-    assert command["direction"] == pytest.approx([0.0, 0.8], abs=1e-6)
+@pytest.mark.parametrize(("dim", "direction"), [(3, [1 / 3, 2 / 3, 2 / 3]), (2, [0.0, 0.8, 0.6])])
+def test_a_tracked_needle_is_a_command(dim: int, direction: list[float]):
+    """In a plane two numbers of it count."""
+    (command,) = Incoming(dim).commands(pose(direction, [10.0, -20.0, 30.0]))
+    assert (command["command"], command["tip_mm"]) == ("needle", [10.0, -20.0, 30.0][:dim])
+    assert command["direction"] == pytest.approx(direction[:dim], abs=1e-6)
 
 
 def test_a_needle_across_the_plane_is_refused():
@@ -76,12 +71,10 @@ def test_a_pose_of_no_numbers_is_that_of_an_unseen_needle(at: tuple[int, int], v
     assert Incoming(3).commands(sent(TransformMessage(matrix, device_name="NeedleTipToReference"))) == [UNSEEN]
 
 
-def test_the_needles_device_can_be_named():
-    incoming = Incoming(3, "StylusTipToReference")
-    assert incoming.commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0])) == []
+def test_of_another_device_it_is_no_needle():
+    incoming = Incoming(3)
+    assert incoming.commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], device="StylusTipToReference")) == []
     assert not incoming.sends_needle
-    assert len(incoming.commands(pose([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], device="StylusTipToReference"))) == 1
-    assert incoming.sends_needle
 
 
 def turned(axis: int, degrees: float) -> np.ndarray:

@@ -8,8 +8,8 @@ from pyigtl.messages import MessageBase
 from scipy.stats import chi2
 
 from estimators import Advice, Guidance, Insertion, Status, TargetEstimate
-from experiments.servers.message import LoopFigures, state_message
-from experiments.servers.openigtlink.bodies import read_status, read_string, read_transform
+from experiments.servers.message import state_message
+from experiments.servers.openigtlink.bodies import read_transform
 from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
 from experiments.servers.openigtlink.outgoing import (
     FLAT_MM,
@@ -22,7 +22,7 @@ from experiments.servers.openigtlink.outgoing import (
     sphere_message,
     spread_matrix,
 )
-from tests.experiments.servers.openigtlink.states import UTC_S, state
+from tests.experiments.servers.openigtlink.states import UTC_S, state, status_in
 
 TRANSFORMS = {"TargetToReference", "SpreadToReference", "NeedleTipToReference"}
 IN_SPACE = {
@@ -44,21 +44,26 @@ def messages(sent: Packet | bytes) -> dict[str, Message]:
     return all_of_them
 
 
+def said(**other) -> dict:
+    """What the STRING of a state holds."""
+    return json.loads(messages(packet_of(state(**other)))["SoftaimState"].content[4:])
+
+
 def test_a_moment_is_two_or_three_transforms_a_status_and_a_string_of_its_exposure_time():
-    found = messages(packet_of(state(), 2))
+    found = messages(packet_of(state()))
     assert {name: message.type for name, message in found.items()} == {
         **dict.fromkeys(TRANSFORMS, "TRANSFORM"),
         "Softaim": "STATUS",
         "SoftaimState": "STRING",
     }
     assert {message.utc_s for message in found.values()} == {UTC_S}
-    assert set(messages(packet_of(state(needle=None), 2))) == set(found) - {"NeedleTipToReference"}
-    assert set(messages(packet_of(state(cov_mm2=None), 2))) == set(found) - {"SpreadToReference"}
-    assert TRANSFORMS & set(messages(packet_of(state(target_mm=None), 2))) == {"NeedleTipToReference"}
+    assert set(messages(packet_of(state(needle=None)))) == set(found) - {"NeedleTipToReference"}
+    assert set(messages(packet_of(state(cov_mm2=None)))) == set(found) - {"SpreadToReference"}
+    assert TRANSFORMS & set(messages(packet_of(state(target_mm=None)))) == {"NeedleTipToReference"}
 
 
 def test_pyigtl_reads_where_the_target_is():
-    sent = packet_of(state(), 2).common
+    sent = packet_of(state()).common
     fields = MessageBase.parse_header(sent[:58])
     message = MessageBase.create_message("TRANSFORM")
     message.unpack(fields, sent[58 : 58 + fields["body_size"]])
@@ -68,29 +73,26 @@ def test_pyigtl_reads_where_the_target_is():
     assert message.timestamp == pytest.approx(UTC_S, abs=1e-6, rel=0)
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_a_state_as_the_loop_publishes_it(known: bool):
+def published(estimate: TargetEstimate, **other) -> dict[str, Message]:
+    """Messages of a state as the loop publishes it."""
+    given = state_message(estimate, utc_s=UTC_S, from_frame=True, counters={}, **other)
+    return messages(packet_of(json.loads(json.dumps(given))))
+
+
+def test_a_state_as_the_loop_publishes_it():
     """In metres there, in mm here; without anything that may be missing two messages remain."""
     mean, cov = np.array([0.001, -0.002, 0.5]), 1e-6 * np.diag([1.0, 4.0, 9.0])
-    guidance = Guidance(Advice.WAIT, "later", probability=0.5)
-    if known:
-        estimate = TargetEstimate(2.0, mean, cov, Status.TRACKING, 3, 5.0, 0.1)
-        needle = Insertion(np.array([0.01, 0.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.1)
-        given = state_message(
-            estimate, utc_s=UTC_S, from_frame=True, counters=LoopFigures(), guidance=guidance, needle=needle
-        )
-    else:
-        estimate = TargetEstimate(2.0, np.full(3, np.nan), None, Status.INITIALISING, 0)
-        given = state_message(estimate, utc_s=UTC_S, from_frame=False, counters=LoopFigures())
-    found = messages(packet_of(json.loads(json.dumps(given)), 2))
-    said = json.loads(read_string(found["SoftaimState"].content))
-    assert TRANSFORMS & set(found) == (TRANSFORMS if known else set())
-    assert said["advice"] == ("WAIT" if known else None)
-    if known:
-        assert read_transform(found["TargetToReference"].content)[:3, 3] == pytest.approx([1.0, -2.0, 500.0])
-        assert read_transform(found["NeedleTipToReference"].content)[:3, 3] == pytest.approx([10.0, 0.0, 200.0])
-        lengths = np.linalg.norm(read_transform(found["SpreadToReference"].content)[:3, :3], axis=0)
-        assert sorted(lengths) == pytest.approx(np.sqrt(chi2(3).ppf(0.95)) * np.array([1.0, 2.0, 3.0]), rel=1e-6)
+    needle = Insertion(np.array([0.01, 0.0, 0.2]), np.array([0.0, 0.0, 1.0]), 0.1)
+    estimate = TargetEstimate(2.0, mean, cov, Status.TRACKING, 3, 5.0, 0.1)
+    found = published(estimate, guidance=Guidance(Advice.WAIT, "later", probability=0.5), needle=needle)
+    assert json.loads(found["SoftaimState"].content[4:])["advice"] == "WAIT"
+    assert read_transform(found["TargetToReference"].content)[:3, 3] == pytest.approx([1.0, -2.0, 500.0])
+    assert read_transform(found["NeedleTipToReference"].content)[:3, 3] == pytest.approx([10.0, 0.0, 200.0])
+    lengths = np.linalg.norm(read_transform(found["SpreadToReference"].content)[:3, :3], axis=0)
+    assert sorted(lengths) == pytest.approx(np.sqrt(chi2(3).ppf(0.95)) * np.array([1.0, 2.0, 3.0]), rel=1e-6)
+    nothing = published(TargetEstimate(2.0, np.full(3, np.nan), None, Status.INITIALISING, 0))
+    assert set(nothing) == {"Softaim", "SoftaimState"}
+    assert json.loads(nothing["SoftaimState"].content[4:])["advice"] is None
 
 
 @pytest.mark.parametrize(
@@ -108,32 +110,18 @@ def test_a_state_as_the_loop_publishes_it(known: bool):
     ],
 )
 def test_the_status_of_the_estimate_is_that_of_its_transforms(other, status, code, name):
-    found = messages(packet_of(state(**other), 2))
+    found = messages(packet_of(state(**other)))
     shown = {device: found[device].metadata for device in TRANSFORMS & set(found)}
     assert shown == ({} if status is None else {device: {"TransformStatus": status} for device in TRANSFORMS})
-    said = read_status(found["Softaim"].content)
-    assert (said.code, said.name) == (code, name)
-    assert json.loads(read_string(found["SoftaimState"].content))["transform_status"] == status
-
-
-@pytest.mark.parametrize(
-    ("other", "sent"),
-    [({}, TRANSFORMS), ({"status": "COASTING"}, set()), ({"fault": "frozen"}, set()), ({"status": "LOST"}, set())],
-)
-def test_version_1_has_no_metadata_and_sends_transforms_that_are_ok_only(other, sent):
-    found = messages(packet_of(state(**other), 1))
-    assert TRANSFORMS & set(found) == sent
-    assert {"Softaim", "SoftaimState"} <= set(found)
-    assert not any(message.metadata for message in found.values())
+    assert status_in(found["Softaim"]) == (code, name)
+    assert said(**other)["transform_status"] == status
 
 
 def test_the_string_holds_covariance_health_probability_and_advice():
-    said = json.loads(read_string(messages(packet_of(state(), 2))["SoftaimState"].content))
-    assert said["cov_mm2"] == [[4.0, 1.0], [1.0, 2.0]]
-    assert (said["status"], said["probability"], said["advice"]) == ("TRACKING", 0.97, "GO")
-    faulty = json.loads(read_string(messages(packet_of(state(fault="x" * 9999), 2))["SoftaimState"].content))
-    assert len(faulty["fault"]) == LONGEST_TEXT
-    without = json.loads(read_string(messages(packet_of(state(advice=None), 2))["SoftaimState"].content))
+    usual, without = said(), said(advice=None)
+    assert usual["cov_mm2"] == [[4.0, 1.0], [1.0, 2.0]]
+    assert (usual["status"], usual["probability"], usual["advice"]) == ("TRACKING", 0.97, "GO")
+    assert len(said(fault="x" * 9999)["fault"]) == LONGEST_TEXT
     assert (without["probability"], without["advice"], without["reason"]) == (None, None, None)
 
 
@@ -142,8 +130,7 @@ def test_the_string_holds_covariance_health_probability_and_advice():
     ("advice", "shown"), [("GO", None), ("WAIT", "WAIT"), ("REALIGN", "REALIGN"), ("ABORT", "ABORT")]
 )
 def test_no_go_is_sent_of_what_may_not_be_relied_upon(other, advice: str, shown: str | None):
-    said = {"advice": advice, "reason": "why", "probability": 0.97}
-    found = json.loads(read_string(messages(packet_of(state(advice=said, **other), 2))["SoftaimState"].content))
+    found = said(advice={"advice": advice, "reason": "why", "probability": 0.97}, **other)
     assert found["advice"] == shown
     assert (found["probability"] is None) == (shown is None)
 
@@ -196,25 +183,21 @@ def test_the_needle_points_along_z_from_its_tip(direction):
     "needle", [{"tip_mm": None, "direction": [0.0, 1.0]}, {"tip_mm": [0.0, 0.0], "direction": [0.0, 0.0]}]
 )
 def test_a_needle_without_place_or_direction_is_not_sent(needle):
-    assert packet_of(state(needle=needle), 2).needle == b""
+    assert packet_of(state(needle=needle)).needle == b""
 
 
 def test_a_target_beyond_32_bits_is_not_sent():
-    found = messages(packet_of(state(target_mm=[1e39, 0.0]), 2))
+    found = messages(packet_of(state(target_mm=[1e39, 0.0])))
     assert TRANSFORMS & set(found) == {"NeedleTipToReference"}
 
 
 def test_the_sphere_has_a_name_of_its_own():
-    (message,) = messages(sphere_message(2)).values()
+    (message,) = messages(sphere_message()).values()
     assert (message.type, message.device) == ("POLYDATA", "Spread")
     assert len(message.content) < 16384
 
 
 def test_transforms_are_those_of_the_matrices():
-    found = messages(packet_of(state(**IN_SPACE), 2))
-    assert read_transform(found["NeedleTipToReference"].content) == pytest.approx(
-        needle_matrix(state(**IN_SPACE)), rel=2**-23, abs=1e-30
-    )
-    assert read_transform(found["SpreadToReference"].content) == pytest.approx(
-        spread_matrix(state(**IN_SPACE)), rel=2**-23, abs=1e-30
-    )
+    found = messages(packet_of(state(**IN_SPACE)))
+    for device, made in (("NeedleTipToReference", needle_matrix), ("SpreadToReference", spread_matrix)):
+        assert read_transform(found[device].content) == pytest.approx(made(state(**IN_SPACE)), rel=2**-23, abs=1e-30)

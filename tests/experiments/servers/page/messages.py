@@ -14,7 +14,8 @@ from estimators import Advice, Guidance, Insertion, Status, TargetEstimate
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scene.scene import read_scene
-from experiments.servers.message import LoopFigures, scene_message, state_message
+from experiments.pipeline.live.shown import Counters
+from experiments.servers.message import counters_message, scene_message, state_message
 
 GIVEN = Path(__file__).parents[2]
 SIZE_PX = (640, 480)
@@ -44,7 +45,7 @@ def state(
     guidance = Guidance(
         advice, "a hit is 92 % probable", arrival_s=frames / 30 + 0.5, probability=0.925, aim=np.array([0.0, 0.2])
     )
-    counters = LoopFigures(frames=frames, latency_ms=5.0, latency_p99_ms=9.0, rate_hz=30.0, memory_mb=300.0)
+    counters = counters_message(Counters(frames=frames, latency_ms=5.0), 1.0 / 30.0, 300.0)
     made = state_message(
         estimate,
         utc_s=time(),

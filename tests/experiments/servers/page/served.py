@@ -1,21 +1,14 @@
-"""A page that is served from this process, on a port of its own, and what is fed to it.
-
-`python -m tests.experiments.servers.page.served FOLDER` replays scene.json, states.jsonl and pictures 0000.jpg …,
-30 a second, to look at the page by hand.
-"""
+"""A page that is served from this process, on a port of its own, and what is fed to it."""
 
 from __future__ import annotations
 
 import asyncio
 import json
 import socket
-import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from itertools import count
-from pathlib import Path
 from typing import Any
 
 from experiments.servers.faces import names_of
@@ -82,23 +75,3 @@ def served(scene: Message, *, read_open: bool = True) -> Iterator[Served]:
         thread.join(timeout=SOON_S)
         assert not thread.is_alive(), "the server did not end"
         one.loop.close()
-
-
-def replay(folder: Path, one: Served) -> None:
-    """Publish what a folder holds, for ever, 30 a second."""
-    states = [json.loads(line) for line in (folder / "states.jsonl").read_text().splitlines()]
-    pictures = [path.read_bytes() for path in sorted(folder.glob("*.jpg"))]
-    for k in count():
-        state = states[k % len(states)]
-        one.publish(
-            {**state, "time_s": k / 30, "utc_s": time.time(), "counters": {**state["counters"], "frames": k}},
-            pictures[k % len(states)],
-        )
-        time.sleep(1 / 30)
-
-
-if __name__ == "__main__":
-    given = Path(sys.argv[1])
-    with served(json.loads((given / "scene.json").read_text())) as shown:
-        print(shown.address, flush=True)
-        replay(given, shown)

@@ -34,11 +34,8 @@ def ended(raw: socket.socket, within_s: float) -> bool:
     return True
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_thousands_of_hostile_messages_hold_up_nobody_and_fill_no_log(
-    seed: int, caplog: pytest.LogCaptureFixture
-) -> None:
-    found = trial(2000, seed)
+def test_thousands_of_hostile_messages_hold_up_nobody_and_fill_no_log(caplog: pytest.LogCaptureFixture) -> None:
+    found = trial(2000, 1)
     assert found["sent"] >= 2000
     assert found["longest_work_ms"] < 2000.0
     assert found["grown_mb"] < 50.0

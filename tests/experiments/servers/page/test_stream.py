@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
 
 from experiments.servers.feed import Feed
 from experiments.servers.page.stream import Viewer
@@ -21,6 +22,12 @@ from tests.experiments.servers.page.test_access import stream
 def one() -> Iterator[Served]:
     with served(messages.scene()) as serving:
         yield serving
+
+
+def asked(client: ClientConnection, text: str) -> dict[str, Any]:
+    """The answer to what a client sends."""
+    client.send(text)
+    return json.loads(client.recv(SOON_S))
 
 
 def test_scene_then_each_newest_state_and_its_picture_right_after(one: Served) -> None:
@@ -139,8 +146,7 @@ def accepted(one: Served) -> bool:
 def test_what_is_no_command_is_refused_in_one_line(one: Served, text: str) -> None:
     with stream(one, TOKEN) as client:
         client.recv(SOON_S)
-        client.send(text)
-        found = json.loads(client.recv(SOON_S))
+        found = asked(client, text)
         assert found["type"] == "answer"
         assert 0 < len(found["error"]) <= 200
     assert one.commands == []
@@ -157,11 +163,9 @@ def test_what_is_no_command_is_refused_in_one_line(one: Served, text: str) -> No
 )
 def test_a_needle_whose_pose_is_refused_is_not_seen(one: Served, refused: str) -> None:
     with stream(one, TOKEN) as client:
-        client.recv(5)
-        client.send('{"command": "needle", "tip_mm": [1, 2], "direction": [0, 1]}')
-        assert json.loads(client.recv(5))["error"] is None
-        client.send(refused)
-        assert json.loads(client.recv(5))["error"]
+        client.recv(SOON_S)
+        assert asked(client, '{"command": "needle", "tip_mm": [1, 2], "direction": [0, 1]}')["error"] is None
+        assert asked(client, refused)["error"]
     assert [command["command"] for command in one.commands] == ["needle", "needle_unseen"]
 
 
@@ -169,12 +173,8 @@ def test_what_the_run_refuses_is_told(one: Served) -> None:
     one.refusal = "recording: the disk is full"
     with stream(one, TOKEN) as client:
         client.recv(SOON_S)
-        client.send('{"command": "record", "on": true}')
-        assert json.loads(client.recv(SOON_S)) == {
-            "type": "answer",
-            "command": "record",
-            "error": "recording: the disk is full",
-        }
+        found = asked(client, '{"command": "record", "on": true}')
+        assert found == {"type": "answer", "command": "record", "error": "recording: the disk is full"}
 
 
 @pytest.mark.parametrize(("message", "code"), [("x" * 65_537, 1009), (b"binary", 1003)])

@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.formats.needle_file import read_needle
+from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
-from experiments.formats.scene.scene import read_scene
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.marks.opening import is_mark_source
@@ -66,18 +66,21 @@ def line(time_s: float, recording: Recording, k: int) -> bytes:
     return json.dumps({"time_s": time_s, "marks": marks}).encode() + b"\n"
 
 
-def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> None:
-    """Frame by frame, to the rounding of times; the first frame is at its own time zero."""
+def replayed(scene: Scene, out: Path, times_s, marks, plan: NeedlePlan | None = None) -> tuple[Session, pd.DataFrame]:
+    """The session of a replay by a clock of the test's own, its forces tested, and its rows."""
     hand = Hand()
-    source = MarksReplay(recording.exposures_s, recording.marks, clock=lambda: hand.now, sleep=hand.sleep)
-    plan = read_needle(folder / "needle.toml", 0.004, 3)
-    session = Session(
-        recording.scene, tmp_path / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: hand.now
-    )
+    source = MarksReplay(times_s, marks, clock=lambda: hand.now, sleep=hand.sleep)
+    session = Session(scene, out / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: hand.now)
     session.integrity.tested_s = -np.inf
     follow(session, source, np.inf, clock=lambda: hand.now)
     session.close()
-    rows = pd.read_csv(tmp_path / "estimates.csv")
+    return session, pd.read_csv(out / "estimates.csv")
+
+
+def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> None:
+    """Frame by frame, to the rounding of times; the first frame is at its own time zero."""
+    plan = read_needle(folder / "needle.toml", 0.004, 3)
+    session, rows = replayed(recording.scene, tmp_path, recording.exposures_s, recording.marks, plan)
     expected = track(recording).estimates(FILTER)
     assert session.counters.frames == len(rows) == len(expected) == len(recording.exposures_s)
     assert list(rows["status"]) == [str(one.status) for one in expected]
@@ -92,15 +95,9 @@ def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> N
 
 def test_frames_without_marks_coast_as_those_of_a_camera_do(tmp_path, recording) -> None:
     """Half a second of marks, then frames without: COASTING, and LOST a second after the last mark."""
-    hand = Hand()
-    n = 15
-    times = np.arange(60) / 30.0
+    n, times = 15, np.arange(60) / 30.0
     marks = [*recording.marks[:n], *((),) * (len(times) - n)]
-    source = MarksReplay(times, marks, clock=lambda: hand.now, sleep=hand.sleep)
-    session = Session(recording.scene, tmp_path / "estimates.csv", lambda _text: None, clock=lambda: hand.now)
-    follow(session, source, np.inf, clock=lambda: hand.now)
-    session.close()
-    rows = pd.read_csv(tmp_path / "estimates.csv")
+    session, rows = replayed(recording.scene, tmp_path, times, marks)
     since = rows["time_s"] - rows["time_s"].iloc[n - 1]
     assert set(rows["status"][(since > 0.0) & (since < 0.99)]) == {"COASTING"}
     assert set(rows["status"][since > 1.01]) == {"LOST"}
@@ -121,16 +118,13 @@ def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["rec", "rec/marks.csv"])
-def test_a_file_of_marks_is_followed_by_the_command(tmp_path, folder, name, capsys) -> None:
-    out = tmp_path / "out"
-    needle = folder / "needle.toml"
-    assert softaim("live", "--source", folder / name, "--out", out, "--needle", needle, "--no-page") == 0
+def test_a_file_of_marks_is_followed_by_the_command(tmp_path, folder, capsys) -> None:
+    out, marks = tmp_path / "out", folder / "rec" / "marks.csv"
+    assert softaim("live", "--source", marks, "--out", out, "--needle", folder / "needle.toml", "--no-page") == 0
     rows = pd.read_csv(out / "estimates.csv")
     assert rows["status"].iloc[-1] == "TRACKING"
     assert len(pd.read_csv(out / "advice.csv")) >= len(rows) > 3
-    printed = capsys.readouterr()
-    assert "ENDED: after the last frame" in printed.err
+    assert "ENDED: after the last frame" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -213,9 +207,3 @@ def test_what_cannot_be_opened_is_one_line(tmp_path, folder, words, message, cap
     assert len(lines) == 1
     assert message in lines[0]
     assert not (tmp_path / "out").exists()
-
-
-def test_a_scene_in_space_is_warmed_up_without_a_camera(tmp_path, folder) -> None:
-    scene = read_scene(folder / "hanging.toml")
-    assert not scene.cameras
-    Session(scene, tmp_path / "estimates.csv", lambda _text: None).close()

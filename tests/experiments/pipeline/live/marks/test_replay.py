@@ -37,12 +37,14 @@ def test_frames_come_when_they_are_due_then_it_ends() -> None:
     assert source.next(1.0) is None
 
 
-def test_no_frame_within_the_wait_is_none() -> None:
+def test_no_frame_within_the_wait_is_none_nor_after_it_is_closed() -> None:
     hand = Hand()
-    source = replay(hand, [0.0, 1.0])
-    assert source.next(0.1).index == 0
-    assert source.next(0.1) is None
-    assert hand.now == 50.1
+    with replay(hand, [0.0, 1.0]) as source:
+        assert source.next(0.1).index == 0
+        assert source.next(0.1) is None
+        assert hand.now == 50.1
+    assert source.ended
+    assert source.next(1.0) is None
 
 
 def test_where_it_falls_behind_the_newest_comes() -> None:
@@ -52,14 +54,6 @@ def test_where_it_falls_behind_the_newest_comes() -> None:
     hand.now += 0.35
     assert source.next(0.1).index == 3
     assert source.frames_dropped == 2
-
-
-def test_a_source_that_is_closed_has_ended() -> None:
-    source = replay(Hand(), [0.0, 0.1])
-    with source:
-        source.next(0.1)
-    assert source.ended
-    assert source.next(1.0) is None
 
 
 def test_values_that_freeze_bring_no_marks_and_events_come_when_they_are_due() -> None:

@@ -1,4 +1,8 @@
-"""The target's error budget: what a scene states, and what is supposed where it states nothing."""
+"""Whether an estimate may guide: contradictions between marks and model, and the errors that no mark shows.
+
+The error budget is what a scene states, and what is supposed where it states nothing; mathematics belongs to
+`estimators.consistency`.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynamics import ParameterUncertainty, independent_uncertainty, parameter_forces, parameters
-from estimators import ErrorSource, StaticBalance, StaticResponse, TargetEstimate, TissueFilter
+from estimators import (
+    Doubt,
+    DoubtSettings,
+    ErrorSource,
+    MarkMeasurement,
+    StaticBalance,
+    StaticResponse,
+    TargetEstimate,
+    TissueFilter,
+)
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 
@@ -133,3 +146,77 @@ def _is_unscaled(scene: Scene) -> bool:
     """Whether nothing is stated of the scale of the scene's camera."""
     camera = scene.cameras[0] if scene.cameras else None
     return camera is not None and not camera.n_calibration and camera.scale_sd is None
+
+
+MEANS = 2.0
+"""Times over which forces are averaged that are seen before anything guides [1]."""
+
+UNTESTED = "the forces on the marks were not seen long enough to test them"
+
+
+UNEVEN = "pictures come too unevenly to tell when they were exposed"
+
+
+class IntegrityMonitor:
+    """Watches the estimates of a scene's filter, frame by frame in order of time.
+
+    budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
+    State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks;
+    by how much pictures may be late [s], of which somebody looked at the picture, and whether they come unevenly.
+    """
+
+    def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
+        self.budget = error_budget(scene, tissue)
+        self.unstated = unstated(self.budget)
+        # a hand that leads a body moves all marks together
+        self.doubt = Doubt(DoubtSettings(together=0.0) if tissue.may_be_led else DoubtSettings())
+        self._balance = balance_of(scene, tissue)
+        self.tested_s: float | None = None
+        self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
+
+    def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
+        """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is.
+
+        From the first marks on a body is watched for `MEANS` mean forces before anything guides: a spring that is cut
+        shows in no innovation, and a poke may hide it from one mean.
+        """
+        self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
+        if marks and self.tested_s is None:
+            self.tested_s = estimate.time_s + MEANS * self._balance.mean_s
+        is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
+        return self.doubt.reason or (None if is_tested else UNTESTED)
+
+    def widened(self, estimate: TargetEstimate) -> TargetEstimate:
+        """The estimate with what the scene leaves unstated in its covariance."""
+        return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
+
+    def largest_errors(self, estimate: TargetEstimate) -> str:
+        """Which errors have most of the variance of the target of an estimate by the filter."""
+        return shares_words(variance_shares(self.budget, estimate))
+
+    def restart(self) -> None:
+        """Forget the marks: the filter begins again."""
+        self._balance.forget()
+        self.tested_s = None
+
+    def looked(self) -> None:
+        """Somebody looked at tissue, marks and picture: the doubt is over."""
+        self.doubt.forget()
+        self._known_late_s = self._late_s
+
+    def dated(self, late_s: float, *, uneven: bool) -> bool:
+        """By how much pictures may come later than their times say [s]; whether that is something else than before."""
+        if (late_s, uneven) == (self._late_s, self._uneven):
+            return False
+        self._late_s, self._uneven = late_s, uneven
+        self._known_late_s = min(self._known_late_s, late_s)
+        return True
+
+    @property
+    def fault(self) -> str | None:
+        """Why nothing may guide, whatever the newest estimate says of itself; None where something may."""
+        if self.doubt.reason:
+            return self.doubt.reason
+        if self._late_s > self._known_late_s:
+            return f"pictures may come {self._late_s:.1f} s late since a pause: look at the picture, then reset"
+        return UNEVEN if self._uneven else None

@@ -1,12 +1,12 @@
 """Before the first frame: a rehearsal that compiles, or loads, all that frames of a scene may have to wait for.
 
 Kernels are compiled by the types of their arguments, so what compiles them is what calls them: the line itself, on
-marks and pictures of a tissue that is seen, half hidden, gone, elsewhere and back.
+marks and pictures of a tissue that is seen, half hidden and gone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 
@@ -17,42 +17,30 @@ from estimators import CovarianceError, MarkMeasurement
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
-from vision.arrays import Image
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
 INTERVAL_S = 1.0 / 30.0
 """Between the frames of the rehearsal [s]: those of a usual camera."""
 
-ASIDE = 0.2
-"""How far marks are moved at once, by the size of the network: no filter follows that, it starts again."""
-
 
 def warm_up(scene: Scene) -> None:
     """Rehearse a scene; nothing of it is kept but what was compiled."""
-    network = scene.network
-    nodes = [network.index(mark.node) for mark in scene.marks]
-    rest = network.positions[nodes]
-    aside = np.zeros(network.dim)
-    aside[0] = ASIDE * float(np.ptp(network.positions, axis=0).max())
-    _rehearse_marks(scene, [rest] * 4 + [rest[1:]] + [rest + aside] * 12 + [rest] * 4)
-    if not scene.cameras:
-        return
-    _rehearse_pictures(scene, rest)
-    _rehearse_search()
+    rest = scene.network.positions[[scene.network.index(mark.node) for mark in scene.marks]]
+    _rehearse_marks(scene, rest)
+    if scene.cameras:
+        _rehearse_pictures(scene, rest)
+        _rehearse_search()
 
 
-def _rehearse_marks(scene: Scene, places: Sequence[Floats]) -> None:
-    """Frames of marks at these places [m], (n_marks, dim) or less, then a fix, then none."""
+def _rehearse_marks(scene: Scene, places: Floats) -> None:
+    """Frames of marks at these places [m], (n_marks, dim), a fix, and a frame of none."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
-    names = [mark.node for mark in scene.marks]
-    for k, seen in enumerate(places):
-        given = zip(names[len(names) - len(seen) :], seen, strict=True)
-        marks = [MarkMeasurement(node, place, plain) for node, place in given if node in scene.measured_nodes]
-        _tried(partial(line.take, k * INTERVAL_S, marks))
-    now_s = len(places) * INTERVAL_S
-    _tried(partial(line.identity.fix, line.filter.predict_at(now_s).mean, plain))
-    _tried(partial(line.take, now_s, []))
+    given = zip(scene.marks, places, strict=True)
+    marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
+    for k, seen in enumerate([marks, marks, []]):
+        _tried(partial(line.take, k * INTERVAL_S, seen))
+    _tried(lambda: line.identity.fix(line.filter.predict_at(2.0 * INTERVAL_S).mean, plain))
 
 
 def _rehearse_pictures(scene: Scene, places: Floats) -> None:
@@ -73,8 +61,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
         top, bottom = (int(np.clip(center[1] + far, 0, camera.size_px[1])) for far in (-1.5 * high, 1.5 * high))
         halves[top:bottom, left:right] = none[top:bottom, left:right]
     line = Line(scene, baseline=False, explain=True)
-    pictures: list[Image] = [whole] * 6 + [halves] * 3 + [whole] * 3 + [none] * 3 + [whole] * 2
-    for k, picture in enumerate(pictures):
+    for k, picture in enumerate([whole, whole, whole, halves, whole, none, whole]):
         _tried(partial(line.see, k * INTERVAL_S, picture))
 
 
