@@ -17,8 +17,6 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").g
 FOLDERS = "dynamics|estimators|vision|experiments|tests|docs"
 SUFFIXES = "py|md|toml|csv|png|json"
 
-page_by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-
 
 def missing_links(page: Path) -> list[str]:
     """Targets of relative links and pictures that are not there, and anchors without their heading."""
@@ -78,29 +76,12 @@ def cells(row: str) -> int:
     return re.sub(r"`[^`]*`|\\\|", "", row).count("|")
 
 
-@page_by_page
-def test_rows_of_a_table_have_as_many_cells(page: Path) -> None:
-    assert crooked_tables(page) == []
+CHECKS = (missing_links, missing_paths, missing_modules, missing_subcommands, crooked_tables)
 
 
-@page_by_page
-def test_links_and_pictures_exist(page: Path) -> None:
-    assert missing_links(page) == []
-
-
-@page_by_page
-def test_paths_exist(page: Path) -> None:
-    assert missing_paths(page) == []
-
-
-@page_by_page
-def test_modules_can_be_run(page: Path) -> None:
-    assert missing_modules(page) == []
-
-
-@page_by_page
-def test_subcommands_exist(page: Path) -> None:
-    assert missing_subcommands(page) == []
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_a_page_names_is_there_and_its_tables_are_straight(page: Path) -> None:
+    assert {check.__name__: check(page) for check in CHECKS} == {check.__name__: [] for check in CHECKS}
 
 
 def test_what_is_missing_is_found(tmp_path: Path) -> None:
@@ -112,11 +93,8 @@ def test_what_is_missing_is_found(tmp_path: Path) -> None:
         "| a | b |\n| --- | --- |\n| 1 |\n",
         encoding="utf-8",
     )
-    assert missing_links(page) == ["gone.md", "#two"]
-    assert missing_paths(page) == ["dynamics/gone.py"]
-    assert missing_modules(page) == ["experiments.gone"]
-    assert missing_subcommands(page) == ["vanish"]
-    assert crooked_tables(page) == ["| 1 |"]
+    expected = [["gone.md", "#two"], ["dynamics/gone.py"], ["experiments.gone"], ["vanish"], ["| 1 |"]]
+    assert [check(page) for check in CHECKS] == expected
 
 
 def test_every_picture_is_shown_on_a_page() -> None:

@@ -8,30 +8,10 @@ import numpy as np
 import pytest
 
 from dynamics import MassSpringNetwork, four_mass_phantom
+from tests.networks import build_network
 
 SLIP = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; written out so that a change of the constant is seen."""
-
-
-def build_network(positions, springs, anchors=(), **changes) -> MassSpringNetwork:
-    """Nodes N0, N1, ... of 0.2 kg and springs of 80 N/m at ease where drawn, no losses, no gravity, but for changes."""
-    x = np.asarray(positions, dtype=float)
-    pairs = np.asarray(springs)
-    n, dim = x.shape
-    fixed = np.zeros(n, dtype=bool)
-    fixed[list(anchors)] = True
-    fields = {
-        "masses": 0.2,
-        "drag": 0.0,
-        "friction": 0.0,
-        "stiffness": 80.0,
-        "rest_lengths": np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1),
-        "damping": 0.0,
-        "gravity": 0.0,
-    } | changes
-    sizes = dict.fromkeys(("masses", "drag", "friction"), n) | {"gravity": dim}
-    spread = {key: np.broadcast_to(value, sizes.get(key, len(pairs))) for key, value in fields.items()}
-    return MassSpringNetwork(names=tuple(f"N{i}" for i in range(n)), positions=x, fixed=fixed, springs=pairs, **spread)
 
 
 def random_network(dim: int, **changes) -> MassSpringNetwork:

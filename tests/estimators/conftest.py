@@ -1,6 +1,7 @@
 """What the tests of the filters share: the phantom, and truths computed by SciPy's adaptive integrator."""
 
 import os
+from functools import lru_cache
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # at twenty states more threads only wait for each other
 
@@ -78,6 +79,24 @@ def marks_of(network, state, sd=0.0, rng=None, nodes=OUTER):
     cov = (sd or 1e-3) ** 2 * np.eye(network.dim)
     noise = {node: sd * rng.normal(size=network.dim) if sd else 0.0 for node in nodes}
     return [MarkMeasurement(node, state[network.coordinates(node)] + noise[node], cov) for node in nodes]
+
+
+@lru_cache
+def poked_frames(seconds, sd, seed):
+    """Frames (time [s], marks) of the poked phantom, 30 a second, and its states, (n, n_state)."""
+    network, rng = four_mass_phantom(), np.random.default_rng(seed)
+    free = network.positions[network.free]
+    states = driven(network, pack(free, np.zeros_like(free)), poke_forces(network, seconds, rng))[::4]
+    return [(k / 30.0, marks_of(network, state, sd, rng)) for k, state in enumerate(states)], states
+
+
+def followed(method, frames):
+    """The estimates of frames, (time [s], marks) each."""
+    found = []
+    for time_s, marks in frames:
+        method.predict(time_s)
+        found.append(method.update(marks))
+    return found
 
 
 @pytest.fixture(name="driven", scope="session")

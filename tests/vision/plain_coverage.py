@@ -13,27 +13,9 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Picture = NDArray[Any]  # as OpenCV's stubs have it: (h, w) or (h, w, 3) of whole or of floating numbers
 
-GROW_PX = 3
-"""How far beyond the component the mark's blurred edge may reach; chosen for lenses up to 1.5 px blur."""
-PAD_PX = GROW_PX + 5
-"""Rim of pixels around the component that is looked at: its outer part shows what lies behind the mark."""
-CORE_PX = 2
-"""Pixels this far inside the component are all mark, whatever stripes or highlights they show."""
-FLOOR_PX2 = 0.0025**2
-"""Variance of a centre when nothing else is wrong: rounding to grey levels, shading; measured on drawn frames."""
-ROUNDING = 1.0 / 12.0
-"""Variance of rounding to whole grey levels."""
-OUTLIER_SDS = 3.890591886413
-"""Pixels further off than this are no background but something else near the mark: two-sided 99.99 %."""
-FIT_PIXELS = 800
-"""Pixels that the background is fitted to, at most: more cost time and gain nothing."""
-GRAIN_REACH = 7
-"""Square of lags over which noise behind a mark may hang together [px]: grain up to 1.5 px spread."""
-LOCAL_GAIN = 1.6
-"""Variance of noise to that of half the difference of two: 2 for white noise; measured on films of quality 95, whose
-noise alternates from pixel to pixel."""
-LOCAL_REACH = 3
-"""The same for what is lopsided in a mark [px]: little, as its first moment is gone with the centre; measured."""
+GROW_PX, CORE_PX, FIT_PIXELS, GRAIN_REACH, LOCAL_REACH = 3, 2, 800, 7, 3
+FLOOR_PX2, ROUNDING, OUTLIER_SDS, LOCAL_GAIN = 0.0025**2, 1.0 / 12.0, 3.890591886413, 1.6
+"""As `vision.detection.coverage` has them, where each is explained."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

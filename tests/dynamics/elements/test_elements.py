@@ -69,20 +69,13 @@ def test_force_at_rest_is_minus_the_slope_of_the_energy(kind, dim, slope):
 
 @each_dim
 @every_kind
-def test_stiffness_is_minus_the_slope_of_the_force(kind, dim, slope):
+def test_tangents_are_minus_the_slopes_of_the_force(kind, dim, slope):
+    """In motion; friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 4 N s/m = 6e-11 at 1e-5 m/s."""
     element = KINDS_OF_ELEMENT[kind][0](dim)
     x, v = corners(element, dim)
     stiffness, _ = element.tangents(x, v)
     expected = -by_element(slope(lambda at: element.force(at, v), x, 2e-4), x.shape)
     np.testing.assert_allclose(stiffness, expected, rtol=0, atol=1e-6)
-
-
-@each_dim
-@every_kind
-def test_damping_is_minus_the_slope_of_the_force(kind, dim, slope):
-    """In motion; friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 4 N s/m = 6e-11 at 1e-5 m/s."""
-    element = KINDS_OF_ELEMENT[kind][0](dim)
-    x, v = corners(element, dim)
     for speed in (v, np.zeros_like(v)):
         _, damping = element.tangents(x, speed)
         expected = -by_element(slope(lambda at: element.force(x, at), speed, 1e-5), x.shape)
@@ -121,44 +114,17 @@ def free_of(network, field):
 
 @pytest.mark.parametrize("seed", range(3))
 @each_dim
-def test_assembled_force_is_that_of_the_compiled_network(tangled, dim, seed):
+def test_assembled_elements_are_the_compiled_network(tangled, dim, seed):
+    """Force in motion, energy, and tangents at rest."""
     network = tangled(dim)
     x, v = moved(network, seed)
-    force = Assembly.of_network(network).force(free_of(network, x), free_of(network, v))
-    np.testing.assert_allclose(force, free_of(network, node_forces(network, x, v)), rtol=0, atol=1e-12)
-
-
-@each_dim
-def test_assembled_energy_is_that_of_the_network(tangled, dim):
-    network = tangled(dim)
-    x, _ = moved(network)
-    assembly = Assembly.of_network(network)
-    expected = potential_energy(network, x)
-    np.testing.assert_allclose(assembly.energy(free_of(network, x)), expected, rtol=0, atol=1e-12)
-
-
-@each_dim
-def test_assembled_tangents_at_rest_are_those_of_the_network(tangled, dim):
-    network = tangled(dim)
-    x, _ = moved(network)
-    q = free_of(network, x)
-    K, C = Assembly.of_network(network).tangents(q, np.zeros_like(q))
+    assembly, q = Assembly.of_network(network), free_of(network, x)
+    force = free_of(network, node_forces(network, x, v))
+    np.testing.assert_allclose(assembly.force(q, free_of(network, v)), force, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(assembly.energy(q), potential_energy(network, x), rtol=0, atol=1e-12)
+    K, C = assembly.tangents(q, np.zeros_like(q))
     np.testing.assert_allclose(K.toarray(), stiffness_matrix(network, x), rtol=0, atol=1e-10)
     np.testing.assert_allclose(C.toarray(), damping_matrix(network, x), rtol=0, atol=1e-10)
-
-
-@each_dim
-def test_assembled_damping_in_motion_is_the_slope_of_the_compiled_force(tangled, slope, dim):
-    network = tangled(dim)
-    x, v = moved(network)
-
-    def force(free):
-        speed = np.zeros_like(v)
-        speed[network.free] = free
-        return free_of(network, node_forces(network, x, speed))
-
-    _, C = Assembly.of_network(network).tangents(free_of(network, x), free_of(network, v))
-    np.testing.assert_allclose(C.toarray(), -slope(force, v[network.free], 1e-5), rtol=0, atol=1e-7)
 
 
 @each_dim

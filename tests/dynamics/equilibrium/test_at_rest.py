@@ -1,11 +1,10 @@
 """Rest lengths corrected by one still picture: the model rests where the tissue rests."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from dynamics import NetworkError, fit_rest_lengths, four_mass_phantom, parameters, rest_shape, scale_parameters
+from tests.networks import build_network
 
 PHANTOM = four_mass_phantom()
 
@@ -82,18 +81,6 @@ def test_a_picture_of_another_network_is_refused():
 
 def test_what_no_spring_can_hold_is_refused():
     """A mass on one spring from a ceiling cannot rest beside it: no correction balances gravity there."""
-    pendulum = replace(
-        PHANTOM,
-        names=("top", "mass"),
-        positions=np.array([[0.0, 0.0], [0.0, -0.3]]),
-        masses=np.array([0.2, 0.2]),
-        fixed=np.array([True, False]),
-        drag=np.zeros(2),
-        friction=np.zeros(2),
-        springs=np.array([[0, 1]]),
-        stiffness=np.array([250.0]),
-        rest_lengths=np.array([0.3]),
-        damping=np.zeros(1),
-    )
+    pendulum = build_network([[0.0, 0.0], [0.0, -0.3]], [(0, 1)], [0], stiffness=250.0, gravity=[0.0, -9.81])
     corrected = fit_rest_lengths(pendulum, [[0.0, 0.0], [0.05, -0.3]])
     assert abs(corrected.positions[1, 0]) < 1e-9  # it rests below its anchor, whatever was seen

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import four_mass_phantom, integrate_adaptive, oscillations, pack, rest_shape, stiffness_matrix
-from tests.dynamics.conftest import build_network
+from tests.networks import build_network
 
 K, M, C, D = 80.0, 0.2, 0.3, 0.5
 

@@ -1,7 +1,5 @@
 """The rest shape is where forces balance and the tissue stays."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -30,20 +28,22 @@ def test_forces_balance_and_the_balance_is_stable(tangled, dim):
     np.testing.assert_array_equal(rest[network.fixed], network.positions[network.fixed])
 
 
-@pytest.mark.parametrize(("mass", "k", "g"), [(0.2, 80.0, 9.81), (1.5, 30.0, 1.62)])
-def test_one_hanging_mass_sags_by_its_weight_over_its_stiffness(build, mass, k, g):
-    """Length l = l0 + m g / k. 1e-14 m: rounding."""
-    drawn = [[0.05, 0.0], [0.05, -0.2]]
-    hung = build(drawn, [(0, 1)], [0], masses=mass, stiffness=k, gravity=[0.0, -g])
-    np.testing.assert_allclose(rest_shape(hung)[1], [0.05, -(0.2 + mass * g / k)], rtol=0, atol=1e-14)
+HANGING = [[0.05, 0.0], [0.05, -0.2]], [(0, 1)], [0]
+FAR = 0.2 + 5.0 / 80.0
+CLOSED_FORMS = {
+    # length l = l0 + m g / k
+    "light": (HANGING, {"gravity": [0.0, -9.81]}, 0.0, [0.05, -(0.2 + 0.2 * 9.81 / 80.0)]),
+    "heavy": (HANGING, {"masses": 1.5, "stiffness": 30.0, "gravity": [0.0, -1.62]}, 0.0, [0.05, -0.281]),
+    # the spring points along weight and held force together, l = l0 + |m g + f| / k: (3, -4) N gives 5/80 m
+    "pushed": (HANGING, {"gravity": [0.0, -10.0]}, [[3.0, -2.0]], [0.05 + 0.6 * FAR, -0.8 * FAR]),
+}
 
 
-def test_a_held_force_adds_to_the_weight(build):
-    """The spring points along weight and force together, l = l0 + |m g + f| / k: (3, -4) N gives 5/80 m. Rounding."""
-    hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -10.0])
-    np.testing.assert_allclose(
-        rest_shape(hung, [[3.0, -2.0]])[1], (0.2 + 5.0 / 80.0) * np.array([0.6, -0.8]), rtol=0, atol=1e-14
-    )
+@pytest.mark.parametrize("case", CLOSED_FORMS)
+def test_one_hanging_mass_rests_by_its_closed_form(build, case):
+    """1e-14 m: rounding."""
+    drawn, changes, force, expected = CLOSED_FORMS[case]
+    np.testing.assert_allclose(rest_shape(build(*drawn, **changes), force)[1], expected, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
@@ -135,22 +135,24 @@ def test_holding_a_node_that_is_not_there_is_an_error(phantom):
         equilibrium_with_fixed(phantom, {"M9": [0.0, 0.0]})
 
 
-def test_the_reach_of_a_node_is_the_shortest_way_to_an_anchor(build):
-    """Springs of 3, 4 and 5 dm in a triangle, one more of 3 dm beyond: by hand. 1e-15 m: rounding of sums."""
-    corners = [[0.0, 0.0], [0.3, 0.0], [0.0, 0.4], [0.6, 0.0]]
-    springs = [(0, 1), (1, 2), (2, 0), (1, 3)]
-    np.testing.assert_allclose(reaches(build(corners, springs, [0])), [0.0, 0.3, 0.4, 0.6], rtol=0, atol=1e-15)
-    np.testing.assert_allclose(reaches(build(corners, springs, [0, 3])), [0.0, 0.3, 0.4, 0.0], rtol=0, atol=1e-15)
+TRIANGLE = [[0.0, 0.0], [0.3, 0.0], [0.0, 0.4], [0.6, 0.0]], [(0, 1), (1, 2), (2, 0), (1, 3)]
+CHAIN = [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.5, 0.0]], [(0, 1), (1, 2), (2, 3), (3, 4)]
+TWICE = [[0.0, 0.0], [0.1, 0.0]], [(0, 1), (1, 0)]
 
 
-def test_without_an_anchor_a_reach_is_the_longest_way(build):
-    """A chain of three links of 1 dm and one of 2 dm: the ends are 5 dm apart, the third node 3 dm from one of them."""
-    chain = [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0], [0.5, 0.0]]
-    loose = build(chain, [(0, 1), (1, 2), (2, 3), (3, 4)], [])
-    np.testing.assert_allclose(reaches(loose), [0.5, 0.4, 0.3, 0.3, 0.5], rtol=0, atol=1e-15)
-
-
-def test_of_two_springs_side_by_side_the_shorter_is_the_reach(build):
-    """Two springs between the same nodes, of 1 and 2 dm at rest: the node is 1 dm away at most. Exact."""
-    twice = replace(build([[0.0, 0.0], [0.1, 0.0]], [(0, 1), (1, 0)], [0]), rest_lengths=np.array([0.2, 0.1]))
-    assert reaches(twice)[1] == 0.1
+@pytest.mark.parametrize(
+    ("drawn", "anchors", "rest_lengths", "expected"),
+    [
+        # springs of 3, 4 and 5 dm in a triangle, one more of 3 dm beyond
+        (TRIANGLE, [0], None, [0.0, 0.3, 0.4, 0.6]),
+        (TRIANGLE, [0, 3], None, [0.0, 0.3, 0.4, 0.0]),
+        # without an anchor the longest way: the ends are 5 dm apart, the third node 3 dm from one of them
+        (CHAIN, [], None, [0.5, 0.4, 0.3, 0.3, 0.5]),
+        # of two springs side by side the shorter
+        (TWICE, [0], [0.2, 0.1], [0.0, 0.1]),
+    ],
+)
+def test_the_reach_of_a_node_is_the_shortest_way_to_an_anchor(build, drawn, anchors, rest_lengths, expected):
+    """By hand. 1e-15 m: rounding of sums."""
+    changes = {} if rest_lengths is None else {"rest_lengths": np.array(rest_lengths)}
+    np.testing.assert_allclose(reaches(build(*drawn, anchors, **changes)), expected, rtol=0, atol=1e-15)

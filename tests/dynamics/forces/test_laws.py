@@ -43,6 +43,7 @@ from dynamics.forces.kernels import (
     tension_by_rate,
 )
 from dynamics.forces.tangent import RK4_RADIUS
+from tests.dynamics.conftest import random_network
 
 VALUES = {
     "stiffness": (50.0, 150.0),
@@ -65,43 +66,37 @@ def kinds_of(law):
     return KINDS if law == "all" else (*NEEDED, *LAWS[law])
 
 
-@pytest.fixture
-def following(tangled):
+def following(law, dim):
     """A network of five nodes in which only this law, or all, have constants that are not 0."""
-
-    def build(law, dim):
-        rng = np.random.default_rng(17 + dim)
-        network = tangled(dim)
-        fields = {}
-        for kind in KINDS:
-            values = rng.uniform(*VALUES[kind], len(getattr(network, FIELDS[kind])))
-            fields[FIELDS[kind]] = values if kind in kinds_of(law) else 0.0 * values
-        return tangled(dim, **fields)
-
-    return build
+    rng = np.random.default_rng(17 + dim)
+    network = random_network(dim)
+    fields = {}
+    for kind in KINDS:
+        values = rng.uniform(*VALUES[kind], len(getattr(network, FIELDS[kind])))
+        fields[FIELDS[kind]] = values if kind in kinds_of(law) else 0.0 * values
+    return random_network(dim, **fields)
 
 
-@pytest.fixture
-def moving():
+def moving(network, shape):
     """Positions and velocities of all nodes: moved at random, two nodes in each other's places, or 1 cm apart."""
-
-    def draw(network, shape):
-        rng = np.random.default_rng(3)
-        x, v = network.positions.copy(), np.zeros_like(network.positions)
-        free = network.free
-        v[free] = 0.3 * rng.normal(size=x[free].shape)
-        if shape == "moved":
-            x[free] += 0.05 * rng.normal(size=x[free].shape)
-        elif shape == "reversed":
-            x[free[:2]] = x[free[:2]][::-1] + 0.02
-        elif shape == "collapsed":
-            x[free[0]] = x[free[1]] + 0.01 / np.sqrt(network.dim)
-        return x, v
-
-    return draw
+    rng = np.random.default_rng(3)
+    x, v = network.positions.copy(), np.zeros_like(network.positions)
+    free = network.free
+    v[free] = 0.3 * rng.normal(size=x[free].shape)
+    if shape == "moved":
+        x[free] += 0.05 * rng.normal(size=x[free].shape)
+    elif shape == "reversed":
+        x[free[:2]] = x[free[:2]][::-1] + 0.02
+    elif shape == "collapsed":
+        x[free[0]] = x[free[1]] + 0.01 / np.sqrt(network.dim)
+    return x, v
 
 
-SHAPES = ("moved", "reversed", "collapsed")
+def placed(network, everywhere, free):
+    """Of all nodes, with these of the free ones."""
+    found = everywhere.copy()
+    found[network.free] = free
+    return found
 
 
 def constants(law, rng):
@@ -177,51 +172,46 @@ def test_a_law_compiled_is_the_law_in_python(name):
 
 @pytest.mark.parametrize("law", EACH)
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("shape", ["moved", "reversed", "collapsed"])
 class TestAssembled:
     """What is assembled from the laws, in plane and space, also with springs reversed and nearly of no length."""
 
-    def test_force_at_rest_is_minus_the_gradient_of_the_energy(self, following, moving, slope, law, dim, shape):
+    def test_force_at_rest_is_minus_the_gradient_of_the_energy(self, slope, law, dim, shape):
         """F = -dV/dx; at 1 cm h⁴ k l0 24 / l⁴ / 30 is 1e-9 N of 50 N at a step of 1e-5 m, and so is rounding."""
         network = following(law, dim)
         x, _ = moving(network, shape)
 
         def energy(free):
-            everywhere = x.copy()
-            everywhere[network.free] = free
-            return potential_energy(network, everywhere)
+            return potential_energy(network, placed(network, x, free))
 
         force = node_forces(network, x, np.zeros_like(x))[network.free]
         assert np.abs(force).max() > 1.0
         np.testing.assert_allclose(force.ravel(), -slope(energy, x[network.free], 1e-5), rtol=0, atol=1e-8)
 
-    def test_stiffness_matrix_is_the_slope_of_the_force(self, following, moving, slope, law, dim, shape):
+    def test_stiffness_matrix_is_the_slope_of_the_force(self, slope, law, dim, shape):
         """K = -dF/dx at rest: 1e-7 N/m of thousands, error as above over 1e-5 m times 1/l."""
         network = following(law, dim)
         x, _ = moving(network, shape)
 
         def force(free):
-            everywhere = x.copy()
-            everywhere[network.free] = free
-            return node_forces(network, everywhere, np.zeros_like(x))[network.free].ravel()
+            return node_forces(network, placed(network, x, free), np.zeros_like(x))[network.free].ravel()
 
         K = stiffness_matrix(network, x)
         np.testing.assert_allclose(K, -slope(force, x[network.free], 1e-5), rtol=1e-7, atol=1e-7)
+        np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-12 * np.abs(K).max())
 
-    def test_damping_matrix_is_the_slope_of_the_force_at_rest(self, following, moving, slope, law, dim, shape):
+    def test_damping_matrix_is_the_slope_of_the_force_at_rest(self, slope, law, dim, shape):
         """C = -dF/dv at v = 0. Friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 6 N s/m = 1e-10 at 1e-5 m/s."""
         network = following(law, dim)
         x, _ = moving(network, shape)
 
         def force(free):
-            v = np.zeros_like(x)
-            v[network.free] = free
-            return node_forces(network, x, v)[network.free].ravel()
+            return node_forces(network, x, placed(network, np.zeros_like(x), free))[network.free].ravel()
 
         found = damping_matrix(network, x)
         np.testing.assert_allclose(found, -slope(force, np.zeros((len(network.free), dim)), 1e-5), rtol=0, atol=2e-8)
 
-    def test_resistance_at_a_speed_is_force_over_speed(self, following, moving, law, dim, shape):
+    def test_resistance_at_a_speed_is_force_over_speed(self, law, dim, shape):
         """C v is the loss force where all nodes move together at that speed: springs keep their lengths. Rounding."""
         network = following(law, dim)
         x, _ = moving(network, shape)
@@ -231,9 +221,7 @@ class TestAssembled:
         C = damping_matrix(network, x, speed_m_s=0.2) - _dashpots(network, x)
         np.testing.assert_allclose(-C @ v[network.free].ravel(), lost[network.free].ravel(), rtol=0, atol=1e-12)
 
-    def test_parameter_forces_are_slopes_of_the_force_in_the_log_of_each_constant(
-        self, following, moving, law, dim, shape
-    ):
+    def test_parameter_forces_are_slopes_of_the_force_in_the_log_of_each_constant(self, law, dim, shape):
         """Five-point rule at 1e-3: some 1e-11 of the force, and rounding; the compiled form to rounding."""
         network = following(law, dim)
         x, v = moving(network, shape)
@@ -252,7 +240,7 @@ class TestAssembled:
         compiled = ParameterForces(network, which)(pack(x[network.free], v[network.free]))
         np.testing.assert_allclose(compiled, found, rtol=0, atol=1e-12)
 
-    def test_the_plain_equations_of_motion_are_the_compiled_ones(self, following, moving, law, dim, shape):
+    def test_the_plain_equations_of_motion_are_the_compiled_ones(self, law, dim, shape):
         """Accelerations up to some 1000 m/s²: rounding."""
         network = following(law, dim)
         x, v = moving(network, shape)
@@ -269,7 +257,7 @@ def _dashpots(network, x):
 
 @pytest.mark.parametrize("law", EACH)
 @pytest.mark.parametrize("dim", [2, 3])
-def test_the_stability_limit_bounds_every_eigenvalue(following, law, dim):
+def test_the_stability_limit_bounds_every_eigenvalue(law, dim):
     """|lambda| <= 2.6 / stable_step in shapes whose springs are 0.5 to 1.5 times their rest lengths, and not twice."""
     network, rng, closest = following(law, dim), np.random.default_rng(9), 0.0
     which = parameters(network, ("rest_length",))
@@ -286,7 +274,7 @@ def test_the_stability_limit_bounds_every_eigenvalue(following, law, dim):
 
 @pytest.mark.parametrize("law", EACH)
 @pytest.mark.parametrize("dim", [2, 3])
-def test_energy_without_losses_is_kept_and_losses_only_take(following, law, dim):
+def test_energy_without_losses_is_kept_and_losses_only_take(law, dim):
     """1 s in steps of a hundredth of the stable one: drift of order h⁴, 1e-6 of the energy; losses never add."""
     network = following(law, dim)
     rest = rest_shape(network)
@@ -314,7 +302,7 @@ def test_energy_without_losses_is_kept_and_losses_only_take(following, law, dim)
 
 @pytest.mark.parametrize("law", EACH)
 @pytest.mark.parametrize("dim", [2, 3])
-def test_rest_lengths_fitted_to_a_shape_rest_there(following, law, dim):
+def test_rest_lengths_fitted_to_a_shape_rest_there(law, dim):
     """Whatever the laws are in the rest lengths: forces at the shape vanish, and it is the rest shape, to 1e-9 m."""
     network = following(law, dim)
     which = parameters(network, ("rest_length",))

@@ -1,4 +1,4 @@
-"""Constants by name, scaled on a log scale, and the forces that a change of each makes: against differences."""
+"""Constants by name, scaled on a log scale, and how uncertain they are; `test_laws.py` has their forces."""
 
 import re
 
@@ -6,17 +6,11 @@ import numpy as np
 import pytest
 
 from dynamics import (
-    KINDS,
-    MassSpringNetwork,
     NetworkError,
     Parameter,
-    ParameterForces,
     ParameterUncertainty,
     four_mass_phantom,
     independent_uncertainty,
-    node_forces,
-    pack,
-    parameter_forces,
     parameter_label,
     parameter_named,
     parameter_value,
@@ -24,17 +18,10 @@ from dynamics import (
     scale_parameters,
     strain_uncertainty,
 )
+from tests.networks import build_network
 
 PHANTOM = four_mass_phantom()
 ALL = parameters(PHANTOM)
-
-
-@pytest.fixture(scope="module")
-def moving():
-    """Positions and velocities of all nodes, anchors at rest."""
-    rng = np.random.default_rng(0)
-    x = PHANTOM.positions + np.where(PHANTOM.fixed[:, None], 0.0, rng.normal(0.0, 0.02, (7, 2)))
-    return x, np.where(PHANTOM.fixed[:, None], 0.0, rng.normal(0.0, 0.3, (7, 2)))
 
 
 def test_all_positive_constants_have_a_name_and_are_found_by_it():
@@ -57,26 +44,6 @@ def test_scaling_is_on_a_log_scale_and_touches_nothing_else():
     assert parameter_value(changed, which[1]) == pytest.approx(0.1, rel=1e-14)
     same = [one for one in ALL if one not in which]
     assert [parameter_value(changed, one) for one in same] == [parameter_value(PHANTOM, one) for one in same]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_forces_of_a_change_are_differences_of_the_forces(moving, kind):
-    """Central differences of `node_forces` in the log of each constant, 1e-5: 1e-8 N of forces of some newtons."""
-    which = parameters(PHANTOM, (kind,))
-    found = parameter_forces(PHANTOM, which, *moving)
-    for k, one in enumerate(which):
-        ends = [
-            node_forces(scale_parameters(PHANTOM, [one], [s * 1e-5]), *moving)[PHANTOM.free].ravel()
-            for s in (1.0, -1.0)
-        ]
-        np.testing.assert_allclose(found[k], (ends[0] - ends[1]) / 2e-5, rtol=0, atol=1e-8)
-        assert np.abs(found[k]).max() > 1e-4
-
-
-def test_the_compiled_form_is_the_plain_one(moving):
-    x, v = moving
-    compiled = ParameterForces(PHANTOM, ALL)(pack(x[PHANTOM.free], v[PHANTOM.free]))
-    np.testing.assert_allclose(compiled, parameter_forces(PHANTOM, ALL, x, v), rtol=0, atol=1e-13)
 
 
 def test_uncertainty_is_checked_and_has_a_covariance():
@@ -117,20 +84,7 @@ def test_two_uncertainties_beside_each_other_add_their_covariances():
 def star(middles, along):
     """Springs of 20 mm through these middles in these directions, in space, all of one stiffness."""
     ends = [middle + sign * 0.01 * n for middle, n in zip(middles, along, strict=True) for sign in (-1.0, 1.0)]
-    n = len(along)
-    return MassSpringNetwork(
-        names=tuple(f"n{i}" for i in range(2 * n)),
-        positions=np.array(ends),
-        masses=np.ones(2 * n),
-        fixed=np.zeros(2 * n, dtype=bool),
-        drag=np.zeros(2 * n),
-        friction=np.zeros(2 * n),
-        springs=np.arange(2 * n).reshape(n, 2),
-        stiffness=np.ones(n),
-        rest_lengths=np.full(n, 0.02),
-        damping=np.zeros(n),
-        gravity=np.zeros(3),
-    )
+    return build_network(ends, np.arange(2 * len(along)).reshape(-1, 2))
 
 
 def directions_at_random(n, rng):

@@ -11,33 +11,28 @@ from scipy.integrate import solve_ivp
 from dynamics import DRIVEN, ImplicitStepper, MassSpringNetwork, Stepper, integrate_adaptive, stiffness_matrix
 from dynamics.forces.kernels import implicit_steps, packed, tangents_each
 from dynamics.forces.tangent import damping_matrix
+from tests.networks import build_network
 
 LENGTH, G = 0.1, 9.81
 
 
-def link(stiffness: float, dim: int = 2) -> MassSpringNetwork:
+def link(stiffness: float) -> MassSpringNetwork:
     """A mass that hangs from an anchor by one spring."""
-    positions = np.zeros((2, dim))
-    positions[1, -1] = -LENGTH
-    return MassSpringNetwork(
-        names=("anchor", "end"),
-        positions=positions,
-        masses=np.array([1.0, 0.012]),
-        fixed=np.array([True, False]),
-        drag=np.zeros(2),
-        friction=np.zeros(2),
-        springs=np.array([[0, 1]]),
-        stiffness=np.array([stiffness]),
-        rest_lengths=np.array([LENGTH]),
-        damping=np.array([0.5]),
-        gravity=np.r_[np.zeros(dim - 1), -G],
-    )
+    changes = {"masses": 0.012, "stiffness": stiffness, "damping": 0.5, "gravity": [0.0, -G]}
+    return build_network([[0.0, 0.0], [0.0, -LENGTH]], [(0, 1)], [0], **changes)
 
 
 @pytest.fixture(scope="module")
 def smooth(phantom):
     """The phantom without friction, whose bend over 5 mm/s makes an error of its own."""
     return replace(phantom, friction=np.zeros(phantom.n_nodes))
+
+
+@pytest.fixture(scope="module")
+def slack(smooth):
+    """Weightless, and drawn where no spring is stretched."""
+    ends = smooth.positions[smooth.springs]
+    return replace(smooth, rest_lengths=np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), gravity=np.zeros(2))
 
 
 def moving(network, seed=3):
@@ -74,11 +69,8 @@ def test_a_stiff_link_swings_like_a_rigid_one(stiffness):
     np.testing.assert_allclose(state[0, :2], LENGTH * np.array([np.sin(swung), -np.cos(swung)]), rtol=0, atol=0.5e-3)
 
 
-def test_transition_matrices_are_derivatives_of_what_steps_do(smooth):
+def test_transition_matrices_are_derivatives_of_what_steps_do(slack):
     """By central differences of `advance` about a rest without tensions, where tangents are those of all steps."""
-    ends = smooth.positions[smooth.springs]
-    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    slack = replace(smooth, rest_lengths=lengths, gravity=np.zeros(2))
     stepper, dt, eps = ImplicitStepper(slack), 1 / 30, 1e-7
     start = np.r_[slack.positions[slack.free].ravel(), np.zeros(8)]
     found = stepper.linearised(start[None], dt)
@@ -92,11 +84,8 @@ def test_transition_matrices_are_derivatives_of_what_steps_do(smooth):
     )
 
 
-def test_a_driven_node_keeps_its_velocity_in_the_matrices_too(smooth):
+def test_a_driven_node_keeps_its_velocity_in_the_matrices_too(slack):
     """Of the node nothing but its own velocity matters; the others as by central differences of `advance`, at rest."""
-    ends = smooth.positions[smooth.springs]
-    lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    slack = replace(smooth, rest_lengths=lengths, gravity=np.zeros(2))
     stepper, dt, eps, driven = ImplicitStepper(slack), 1 / 30, 1e-7, [int(slack.free[1])]
     start = np.r_[slack.positions[slack.free].ravel(), np.zeros(8)]
     found = stepper.linearised(start[None], dt, driven=driven)
@@ -136,19 +125,9 @@ def test_tangents_are_semidefinite_and_exact_where_nothing_is_compressed(seed, d
     positions = rng.uniform(-1.0, 1.0, (5, dim))
     springs = np.array([(i, j) for i in range(5) for j in range(i)])
     lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
-    network = MassSpringNetwork(
-        names=tuple("abcde"),
-        positions=positions,
-        masses=np.ones(5),
-        fixed=np.array([True, False, False, False, False]),
-        drag=rng.uniform(0.0, 1.0, 5),
-        friction=np.zeros(5),
-        springs=springs,
-        stiffness=rng.uniform(1.0, 100.0, 10),
-        rest_lengths=lengths * rng.uniform(0.5, 0.99, 10),
-        damping=rng.uniform(0.0, 1.0, 10),
-        gravity=np.zeros(dim),
-    )
+    changes = {"drag": rng.uniform(0.0, 1.0, 5), "stiffness": rng.uniform(1.0, 100.0, 10)}
+    changes |= {"rest_lengths": lengths * rng.uniform(0.5, 0.99, 10), "damping": rng.uniform(0.0, 1.0, 10)}
+    network = build_network(positions, springs, [0], **changes)
     state = np.r_[positions[1:].ravel(), rng.normal(size=4 * dim)]
     own = positions, network.free, packed(network)
     for definite in (False, True):
@@ -167,14 +146,8 @@ def test_tangents_are_semidefinite_and_exact_where_nothing_is_compressed(seed, d
 def test_steps_are_a_power_of_two_and_no_longer_than_those_of_the_filter(smooth):
     """So that transition matrices of a step can be squared."""
     stepper = ImplicitStepper(smooth)
-    assert [stepper.n_steps(dt) for dt in (1e-4, 1 / 240, 1 / 240 + 1e-12, 1 / 100, 1 / 30, 1.0)] == [
-        1,
-        1,
-        1,
-        4,
-        8,
-        256,
-    ]
+    times = {1e-4: 1, 1 / 240: 1, 1 / 240 + 1e-12: 1, 1 / 100: 4, 1 / 30: 8, 1.0: 256}
+    assert {dt: stepper.n_steps(dt) for dt in times} == times
 
 
 def test_many_states_move_as_each_does_alone(smooth):
@@ -188,23 +161,11 @@ def test_many_states_move_as_each_does_alone(smooth):
 
 def cloth() -> MassSpringNetwork:
     """A lattice of 5 x 6 nodes 50 mm apart that hangs from its upper edge: too large for tangents at each iteration."""
-    at = [(row, column) for row in range(5) for column in range(6)]
-    positions = 0.05 * np.array([(column, 0.0, -row) for row, column in at])
+    positions = 0.05 * np.array([(column, 0.0, -row) for row in range(5) for column in range(6)])
     apart = np.linalg.norm(positions[:, None] - positions, axis=2)
     springs = np.argwhere(np.triu((apart > 0.0) & (apart < 0.08)))
-    return MassSpringNetwork(
-        names=tuple(f"n{k}" for k in range(len(at))),
-        positions=positions,
-        masses=np.full(len(at), 1e-3 / 3.0),
-        fixed=np.array([row == 0 for row, _ in at]),
-        drag=np.zeros(len(at)),
-        friction=np.zeros(len(at)),
-        springs=springs,
-        stiffness=np.full(len(springs), 60.0),
-        rest_lengths=apart[springs[:, 0], springs[:, 1]],
-        damping=np.full(len(springs), 0.1),
-        gravity=np.array([0.0, 0.0, -G]),
-    )
+    changes = {"masses": 1e-3 / 3.0, "stiffness": 60.0, "damping": 0.1, "gravity": [0.0, 0.0, -G]}
+    return build_network(positions, springs, range(6), **changes)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 4])

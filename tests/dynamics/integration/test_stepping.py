@@ -218,15 +218,11 @@ def test_a_batch_moves_as_its_points_one_by_one(tangled, dim):
     np.testing.assert_allclose(batch, alone, rtol=0, atol=1e-13)
 
 
-def test_no_time_is_no_motion(phantom):
-    state = thrown(phantom)[None]
-    moved = Stepper(phantom).advance(state, 0.0)
+def test_no_time_is_no_motion_and_no_force_one_of_nothing(phantom):
+    state, stepper = thrown(phantom)[None], Stepper(phantom)
+    moved = stepper.advance(state, 0.0)
     np.testing.assert_array_equal(moved, state)
     assert moved is not state
-
-
-def test_no_force_is_a_force_of_nothing(phantom):
-    state, stepper = thrown(phantom)[None], Stepper(phantom)
     np.testing.assert_array_equal(stepper.advance(state, 0.1), stepper.advance(state, 0.1, np.zeros((1, 8))))
 
 
@@ -236,15 +232,11 @@ def test_steps_are_equal_and_none_longer_than_allowed(phantom):
     assert stepper.max_step_s == LONGEST_STEP == 1.0 / 240.0
     assert [stepper.n_steps(dt) for dt in (0.0, 1e-4, 1 / 240, 1 / 30, 8.01 / 240, 0.1)] == [1, 1, 1, 8, 9, 24]
     assert stepper.n_steps(0.1 + 0.2 - 0.3 + 1 / 30) == 8
-
-
-def test_whatever_step_is_asked_for_the_network_stays_stable(phantom):
-    assert Stepper(phantom, 1.0).max_step_s == 0.5 * stable_step(phantom)
+    assert Stepper(phantom, 1.0).max_step_s == 0.5 * stable_step(phantom)  # whatever is asked for, it stays stable
 
 
 @pytest.mark.parametrize(
-    ("states", "forces"),
-    [((1, 15), (1, 8)), ((2, 16), (1, 8)), ((2, 16), (2, 16)), ((16,), (8,)), ((1, 16), (8,))],
+    ("states", "forces"), [((1, 15), (1, 8)), ((2, 16), (1, 8)), ((2, 16), (2, 16)), ((16,), (8,)), ((1, 16), (8,))]
 )
 def test_other_shapes_are_refused(phantom, states, forces):
     with pytest.raises(ValueError, match=r"expected states \(n, 16\) and forces \(n, 8\)"):

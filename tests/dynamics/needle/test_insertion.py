@@ -100,27 +100,24 @@ def test_work_of_the_hand_is_energy_of_the_tissue_and_what_was_lost(phantom):
     done = simulate_insertion(phantom, needle, at_rest(phantom), times)
     work = np.trapezoid(done.axial_forces * 0.03, times)
 
-    def energies(y):
+    def moving(y):
         places, speeds = unpack(y, 2)
         x, v = all_positions(phantom, places), np.zeros_like(phantom.positions)
         v[phantom.free] = speeds
-        contact = needle_load(phantom, needle, 0.8, x, v, punctured=False).contact ** 2 / (2 * needle.contact_N_m)
-        return potential_energy(phantom, x) + kinetic_energy(phantom, v) + contact
+        return x, v
 
-    lost = []
-    for y in done.states:
-        places, speeds = unpack(y, 2)
-        x, v = all_positions(phantom, places), np.zeros_like(phantom.positions)
-        v[phantom.free] = speeds
-        speed2 = (speeds**2).sum(axis=1)
+    def losses(y):
+        x, v = moving(y)
+        speed2 = (v**2).sum(axis=1)
         apart = x[phantom.springs[:, 1]] - x[phantom.springs[:, 0]]
         along = np.einsum("sd,sd->s", apart, v[phantom.springs[:, 1]] - v[phantom.springs[:, 0]])
-        stretching = along / np.linalg.norm(apart, axis=1)
-        free = phantom.free
-        dry = phantom.friction[free] * speed2 / np.sqrt(speed2 + 5e-3**2)
-        lost.append(phantom.damping @ stretching**2 + phantom.drag[free] @ speed2 + dry.sum())
-    start = potential_energy(phantom, phantom.positions)
-    gained = energies(done.states[-1]) - start
+        dry = phantom.friction * speed2 / np.sqrt(speed2 + 5e-3**2)
+        return phantom.damping @ (along / np.linalg.norm(apart, axis=1)) ** 2 + phantom.drag @ speed2 + dry.sum()
+
+    x, v = moving(done.states[-1])
+    contact = needle_load(phantom, needle, 0.8, x, v, punctured=False).contact ** 2 / (2 * needle.contact_N_m)
+    end = potential_energy(phantom, x) + kinetic_energy(phantom, v) + contact
+    gained = end - potential_energy(phantom, phantom.positions)
     assert work > 0.01
     assert gained < work
-    assert work - gained == pytest.approx(np.trapezoid(lost, times), abs=0.01 * work)
+    assert work - gained == pytest.approx(np.trapezoid([losses(y) for y in done.states], times), abs=0.01 * work)

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 
 from dynamics import (
     HIDDEN,
-    MassSpringNetwork,
     NeedleMechanics,
     NeedleMotion,
     NeedlePose,
@@ -23,6 +22,7 @@ from dynamics import (
     straight_insertion,
 )
 from dynamics.needle.steered import longest_step
+from tests.networks import build_network
 
 ENTRY = np.array([0.02, 0.22])
 SPEED = 0.05
@@ -32,6 +32,10 @@ def drive(towards, depth):
     """The needle from ENTRY towards a point, so deep [m]."""
     u = (towards - ENTRY) / np.linalg.norm(towards - ENTRY)
     return NeedleMotion(ENTRY + depth * u, SPEED * u, u, depth)
+
+
+def advanced(network, needle, state, motion, outside, between_s, punctured=False):
+    return advance_steered(network, needle, state, motion, outside=outside, between_s=between_s, punctured=punctured)
 
 
 @pytest.mark.slow
@@ -60,19 +64,9 @@ def test_an_insertion_is_that_of_dop853(pieces):
     edges = np.linspace(0.0, 0.5, pieces + 1)
     for a, b in pairwise(edges):
         told = drive(target, SPEED * a)
-        state, punctured = advance_steered(
-            network, needle, state, told, outside=SampledForces(forces, 1e-3), between_s=(a, b), punctured=punctured
-        )
+        state, punctured = advanced(network, needle, state, told, SampledForces(forces, 1e-3), (a, b), punctured)
     assert punctured
-    still, _ = advance_steered(
-        network,
-        needle,
-        rest,
-        drive(target, -1.0),
-        outside=SampledForces(forces, 1e-3),
-        between_s=(0.0, 0.5),
-        punctured=False,
-    )
+    still, _ = advanced(network, needle, rest, drive(target, -1.0), SampledForces(forces, 1e-3), (0.0, 0.5))
     place = network.coordinates(HIDDEN)
     assert np.linalg.norm((exact.states[-1] - still)[place]) > 1e-3
     np.testing.assert_allclose(state[:8], exact.states[-1][:8], rtol=0, atol=2e-6)
@@ -94,18 +88,14 @@ def test_stiff_links_take_shorter_steps():
 
     Steps of 1/1920 s, those of soft tissue, are four times as long as is stable, and end in numbers that are not.
     """
-    network = MassSpringNetwork(
-        names=("top", "a", "b"),
-        positions=np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]]),
-        masses=np.full(3, 0.002),
-        fixed=np.array([True, False, False]),
-        drag=np.zeros(3),
-        friction=np.zeros(3),
-        springs=np.array([(0, 1), (1, 2)]),
-        stiffness=np.full(2, 1e5),
-        rest_lengths=np.full(2, 0.1),
-        damping=np.full(2, 2.0),
-        gravity=np.array([0.0, -9.81]),
+    network = build_network(
+        [[0.0, 0.0], [0.1, 0.0], [0.2, 0.0]],
+        [(0, 1), (1, 2)],
+        [0],
+        masses=0.002,
+        stiffness=1e5,
+        damping=2.0,
+        gravity=[0.0, -9.81],
     )
     assert longest_step(network) < 1.0 / 1920.0
     assert longest_step(four_mass_phantom()) == 1.0 / 1920.0
@@ -113,15 +103,7 @@ def test_stiff_links_take_shorter_steps():
     away = NeedleMotion(np.array([0.0, 1.0]), np.zeros(2), np.array([0.0, -1.0]), -1.0)
     still = NeedlePose(away.tip, away.direction, 0.0, 0.0)
     none = SampledForces(np.zeros((2, 2, 2)), 1.0)
-    moved, _ = advance_steered(
-        network,
-        NeedleMechanics(lambda _t: still, away.tip),
-        start,
-        away,
-        outside=none,
-        between_s=(0.0, 0.1),
-        punctured=False,
-    )
+    moved, _ = advanced(network, NeedleMechanics(lambda _t: still, away.tip), start, away, none, (0.0, 0.1))
     solved = solve_ivp(
         lambda _t, s: plain_derivative(network, s), (0.0, 0.1), start, method="Radau", rtol=1e-9, atol=1e-12
     )
@@ -133,12 +115,6 @@ def test_time_does_not_go_back():
     network = four_mass_phantom()
     needle = NeedleMechanics(lambda _t: NeedlePose(ENTRY, ENTRY, 0.0, 0.0), ENTRY)
     with pytest.raises(ValueError, match="between_s: expected times that rise"):
-        advance_steered(
-            network,
-            needle,
-            np.zeros(16),
-            drive(np.zeros(2), 0.0),
-            outside=SampledForces(np.zeros((2, 4, 2)), 1.0),
-            between_s=(1.0, 0.5),
-            punctured=False,
+        advanced(
+            network, needle, np.zeros(16), drive(np.zeros(2), 0.0), SampledForces(np.zeros((2, 4, 2)), 1.0), (1.0, 0.5)
         )

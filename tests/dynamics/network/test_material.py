@@ -3,26 +3,8 @@
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork, material_coordinates, reaches
-
-
-def network_of(positions: np.ndarray, springs: list[tuple[int, int]], fixed: list[int]) -> MassSpringNetwork:
-    """A network that rests where it is drawn; positions [m], (n, dim)."""
-    n, places = len(positions), np.asarray(springs)
-    lengths = np.linalg.norm(positions[places[:, 1]] - positions[places[:, 0]], axis=1)
-    return MassSpringNetwork(
-        names=tuple(f"n{k}" for k in range(n)),
-        positions=positions,
-        masses=np.full(n, 0.01),
-        fixed=np.isin(np.arange(n), fixed),
-        springs=places,
-        stiffness=np.full(len(places), 100.0),
-        rest_lengths=lengths,
-        damping=np.zeros(len(places)),
-        drag=np.zeros(n),
-        friction=np.zeros(n),
-        gravity=np.zeros(positions.shape[1]),
-    )
+from dynamics import material_coordinates
+from tests.networks import build_network
 
 
 def distances(places: np.ndarray) -> np.ndarray:
@@ -32,7 +14,7 @@ def distances(places: np.ndarray) -> np.ndarray:
 def test_a_bent_cable_is_a_line_of_its_own_length() -> None:
     """Half a circle of radius 1: twelve links of 2 sin(pi / 24), whose material coordinates are their sums."""
     angles = np.linspace(0.0, np.pi, 13)
-    cable = network_of(np.column_stack([np.cos(angles), np.sin(angles)]), [(k, k + 1) for k in range(12)], [0])
+    cable = build_network(np.column_stack([np.cos(angles), np.sin(angles)]), [(k, k + 1) for k in range(12)], [0])
     found = material_coordinates(cable)
     assert found.shape == (13, 1)
     along = 2.0 * np.sin(np.pi / 24.0) * np.arange(13)
@@ -42,15 +24,10 @@ def test_a_bent_cable_is_a_line_of_its_own_length() -> None:
 def test_a_tetrahedron_whose_nodes_are_all_joined_keeps_its_shape() -> None:
     """Ways along springs are then the distances themselves, and classical scaling is exact (torgerson1952)."""
     places = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.2, 0.9, 0.0], [0.3, 0.3, 0.8]])
-    body = network_of(places, [(i, j) for i in range(4) for j in range(i)], [])
+    body = build_network(places, [(i, j) for i in range(4) for j in range(i)], [])
     found = material_coordinates(body)
     assert found.shape == (4, 3)
     np.testing.assert_allclose(distances(found), distances(places), atol=1e-9)
-
-
-def test_the_reach_of_a_chain_is_the_sum_of_its_links() -> None:
-    chain = network_of(np.array([[0.0, 0.0], [0.0, -0.3], [0.0, -0.5]]), [(0, 1), (1, 2)], [0])
-    np.testing.assert_allclose(reaches(chain), [0.0, 0.3, 0.5])
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
@@ -58,5 +35,5 @@ def test_coordinates_go_with_the_size(scale: float) -> None:
     rows, columns = np.meshgrid(np.arange(4.0), np.arange(5.0), indexing="ij")
     sheet = np.column_stack([rows.ravel(), columns.ravel(), np.zeros(20)])
     springs = [(i, j) for i in range(20) for j in range(i) if np.linalg.norm(sheet[i] - sheet[j]) < 1.5]
-    one, other = (material_coordinates(network_of(size * sheet, springs, [0])) for size in (1.0, scale))
+    one, other = (material_coordinates(build_network(size * sheet, springs, [0])) for size in (1.0, scale))
     np.testing.assert_allclose(distances(other), scale * distances(one), rtol=1e-9, atol=1e-9 * scale)

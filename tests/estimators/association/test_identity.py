@@ -11,18 +11,14 @@ from estimators import AssociationFilter, Status, TissueFilter
 from estimators.association.exchanges import seen_from
 from estimators.association.settings import IdentitySettings
 from estimators.filters.kernels import ambiguous_exchanges, association_costs
-
-EVERY = 4
-"""Steps of the truth, of 1/120 s, to a frame."""
-NOISE_M = 0.004
+from tests.estimators.conftest import followed as through
+from tests.estimators.conftest import poked_frames
 
 
 @pytest.fixture(scope="module")
-def frames(phantom, rest_state, marks_of, driven, poke_forces):
+def frames():
     """Two seconds at 30 frames/s of the phantom, poked, by DOP853; marks with 4 mm of noise."""
-    rng = np.random.default_rng(3)
-    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))[::EVERY]
-    return [(k / 30.0, marks_of(phantom, state, NOISE_M, rng)) for k, state in enumerate(states)]
+    return poked_frames(2.0, 0.004, 3)[0]
 
 
 def called(marks, names):
@@ -37,12 +33,7 @@ def right(phantom, frames):
 
 def means(phantom, frames):
     """Of a filter that nobody tells a wrong name, (n_frames, 2)."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    found = []
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        found.append(tissue.update(marks).mean)
-    return np.array(found)
+    return np.array([one.mean for one in through(TissueFilter(phantom, HIDDEN, OUTER), frames)])
 
 
 def followed(phantom, frames, names_at, alike=(OUTER,)):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork
+from dynamics import HIDDEN, OUTER
 from estimators import (
     EnsembleKalmanFilter,
     ExtendedKalmanFilter,
@@ -21,6 +21,8 @@ from estimators import (
 )
 from estimators.baselines import particles
 from estimators.baselines.particles import resample
+from tests.estimators.conftest import followed, poked_frames
+from tests.networks import held_masses
 
 R = 1e-6 * np.eye(2)
 MODE = ForceMode(white=0.2, poke=0.3, lasting_s=0.2)
@@ -29,34 +31,13 @@ ONE = FilterSettings(poked=MODE)
 
 @pytest.fixture(scope="module")
 def taut():
-    """A mass between four anchors on springs without tension: near rest it moves as a line says. The mass is marked."""
-    return MassSpringNetwork(
-        names=("mass", "E", "W", "N", "S"),
-        positions=np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]),
-        masses=np.full(5, 0.5),
-        fixed=np.array([False, True, True, True, True]),
-        drag=np.array([0.4, 0.0, 0.0, 0.0, 0.0]),
-        friction=np.zeros(5),
-        springs=np.array([[0, 1], [0, 2], [0, 3], [0, 4]]),
-        stiffness=np.full(4, 20.0),
-        rest_lengths=np.ones(4),
-        damping=np.zeros(4),
-        gravity=np.zeros(2),
-    )
+    return held_masses(drag=0.4)
 
 
 def frames(n=12, seed=0):
     """A mark a millimetre or so about rest, 15 frames/s, each third one not seen."""
     rng = np.random.default_rng(seed)
     return [(k / 15.0, [] if k % 3 == 2 else [MarkMeasurement("mass", rng.normal(0.0, 1e-3, 2), R)]) for k in range(n)]
-
-
-def followed(method, shown):
-    found = []
-    for time_s, marks in shown:
-        method.predict(time_s)
-        found.append(method.update(marks))
-    return found
 
 
 def started(model, mode):
@@ -125,19 +106,14 @@ def test_an_ensemble_nears_the_kalman_filter_with_its_size(taut):
 def test_stock_filterpy_adds_its_noise_once_a_frame(taut):
     """Against the same with noise at each step the covariance differs by more than 2 % at 5 frames/s, not at 60."""
 
-    def unlike(rate):
-        shown = [(k / rate, [MarkMeasurement("mass", np.zeros(2), R)]) for k in range(6)]
-        stock = followed(StockUnscented(taut, "mass", ("mass",), ONE), shown)[-1].cov
-        extended = followed(ExtendedKalmanFilter(taut, "mass", ("mass",), ONE), shown)[-1].cov
-        return abs(stock[0, 0] / extended[0, 0] - 1.0)
+    def unlike(shown):
+        kinds = StockUnscented, ExtendedKalmanFilter
+        stock, extended = (followed(kind(taut, "mass", ("mass",), ONE), shown)[-1].cov[0, 0] for kind in kinds)
+        return abs(stock / extended - 1.0)
 
-    shown = [(0.0, [MarkMeasurement("mass", np.zeros(2), R)]), (0.2, [])]
-    ends = [
-        followed(kind(taut, "mass", ("mass",), ONE), shown)[-1].cov[0, 0]
-        for kind in (StockUnscented, ExtendedKalmanFilter)
-    ]
-    assert abs(ends[0] / ends[1] - 1.0) > 0.02
-    assert unlike(60.0) < 0.02
+    marks = [MarkMeasurement("mass", np.zeros(2), R)]
+    assert unlike([(0.0, marks), (0.2, [])]) > 0.02
+    assert unlike([(k / 60.0, marks) for k in range(6)]) < 0.02
 
 
 def test_histories_of_two_modes_are_all_counted(taut, monkeypatch):
@@ -164,13 +140,8 @@ def test_histories_of_two_modes_are_all_counted(taut, monkeypatch):
             log += np.log(turn[a, b])
             mode = modes[b]
             for _ in range(4):
-                F = (
-                    (
-                        model.propagate(x + 1e-6 * np.eye(6), 1 / 120, mode)
-                        - model.propagate(x - 1e-6 * np.eye(6), 1 / 120, mode)
-                    )
-                    / 2e-6
-                ).T
+                ahead, behind = (model.propagate(x + by * np.eye(6), 1 / 120, mode) for by in (1e-6, -1e-6))
+                F = (ahead - behind).T / 2e-6
                 x, P = model.propagate(x[None], 1 / 120, mode)[0], F @ P @ F.T + model.noise(1 / 120, mode)
             S, y = H @ P @ H.T + R, marks[0].position - H @ x
             log -= 0.5 * (y @ np.linalg.solve(S, y) + np.linalg.slogdet(S)[1])
@@ -201,11 +172,9 @@ def test_fewer_weights_are_unbiased_distinct_and_no_more_than_asked_for():
     np.testing.assert_allclose(new, [0.3, 0.7])
 
 
-def test_on_the_poked_phantom_modes_are_worth_their_room(phantom, rest_state, driven, poke_forces, marks_of, hidden):
+def test_on_the_poked_phantom_modes_are_worth_their_room(phantom, hidden):
     """3 s, 4.14 mm, truth by DOP853, constants known: ours within 1.2 of the particles, one mode 1.3 times ours."""
-    rng = np.random.default_rng(0)
-    states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
-    shown = [(k / 30.0, marks_of(phantom, s, 0.00414, rng)) for k, s in enumerate(states)]
+    shown, states = poked_frames(3.0, 0.00414, 0)
     methods = {
         "filter": TissueFilter(phantom, HIDDEN, OUTER, FilterSettings(discrepancy=1e-3)),
         "particles": ParticleFilter(phantom, HIDDEN, OUTER, rng=np.random.default_rng(0), n_particles=15),

@@ -87,7 +87,6 @@ def test_random_methods_start_at_the_seed_of_the_problem(problem, frames):
 
 def test_an_unknown_name_raises_with_the_names_there_are(problem):
     with pytest.raises(
-        UnknownMethodError,
-        match='expected one of ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"',
+        UnknownMethodError, match='expected one of ekf, filterpy-ukf, enkf, particles, smoother, found "oracle"'
     ):
         make_method("oracle", problem)

@@ -6,28 +6,16 @@ import numpy as np
 import pytest
 from scipy.linalg import expm, solve_continuous_are
 
-from dynamics import OUTER, MassSpringNetwork, pack
+from dynamics import OUTER, pack
 from estimators import ForceMode, accumulated_noise, posterior_bound
+from tests.networks import held_masses
 
 R = 1e-6 * np.eye(2)
 
 
 @pytest.fixture(scope="module")
 def taut():
-    """A mass between four anchors on springs without tension at rest: near rest it moves as a line says."""
-    return MassSpringNetwork(
-        names=("mass", "E", "W", "N", "S"),
-        positions=np.array([[0.0, 0.0], [1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]]),
-        masses=np.full(5, 0.5),
-        fixed=np.array([False, True, True, True, True]),
-        drag=np.array([0.4, 0.0, 0.0, 0.0, 0.0]),
-        friction=np.zeros(5),
-        springs=np.array([[0, 1], [0, 2], [0, 3], [0, 4]]),
-        stiffness=np.full(4, 20.0),
-        rest_lengths=np.ones(4),
-        damping=np.zeros(4),
-        gravity=np.zeros(2),
-    )
+    return held_masses(drag=0.4)
 
 
 A = np.block([[np.zeros((2, 2)), np.eye(2)], [-80.0 * np.eye(2), -0.8 * np.eye(2)]])

@@ -27,13 +27,6 @@ def test_bounds_of_a_mean_are_those_of_the_sum():
     np.testing.assert_allclose(mean_bounds(2, 50), np.array(TABLE[100]) / 50.0, rtol=1e-5)
 
 
-def test_bounds_of_a_mean_hold_drawn_means():
-    """2000 means of 20 drawn squares: 95 % inside, to three deviations sqrt(0.95 0.05 / 2000) = 0.5 %."""
-    means = np.random.default_rng(0).chisquare(2, size=(2000, 20)).mean(axis=1)
-    low, high = mean_bounds(2, 20)
-    assert np.mean((means > low) & (means < high)) == pytest.approx(0.95, abs=0.015)
-
-
 @pytest.mark.parametrize(("degrees", "inside", "outside"), [(2, 5.991, 5.992), (1, 3.841, 3.842), (3, 7.814, 7.815)])
 def test_coverage_counts_up_to_the_tables_95_percent_point(degrees, inside, outside):
     """Table: 3.8415, 5.9915, 7.8147 for one, two, three degrees."""

@@ -7,38 +7,15 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import brentq
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, pack, rest_shape
+from dynamics import HIDDEN, OUTER, four_mass_phantom, pack, rest_shape
 from estimators import ForceMode, TissueModel, accumulated_noise, posterior_bound, resting_bound
 from experiments.simulation.bodies.body import Scale
 from experiments.simulation.bodies.chains import chain
+from tests.networks import held_masses
 
 MARK = 1e-6 * np.eye(2)
 QUIET = ForceMode(white=0.3, poke=1e-9, lasting_s=1.0)
 POKED = ForceMode(white=0.05, poke=5.0, lasting_s=0.2)
-
-
-def held(masses: int = 1) -> MassSpringNetwork:
-    """Masses of 0.5 kg, each between four springs of 20 N/m without tension: 80 rad²/s² along either axis."""
-    names, positions, springs = [], [], []
-    for k in range(masses):
-        middle = np.array([5.0 * k, 0.0])
-        names += [f"mass{k}", *(f"{end}{k}" for end in "EWNS")]
-        positions += [middle, *(middle + end for end in np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]]))]
-        springs += [(5 * k, 5 * k + i) for i in range(1, 5)]
-    n = len(names)
-    return MassSpringNetwork(
-        names=tuple(names),
-        positions=np.array(positions),
-        masses=np.full(n, 0.5),
-        fixed=np.arange(n) % 5 > 0,
-        drag=np.zeros(n),
-        friction=np.zeros(n),
-        springs=np.array(springs),
-        stiffness=np.full(len(springs), 20.0),
-        rest_lengths=np.ones(len(springs)),
-        damping=np.zeros(len(springs)),
-        gravity=np.zeros(2),
-    )
 
 
 def test_of_many_frames_a_second_it_is_kalman_and_bucys() -> None:
@@ -49,7 +26,7 @@ def test_of_many_frames_a_second_it_is_kalman_and_bucys() -> None:
     dt, w2, q = 1e-4, 80.0, 0.3**2
     r = 1e-3 * dt
     p12 = r * (np.sqrt(w2**2 + q / r) - w2)
-    found = resting_bound(held(), {"mass0": 1e-3 * np.eye(2)}, dt, QUIET)
+    found = resting_bound(held_masses(), {"mass": 1e-3 * np.eye(2)}, dt, QUIET)
     np.testing.assert_allclose(np.diag(found)[:2], np.sqrt(2.0 * r * p12), rtol=3e-3)
     np.testing.assert_allclose([found[0, 2], found[1, 3]], p12, rtol=3e-3)
 
@@ -86,12 +63,12 @@ def test_the_bound_of_a_long_rest_is_this_one() -> None:
 
 def test_what_no_mark_sees_is_known_only_as_well_as_an_hour_of_shaking_leaves_it() -> None:
     """Undamped, its variance grows by q / 2 w² a second and coordinate; the other mass is the same as alone."""
-    network = held(2)
-    found = resting_bound(network, {"mass0": MARK}, 1.0 / 30.0, QUIET)
+    network = held_masses(2)
+    found = resting_bound(network, {"mass": MARK}, 1.0 / 30.0, QUIET)
     unseen = np.diag(found)[2:4]
     frames = 2.0 ** np.ceil(np.log2(3600.0 * 30.0))
     np.testing.assert_allclose(unseen, 0.3**2 / (2.0 * 80.0) * frames / 30.0, rtol=1e-3)
-    alone = resting_bound(held(), {"mass0": MARK}, 1.0 / 30.0, QUIET)
+    alone = resting_bound(held_masses(), {"mass": MARK}, 1.0 / 30.0, QUIET)
     np.testing.assert_allclose(np.diag(found)[:2], np.diag(alone)[:2], rtol=1e-6)
 
 
@@ -115,9 +92,9 @@ def test_dry_friction_is_the_drag_of_its_own_speed() -> None:
         return drag + friction / np.sqrt(white**2 * mass / d + 5e-3**2) - d
 
     one = np.arange(5) == 0
-    rough = replace(held(), drag=np.where(one, drag, 0.0), friction=np.where(one, friction, 0.0))
+    rough = replace(held_masses(), drag=np.where(one, drag, 0.0), friction=np.where(one, friction, 0.0))
     smooth = replace(rough, friction=np.zeros(5), drag=np.where(one, brentq(excess, drag, 20.0), 0.0))
-    found, expected = (resting_bound(body, {"mass0": 1e-2 * np.eye(2)}, 0.1, QUIET) for body in (rough, smooth))
+    found, expected = (resting_bound(body, {"mass": 1e-2 * np.eye(2)}, 0.1, QUIET) for body in (rough, smooth))
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=1e-6)
-    slippery = resting_bound(replace(rough, friction=np.zeros(5)), {"mass0": 1e-2 * np.eye(2)}, 0.1, QUIET)
+    slippery = resting_bound(replace(rough, friction=np.zeros(5)), {"mass": 1e-2 * np.eye(2)}, 0.1, QUIET)
     assert found[0, 0] < 0.98 * slippery[0, 0]

@@ -16,11 +16,6 @@ def test_crps_is_the_integral_of_its_definition(mean, sd, truth):
     assert crps_normal(mean, sd, truth) == pytest.approx(below + above, rel=1e-7)
 
 
-def test_crps_of_a_hit():
-    """At the mean of N(0, 1): 2 phi(0) - 1 / sqrt(pi)."""
-    assert crps_normal(0.0, 1.0, 0.0) == pytest.approx(2.0 / np.sqrt(2.0 * np.pi) - 1.0 / np.sqrt(np.pi), rel=1e-14)
-
-
 def test_the_energy_score_of_one_dimension_is_the_crps():
     """20,000 draws: 3 / sqrt(20,000) of the spread."""
     rng = np.random.default_rng(0)
@@ -33,20 +28,6 @@ def test_the_energy_score_of_a_hit_in_the_plane():
     """At the mean of N(0, 1) in the plane: E|X| = sqrt(pi / 2) and E|X - X'| = sqrt(pi). 200,000 draws: 5e-3."""
     score = energy_score(np.zeros((1, 2)), np.eye(2)[None], np.zeros((1, 2)), np.random.default_rng(1), 200_000)
     assert score[0] == pytest.approx(np.sqrt(np.pi / 2.0) - np.sqrt(np.pi) / 2.0, abs=5e-3)
-
-
-def test_both_scores_are_least_for_the_right_spread():
-    """Strictly proper: of predictions half, once and twice as wide as the truth scatters the right ones score best."""
-    rng = np.random.default_rng(2)
-    truths = rng.normal(size=(4000, 2))
-    for scores in (
-        [crps_normal(0.0, s, truths[:, 0]).mean() for s in (0.5, 1.0, 2.0)],
-        [
-            energy_score(np.zeros((4000, 2)), np.tile(s**2 * np.eye(2), (4000, 1, 1)), truths, rng, 100).mean()
-            for s in (0.5, 1.0, 2.0)
-        ],
-    ):
-        assert scores[1] < 0.97 * min(scores[0], scores[2])
 
 
 def test_transforms_of_right_predictions_are_uniform():

@@ -3,12 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics import (
-    HIDDEN,
-    OUTER,
-    four_mass_phantom,
-    rest_shape,
-)
+from dynamics import HIDDEN, OUTER, four_mass_phantom, rest_shape
 from estimators import FilterSettings, MarkMeasurement, StaticBalance, TissueFilter
 
 COV = 1e-9 * np.eye(2)

@@ -8,26 +8,21 @@ from dynamics import HIDDEN, OUTER, breast_phantom
 from estimators import MarkMeasurement, TissueFilter
 from estimators.core.disturbances import Disturbances
 from estimators.guidance.path import path_near_rest, path_tables
+from tests.estimators.conftest import followed
 
 HZ = 1.0 / 30.0
 CYCLE_S = 1.0 / 30.0
 
 
-def settled(network, target, marked, seconds=1.0, by_m=0.002, **priors):
-    """A filter after marks that rest a little aside, seen to half a millimetre."""
-    unified, rng = TissueFilter(network, target, marked, **priors), np.random.default_rng(0)
-    for k in range(round(seconds / HZ)):
-        unified.predict(k * HZ)
-        unified.update(
-            [
-                MarkMeasurement(
-                    name,
-                    network.positions[network.index(name)] + by_m + 5e-4 * rng.normal(size=network.dim),
-                    2.5e-7 * np.eye(network.dim),
-                )
-                for name in marked
-            ]
-        )
+def settled(network, target, marked, by_m=0.002):
+    """A filter after a second of marks that rest a little aside, seen to half a millimetre."""
+    unified, rng, cov = TissueFilter(network, target, marked), np.random.default_rng(0), 2.5e-7 * np.eye(network.dim)
+    rest = {name: network.positions[network.index(name)] + by_m for name in marked}
+    frames = []
+    for k in range(30):
+        seen = {name: at + 5e-4 * rng.normal(size=network.dim) for name, at in rest.items()}
+        frames.append((k * HZ, [MarkMeasurement(name, at, cov) for name, at in seen.items()]))
+    followed(unified, frames)
     return unified
 
 

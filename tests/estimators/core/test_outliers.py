@@ -8,11 +8,12 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, Status, TissueFilter
+from estimators import MarkMeasurement, Status, TissueFilter, normalised_error_squared
 from estimators.core import track
 from estimators.core.innovations import Outliers
 from estimators.core.kernels import without_outliers
 from experiments.simulation.bodies.zoo import make_body
+from tests.estimators.conftest import followed
 
 HZ, NOISE_M = 1.0 / 30.0, 1e-3
 FAR = 1e6
@@ -79,14 +80,10 @@ def test_an_outlier_is_anywhere_within_reach():
 
 def seen_by(unified, frames, truth):
     """What the filter makes of frames of places by name [m], and squared errors of the target by its covariance."""
-    found, nees = [], []
-    for k, (places, target) in enumerate(zip(frames, truth, strict=True)):
-        unified.predict(k * HZ)
-        cov = NOISE_M**2 * np.eye(len(target))
-        found.append(unified.update([MarkMeasurement(name, at, cov) for name, at in places.items()]))
-        error = found[-1].mean - target
-        nees.append(float(error @ np.linalg.solve(found[-1].cov, error)))
-    return found, np.array(nees)
+    cov = NOISE_M**2 * np.eye(unified.network.dim)
+    marks = [[MarkMeasurement(name, at, cov) for name, at in places.items()] for places in frames]
+    found = followed(unified, [(k * HZ, now) for k, now in enumerate(marks)])
+    return found, normalised_error_squared([one.mean for one in found] - np.array(truth), [one.cov for one in found])
 
 
 def frames_of(network, places, marked, rng):
@@ -161,20 +158,15 @@ def resting(phantom, rest_state, marks_of):
 
     def made(nodes):
         unified, near = TissueFilter(phantom, HIDDEN, OUTER), marks_of(phantom, rest_state, nodes=nodes)
-        for k in range(30):
-            unified.predict(k * HZ)
-            assert unified.update(near).marks_used == len(nodes)
+        found = followed(unified, [(k * HZ, near) for k in range(30)])
+        assert {one.marks_used for one in found} == {len(nodes)}
         return unified, near
 
     return made
 
 
 def after(unified, marks, n_frames):
-    found = []
-    for k in range(30, 30 + n_frames):
-        unified.predict(k * HZ)
-        found.append(unified.update(marks))
-    return found
+    return followed(unified, [(k * HZ, marks) for k in range(30, 30 + n_frames)])
 
 
 def test_the_mark_of_a_single_node_far_off_is_an_outlier_until_it_stays_there(resting):

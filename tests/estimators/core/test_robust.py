@@ -19,20 +19,12 @@ def at_rest(network, times_s, sd_m=SD_M, seed=1, names=None):
     """Frames of marks about the drawn places, by independent errors of this standard deviation."""
     rng = np.random.default_rng(seed)
     names = [network.names[i] for i in network.free] if names is None else names
-    return [
-        (
-            t,
-            [
-                MarkMeasurement(
-                    name,
-                    network.positions[network.index(name)] + sd_m * rng.normal(size=network.dim),
-                    sd_m**2 * np.eye(network.dim),
-                )
-                for name in names
-            ],
-        )
-        for t in times_s
-    ]
+    rest, cov = [network.positions[network.index(name)] for name in names], sd_m**2 * np.eye(network.dim)
+    frames = []
+    for t in times_s:
+        places = [at + sd_m * rng.normal(size=network.dim) for at in rest]
+        frames.append((t, [MarkMeasurement(name, at, cov) for name, at in zip(names, places, strict=True)]))
+    return frames
 
 
 def outer_of(phantom):

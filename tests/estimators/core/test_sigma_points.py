@@ -9,6 +9,7 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom, node_forces
 from estimators import FilterSettings, MarkMeasurement, TissueFilter
 from estimators.core.sigma_points import by_sigma_points
 from estimators.core.tissue import TissueProcess
+from tests.estimators.conftest import followed
 
 DT = 1.0 / 30.0
 
@@ -101,13 +102,10 @@ def test_a_filter_is_as_its_settings_say() -> None:
 
     def after_two_marks(**chosen: bool) -> np.ndarray:
         network = four_mass_phantom()
+        places = {node: network.positions[network.index(node)] + 0.01 for node in OUTER}
+        marks = [MarkMeasurement(node, place, 1e-4 * np.eye(2)) for node, place in places.items()]
         tissue = TissueFilter(network, HIDDEN, OUTER, FilterSettings(**chosen))
-        for frame in range(2):
-            tissue.predict(frame * DT)
-            places = [network.positions[network.index(node)] + 0.01 for node in OUTER]
-            estimate = tissue.update(
-                [MarkMeasurement(n, z, 1e-4 * np.eye(2)) for n, z in zip(OUTER, places, strict=True)]
-            )
+        estimate = followed(tissue, [(0.0, marks), (DT, marks)])[-1]
         return np.r_[estimate.mean, estimate.cov.ravel()]
 
     usual, points, tangent = after_two_marks(), after_two_marks(sigma_points=True), after_two_marks(sigma_points=False)

@@ -7,7 +7,7 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, scale_parameters
 from dynamics.forces.parameters import Parameter, ParameterUncertainty
-from estimators import FilterSettings, MarkMeasurement, TissueFilter
+from estimators import FilterSettings, MarkMeasurement, TissueFilter, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.disturbances import Disturbances
 from estimators.core.marks import Places
@@ -15,6 +15,7 @@ from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.process.process_model import FixBias
 from estimators.process.target import TargetPoint
+from tests.estimators.conftest import followed
 
 HZ = 1.0 / 30.0
 EXACT = Discrepancy(levels=(3e-5,))
@@ -53,24 +54,17 @@ def test_columns_of_constants_are_derivatives_of_the_motion_by_them(phantom, kin
         assert np.linalg.norm(found[part] - truth[part]) < 0.15 * np.linalg.norm(truth[part])
 
 
-def rest_marks(network, sd_m=1e-3, seed=None, by_m=0.0, nodes=OUTER, shared=None):
-    rng = np.random.default_rng(seed)
-    return [
-        MarkMeasurement(
-            node,
-            network.positions[network.index(node)] + by_m + (0.0 if seed is None else sd_m * rng.normal(size=2)),
-            sd_m**2 * np.eye(2),
-            shared,
-        )
-        for node in nodes
-    ]
+def rest_marks(network, sd_m=1e-3, seed=None, by_m=0.0, shared=None):
+    rng, marks = np.random.default_rng(seed), []
+    for node in OUTER:
+        place = network.positions[network.index(node)] + by_m
+        noise = 0.0 if seed is None else sd_m * rng.normal(size=2)
+        marks.append(MarkMeasurement(node, place + noise, sd_m**2 * np.eye(2), shared))
+    return marks
 
 
-def seen(tissue, seconds, marks_at):
-    for k in range(round(seconds / HZ)):
-        tissue.predict(k * HZ)
-        found = tissue.update(marks_at(k))
-    return found
+def seen(tissue, seconds, marks_at, start=0):
+    return followed(tissue, [(k * HZ, marks_at(k)) for k in range(start, start + round(seconds / HZ))])[-1]
 
 
 def spread(estimate):
@@ -86,17 +80,14 @@ def test_a_body_whose_stiffness_is_off_by_a_deviation_is_covered_where_that_is_s
     forces[:, 0] = phantom.masses[0] * 6.0 * np.sin(2.0 * np.pi * np.arange(360) / 120.0)[:, None] * [1.0, 0.3]
     start = np.concatenate([phantom.positions[phantom.free].ravel(), np.zeros(8)])
     states = driven(body, start, forces)[::4]
+    frames = [marks_of(phantom, state, 3e-4, np.random.default_rng(k)) for k, state in enumerate(states)]
     at, ratios = phantom.coordinates(HIDDEN), {}
     for stated in (None, known):
         tissue = TissueFilter(phantom, HIDDEN, OUTER, uncertainty=stated, discrepancy=EXACT, disturbances=PUSHED)
-        squared, sigma = [], []
-        for k, state in enumerate(states):
-            tissue.predict(k * HZ)
-            found = tissue.update(marks_of(phantom, state, 3e-4, np.random.default_rng(k)))
-            error = found.mean - state[at]
-            squared.append(float(error @ np.linalg.solve(found.cov, error)))
-            sigma.append(spread(found))
-        ratios[stated is not None] = np.mean(np.array(squared[30:]) < 5.991), np.mean(sigma[30:])
+        found = followed(tissue, [(k * HZ, marks) for k, marks in enumerate(frames)])[30:]
+        errors = np.array([one.mean for one in found]) - states[30:, at]
+        squared = normalised_error_squared(errors, [one.cov for one in found])
+        ratios[stated is not None] = np.mean(squared < 5.991), np.mean([spread(one) for one in found])
     assert ratios[True][0] > 0.9
     assert ratios[False][0] < 0.6
     assert ratios[True][1] > 1.1 * ratios[False][1]
@@ -211,12 +202,5 @@ def test_the_offset_of_the_target_is_in_its_covariance_and_a_fix_shrinks_it(phan
     np.testing.assert_allclose(covs[1] - covs[0], 6.4e-5 * np.eye(2), atol=1e-8)
     found = loose.fix(loose.place_of(loose.target)[0] + 4e-3, 1e-6 * np.eye(2))
     assert np.sqrt(np.diag(found.cov)).max() < 1.1e-3
-    later = seen_more(loose, phantom)
+    later = seen(loose, 1.0, lambda k: rest_marks(phantom, 1e-4, k), start=30)
     assert np.sqrt(np.diag(later.cov)).max() < 1.1e-3
-
-
-def seen_more(tissue, network):
-    for k in range(30, 60):
-        tissue.predict(k * HZ)
-        found = tissue.update(rest_marks(network, 1e-4, k))
-    return found

@@ -1,46 +1,38 @@
 """What the filter of the tissue does at its surface."""
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import (
-    AssociationFilter,
-    CovarianceError,
-    LeaveOneOut,
-    MarkMeasurement,
-    Status,
-    TissueFilter,
-)
+from estimators import AssociationFilter, CovarianceError, LeaveOneOut, MarkMeasurement, Status, TissueFilter
 from estimators.process.target import TargetPoint
+from tests.estimators.conftest import followed, poked_frames
 from tests.estimators.states import digest
 
 HZ, NOISE_M, FIX_COV = 1.0 / 30.0, 1e-3, 4e-6 * np.eye(2)
 
 
 @pytest.fixture(scope="module")
-def frames(phantom, rest_state, marks_of, driven, poke_forces):
+def frames():
     """Two seconds at 30 frames/s of the phantom, poked, by DOP853; marks with 1 mm of noise."""
-    rng = np.random.default_rng(3)
-    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, rng))[::4]
-    return [(k * HZ, marks_of(phantom, state, NOISE_M, rng)) for k, state in enumerate(states)]
+    return poked_frames(2.0, NOISE_M, 3)[0]
 
 
-def through(tissue, frames):
-    found = []
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        found.append(tissue.update(marks))
-    return found
+@pytest.fixture(scope="module")
+def seen_for(phantom, frames):
+    """A filter after so many of these frames."""
 
+    @lru_cache
+    def first(n):
+        tissue = TissueFilter(phantom, HIDDEN, OUTER)
+        followed(tissue, frames[:n])
+        return tissue
 
-def seen_for(phantom, frames, **options):
-    """A filter after these frames."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, **options)
-    through(tissue, frames)
-    return tissue
+    return lambda n: deepcopy(first(n))
 
 
 def said(estimate):
@@ -50,19 +42,19 @@ def said(estimate):
 def test_a_start_is_no_evidence(phantom, frames):
     """Names that begin again at a start are compared by what follows."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    through(tissue, frames[:1])
+    followed(tissue, frames[:1])
     assert tissue.log_likelihood == 0.0
-    through(tissue, frames[1:2])
+    followed(tissue, frames[1:2])
     assert tissue.log_likelihood != 0.0
 
 
-def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(phantom, frames):
+def test_a_filter_that_was_set_back_goes_on_as_before_to_the_last_bit(seen_for, frames):
     """Set back twice: what came between, a loss and a start among it, does not show."""
-    tissue = seen_for(phantom, frames[:20])
+    tissue = seen_for(20)
     then = tissue.snapshot()
     ends = []
     for _ in range(2):
-        found = through(tissue, frames[20:30])
+        found = followed(tissue, frames[20:30])
         found.append(tissue.fix(found[-1].mean, FIX_COV))
         ends.append(([said(one) for one in found], digest(tissue.snapshot())))
         tissue.predict(30.0)
@@ -81,7 +73,7 @@ def test_two_exchanged_marks_are_named_rightly_again(phantom, frames):
         found.append(identity.update(identity.named(called)))
     assert [set(swap.nodes) for swap in identity.swaps] == [{"M1", "M4"}]
     assert identity.swaps[0].time_s - frames[20][0] < 0.2
-    right = through(TissueFilter(phantom, HIDDEN, OUTER), frames[:40])
+    right = followed(TissueFilter(phantom, HIDDEN, OUTER), frames[:40])
     assert said(found[-1].estimate) == said(right[-1])
 
 
@@ -92,15 +84,15 @@ def test_marks_exchanged_from_the_first_frame_on_are_named_rightly(phantom, fram
     for time_s, marks in frames[:30]:
         identity.tissue.predict(time_s)
         one = identity.update(identity.named([replace(mark, node=names[mark.node]) for mark in marks]))
-    right = through(TissueFilter(phantom, HIDDEN, OUTER), frames[:30])[-1]
+    right = followed(TissueFilter(phantom, HIDDEN, OUTER), frames[:30])[-1]
     assert one.estimate.status is Status.TRACKING
     assert np.linalg.norm(one.estimate.mean - right.mean) < 1e-3
 
 
-def test_without_marks_a_state_is_that_of_a_new_filter(phantom, frames):
-    tissue = seen_for(phantom, frames[:20])
+def test_without_marks_a_state_is_that_of_a_new_filter(seen_for, phantom, frames):
+    tissue = seen_for(20)
     tissue.restore(tissue.snapshot().without_marks())
-    again, new = (through(one, frames[20:25]) for one in (tissue, TissueFilter(phantom, HIDDEN, OUTER)))
+    again, new = (followed(one, frames[20:25]) for one in (tissue, TissueFilter(phantom, HIDDEN, OUTER)))
     assert [digest((one.mean, one.cov)) for one in again] == [digest((one.mean, one.cov)) for one in new]
 
 
@@ -118,15 +110,15 @@ LOOKS = {
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_to_look_changes_nothing(phantom, frames, look):
-    tissue = seen_for(phantom, frames[:20])
+def test_to_look_changes_nothing(seen_for, look):
+    tissue = seen_for(20)
     before = digest(tissue.snapshot())
     LOOKS[look](tissue, tissue.time_s)
     assert digest(tissue.snapshot()) == before
 
 
-def test_looks_ahead_are_what_a_prediction_then_gives(phantom, frames):
-    tissue = seen_for(phantom, frames[:20])
+def test_looks_ahead_are_what_a_prediction_then_gives(seen_for):
+    tissue = seen_for(20)
     then_s = tissue.time_s + 0.04  # one step of either
     at, modes, path = tissue.predict_at(then_s), tissue.predict_modes(then_s), tissue.predict_path([then_s])
     tissue.predict(then_s)
@@ -164,9 +156,9 @@ WRONG = {
 
 
 @pytest.mark.parametrize("wrong", WRONG)
-def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(phantom, frames, wrong):
+def test_what_cannot_be_taken_in_is_an_error_and_leaves_the_state(seen_for, wrong):
     call, message = WRONG[wrong]
-    tissue = seen_for(phantom, frames[:10])
+    tissue = seen_for(10)
     before = digest(tissue.snapshot())
     with pytest.raises(ValueError, match=message):
         call(tissue)
@@ -187,8 +179,8 @@ def test_directions_of_a_calibration_are_those_that_were_announced(phantom):
         tissue.update([replace(MARK, shared=np.ones((2, 2)))])
 
 
-def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phantom, frames):
-    tissue = seen_for(phantom, frames[:10])
+def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(seen_for, frames):
+    tissue = seen_for(10)
     tissue.filter.covs[-1] *= -1e3
     before = digest(tissue.snapshot())
     with pytest.raises(CovarianceError, match="positive definite"):
@@ -196,9 +188,9 @@ def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(phan
     assert digest(tissue.snapshot()) == before
 
 
-def test_far_ahead_nothing_is_known_but_the_prior(phantom, frames):
+def test_far_ahead_nothing_is_known_but_the_prior(seen_for, phantom):
     """And it takes no steps to get there: a gap of a day costs what one of six seconds does."""
-    tissue, new = seen_for(phantom, frames[:20]), TissueFilter(phantom, HIDDEN, OUTER)
+    tissue, new = seen_for(20), TissueFilter(phantom, HIDDEN, OUTER)
     steps = []
     tissue.process.linearize = lambda *own: steps.append(own)
     far = tissue.predict_at(tissue.time_s + 86400.0)
@@ -240,8 +232,8 @@ def test_gaps_are_said(phantom, frames):
     assert tissue.update([]).status is Status.LOST
 
 
-def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(phantom, frames):
-    tissue = seen_for(phantom, frames[:30])
+def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(seen_for):
+    tissue = seen_for(30)
     before, cov = tissue.place_of(tissue.target)
     near = before + 2.0 * np.sqrt(np.diag(cov))
     then = tissue.snapshot()
@@ -256,9 +248,9 @@ def test_a_fix_pulls_the_target_and_a_far_one_only_when_it_comes_again(phantom, 
     assert tissue.rejected["fix"] == 1
 
 
-def test_marks_of_a_node_that_was_not_announced_are_taken_in(phantom, frames):
+def test_marks_of_a_node_that_was_not_announced_are_taken_in(seen_for):
     """A free node's, such as the hidden one's."""
-    tissue = seen_for(phantom, frames[:30])
+    tissue = seen_for(30)
     mean, cov = tissue.place_of(tissue.target)
     found = tissue.update([MarkMeasurement(HIDDEN, mean + 1e-4, 1e-2 * cov)])
     assert found.marks_used == 1
@@ -267,8 +259,9 @@ def test_marks_of_a_node_that_was_not_announced_are_taken_in(phantom, frames):
 
 def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
     """Of a quiet frame: one mode speaks; truth is the update without that mark."""
-    still = [(k * HZ, marks) for k, (_, marks) in enumerate([frames[0]] * 40)]
-    tissue = seen_for(phantom, still)
+    still = [(k * HZ, frames[0][1]) for k in range(40)]
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(tissue, still)
     tissue.predict(still[-1][0] + HZ)
     then = tissue.snapshot()
     whole = tissue.update(still[0][1])
@@ -280,8 +273,8 @@ def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
         assert whole.information_share[node] == pytest.approx(lost, abs=0.02)
 
 
-def test_one_shift_of_all_marks_is_said(phantom, frames):
-    tissue = seen_for(phantom, frames[:30])
+def test_one_shift_of_all_marks_is_said(seen_for, frames):
+    tissue = seen_for(30)
     tissue.predict(frames[30][0])
     moved = [replace(mark, position=mark.position + np.array([0.02, 0.0])) for mark in frames[30][1]]
     shift = tissue.update(moved).shift
@@ -304,7 +297,8 @@ def test_marks_left_out_are_predicted(phantom, frames):
 def test_the_offset_of_the_target_is_no_doubt_of_the_tissue(phantom, frames):
     """How well the target's own place is known changes neither gain nor whether the model alone speaks."""
     plain, loose = (
-        through(TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1] for sd_m in (0.0, 0.1)
+        followed(TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER), frames[:30])[-1]
+        for sd_m in (0.0, 0.1)
     )
     assert (loose.gain, loose.model_only) == (pytest.approx(plain.gain, abs=1e-3), False)
     np.testing.assert_allclose(loose.cov - plain.cov, 1e-2 * np.eye(2), atol=1e-6)

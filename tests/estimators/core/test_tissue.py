@@ -1,11 +1,12 @@
 """The tissue as a process model: derivatives by finite differences, noise by draws, parts by their rules."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom, node_forces
+from dynamics import HIDDEN, OUTER, four_mass_phantom, node_forces
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
 from estimators.core.tissue import SOURCES, TissueProcess
@@ -147,15 +148,7 @@ def test_strengths_by_mode() -> None:
 def test_a_stiff_body_is_pushed_harder() -> None:
     """Its slowest oscillation a hundred times as fast: forces that bend it as far are ten thousand times as strong."""
     network = four_mass_phantom()
-    stiff = MassSpringNetwork(
-        **{
-            name: getattr(network, name)
-            for name in (*("names", "positions", "masses", "fixed", "drag", "friction", "springs"), "rest_lengths")
-        },
-        stiffness=1e4 * network.stiffness,
-        damping=network.damping,
-        gravity=network.gravity,
-    )
+    stiff = replace(network, stiffness=1e4 * network.stiffness)
     soft, hard = (TissueProcess(one, OUTER).variances(0.0)[1, 1] for one in (network, stiff))
     assert hard / soft == pytest.approx(1e8, rel=0.2)
 

@@ -50,13 +50,11 @@ def seen(truth: np.ndarray, sd_m: float, stated_m: float | None = None, seed: in
     network, rng = four_mass_phantom(), np.random.default_rng(seed)
     cov = (sd_m if stated_m is None else stated_m) ** 2 * np.eye(2)
     places = [list(network.free).index(network.index(node)) for node in OUTER]
-    return [
-        (
-            k * FRAME * STEP,
-            [MarkMeasurement(n, x[at] + sd_m * rng.normal(size=2), cov) for n, at in zip(OUTER, places, strict=True)],
-        )
-        for k, x in enumerate(truth)
-    ]
+    frames = []
+    for k, x in enumerate(truth):
+        noisy = [x[at] + sd_m * rng.normal(size=2) for at in places]
+        frames.append((k / 30.0, [MarkMeasurement(n, z, cov) for n, z in zip(OUTER, noisy, strict=True)]))
+    return frames
 
 
 def hidden(truth: np.ndarray) -> np.ndarray:

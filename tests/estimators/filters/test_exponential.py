@@ -19,17 +19,3 @@ def test_it_is_scipys(n, norm):
 
 def test_of_nothing_it_is_one():
     np.testing.assert_array_equal(small_expm(np.zeros((3, 3))), np.eye(3))
-
-
-def test_of_a_turn_it_is_a_rotation():
-    """The matrix exp(t [[0, -1], [1, 0]]) turns by t. Rounding of three squarings."""
-    expected = [[np.cos(3.0), -np.sin(3.0)], [np.sin(3.0), np.cos(3.0)]]
-    np.testing.assert_allclose(small_expm(3.0 * np.array([[0.0, -1.0], [1.0, 0.0]])), expected, rtol=0, atol=1e-14)
-
-
-def test_of_rates_it_is_a_table_of_odds():
-    """Two modes left at a and b a second: P11 = (b + a exp(-(a + b) t)) / (a + b), rows sum to one. Rounding."""
-    a, b, t = 2.0, 3.0, 0.7
-    P = small_expm(t * np.array([[-a, a], [b, -b]]))
-    assert P[0, 0] == pytest.approx((b + a * np.exp(-(a + b) * t)) / (a + b), rel=1e-14)
-    np.testing.assert_allclose(P.sum(axis=1), 1.0, rtol=0, atol=1e-15)

@@ -41,26 +41,14 @@ def imhof(offset, cov, radius):
     return 0.5 - simpson(np.sin(theta) / u[:, 0] * np.exp(-log_rho), x=u[:, 0]) / np.pi
 
 
-@pytest.mark.parametrize("r", [0.3, 1.0, 2.5, 6.0])
-def test_a_round_belief_in_the_plane_is_rayleighs(r):
-    """P = 1 - exp(-r²/2s²), s = 2 mm."""
-    assert of_tip([0, 0], 4.0 * np.eye(2), Lesion.ball(2e-3 * r, 2)) == pytest.approx(1 - np.exp(-(r**2) / 2), abs=1e-5)
-
-
-@pytest.mark.parametrize("r", [0.3, 1.0, 2.5, 6.0])
-def test_a_round_belief_in_space_is_maxwells(r):
-    """Chi-square of three degrees."""
-    assert of_tip([0, 0, 0], np.eye(3), Lesion.ball(1e-3 * r, 3)) == pytest.approx(chi2.cdf(r**2, 3), abs=1e-5)
-
-
 @pytest.mark.parametrize("dim", [2, 3])
-def test_off_the_middle_it_is_the_noncentral_chi_square(dim):
-    """From a hundredth of the radius to thrice it, offsets to beyond the rim: SciPy's ncx2 to 1e-5."""
+def test_a_round_belief_is_the_noncentral_chi_square(dim):
+    """From a hundredth of the radius to thrice it, offsets from none to beyond the rim: SciPy's ncx2 to 1e-5."""
     rng = np.random.default_rng(0)
     for sd in (0.05, 0.2, 0.7, 2.0, 15.0):
-        for _ in range(8):
+        for k in range(8):
             offset = rng.normal(size=dim)
-            offset *= rng.uniform(0, 5 + 2 * sd) / np.linalg.norm(offset)
+            offset *= min(k, 1) * rng.uniform(0, 5 + 2 * sd) / np.linalg.norm(offset)
             known = ncx2.cdf((5 / sd) ** 2, dim, offset @ offset / sd**2)
             assert of_tip(offset, sd**2 * np.eye(dim), Lesion.ball(5e-3, dim)) == pytest.approx(known, abs=1e-5)
 
@@ -94,14 +82,6 @@ def test_an_ellipsoid_is_a_ball_seen_through_a_linear_map(dim):
         sd = 0.6
         got = of_tip(A @ b, sd**2 * A @ A.T, Lesion(1e-3 * A))
         assert got == pytest.approx(ncx2.cdf(1 / sd**2, dim, b @ b / sd**2), abs=1e-5)
-
-
-def test_target_and_tip_add_their_covariances():
-    """N(0, 3² I) and N(0, 4² I): Rayleigh of 5 mm."""
-    tip = GaussianMixture.gaussian(np.zeros(2), 16e-6 * np.eye(2))
-    target = GaussianMixture.gaussian(np.zeros(2), 9e-6 * np.eye(2))
-    got = hit_probability(target, tip, np.array([0.0, 1.0]), Lesion.ball(5e-3, 2), needle=TIP)
-    assert got == pytest.approx(1 - np.exp(-0.5), abs=1e-5)
 
 
 def test_the_notch_lies_behind_the_tip():
@@ -138,7 +118,6 @@ def test_no_core_is_longer_than_the_lesion():
 
 
 CASES = {
-    "disc, tip": (Hit.TIP, 4.0 * np.eye(2)),
     "ellipse, core": (Hit.CORE, np.array([[6.0, 2.0], [1.0, 3.0]])),
     "ball, notch": (Hit.NOTCH, 4.0 * np.eye(3)),
     "ellipsoid, core": (Hit.CORE, np.array([[6.0, 2.0, 0.0], [1.0, 3.0, 0.5], [0.0, 1.0, 4.0]])),
@@ -243,13 +222,7 @@ def test_what_makes_no_sense_is_refused(make, message):
 def test_a_sure_hit_is_no_more_than_certain():
     """A case whose sums came to 1 + 4e-8."""
     cov = np.array([[1.8102169434260163e-06, -5.982736874948036e-08], [-5.982736874948037e-08, 1.5650777512215573e-06]])
-    target, tip = (
-        GaussianMixture.gaussian(np.zeros(2), 0.5 * cov),
-        GaussianMixture.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov),
-    )
-    axis = np.array([-0.55485502, -0.83194706])
-    assert (
-        1.0 - 1e-6
-        < hit_probability(target, tip, axis, Lesion.ball(0.008118140344103266, 2), needle=Needle(hit=Hit.TIP))
-        <= 1.0
-    )
+    target = GaussianMixture.gaussian(np.zeros(2), 0.5 * cov)
+    tip = GaussianMixture.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov)
+    axis, lesion = np.array([-0.55485502, -0.83194706]), Lesion.ball(0.008118140344103266, 2)
+    assert 1.0 - 1e-6 < hit_probability(target, tip, axis, lesion, needle=TIP) <= 1.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, MassSpringNetwork, NeedleMechanics, NeedlePose, needle_load, rest_shape
+from dynamics import HIDDEN, NeedleMechanics, NeedlePose, needle_load, rest_shape
 from estimators import (
     GaussianMixture,
     Hit,
@@ -23,6 +23,7 @@ from estimators import (
 )
 from estimators import Needle as Sampler
 from estimators.guidance.kernels import ball_hits
+from tests.networks import build_network
 
 SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
 SOFT = PlannedNeedle(cutting_N=0.2, friction_N_m=3.0)
@@ -167,21 +168,9 @@ def test_in_space_it_plans_as_well():
     """A cube of springs: a way from the top through a hole of a grid of entries, and aims all around the centre."""
     corners = 0.1 * np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], dtype=float)
     x = np.vstack([corners, np.zeros(3)])
-    pairs = np.array([(i, 8) for i in range(8)])
-    one = np.ones(9)
-    cube = MassSpringNetwork(
-        names=(*(f"C{i}" for i in range(8)), "T"),
-        positions=x,
-        masses=0.1 * one,
-        fixed=np.arange(9) < 8,
-        drag=0.1 * one,
-        friction=0.0 * one,
-        springs=pairs,
-        stiffness=200.0 * np.ones(8),
-        rest_lengths=np.full(8, 0.1 * np.sqrt(3.0)),
-        damping=0.1 * np.ones(8),
-        gravity=np.zeros(3),
-    )
+    constants = {"masses": 0.1, "drag": 0.1, "stiffness": 200.0, "damping": 0.1}
+    names = (*(f"C{i}" for i in range(8)), "T")
+    cube = build_network(x, [(i, 8) for i in range(8)], range(8), names, **constants)
     skin = Skin([-0.05, -0.05, 0.1], [0.05, 0.05, 0.1], [0.0, 0.0, 1.0])
     lesion = PlannedTarget(np.zeros(3), 1e-6 * np.eye(3), 0.005)
     entries = skin.entries(25)

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from dynamics import MassSpringNetwork
+from tests.networks import build_network
 
 LENGTHS = np.array([0.0917, 0.0693])
 MASSES = np.array([0.030, 0.012])
@@ -14,19 +14,9 @@ SD = 5e-4
 def hanging_links(factors=(1.0, 1.0), gravity=GRAVITY):
     """The pendulum as a network: links of 2,000 N/m, hanging, with rest lengths by these factors and this gravity."""
     depths = np.array([0.0, -LENGTHS[0], -LENGTHS.sum()])
-    return MassSpringNetwork(
-        names=("pin", "joint", "end"),
-        positions=np.column_stack([np.zeros(3), depths]),
-        masses=np.array([1.0, *MASSES]),
-        fixed=np.array([True, False, False]),
-        drag=np.zeros(3),
-        friction=np.zeros(3),
-        springs=np.array([[0, 1], [1, 2]]),
-        stiffness=np.full(2, 2000.0),
-        rest_lengths=LENGTHS * factors,
-        damping=np.full(2, 0.5),
-        gravity=np.array([0.0, -gravity]),
-    )
+    constants = {"masses": [1.0, *MASSES], "stiffness": 2000.0, "rest_lengths": LENGTHS * factors, "damping": 0.5}
+    positions, names = np.column_stack([np.zeros(3), depths]), ("pin", "joint", "end")
+    return build_network(positions, [(0, 1), (1, 2)], [0], names, gravity=[0.0, -gravity], **constants)
 
 
 def swung(n_frames, frames_per_s=100.0):

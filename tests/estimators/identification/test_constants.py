@@ -6,15 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dynamics import (
-    MassSpringNetwork,
-    Parameter,
-    independent_uncertainty,
-    pack,
-    parameters,
-    rest_shape,
-    scale_parameters,
-)
+from dynamics import Parameter, independent_uncertainty, pack, parameters, rest_shape, scale_parameters
 from estimators import (
     Budget,
     FilterSettings,
@@ -26,9 +18,12 @@ from estimators import (
     principal_uncertainty,
 )
 from estimators.identification.constants import IdentificationSettings, _searched
-from estimators.identification.filter_pass import Pass, pass_through
+from estimators.identification.filter_pass import pass_through
 from estimators.identification.groups import ConstantGroup
-from estimators.identification.search import followed
+from estimators.identification.search import followed as followed_from
+from tests.estimators.conftest import followed
+from tests.estimators.identification.passes import pass_of
+from tests.networks import build_network
 
 SD = 5e-4
 PRIOR = {"stiffness": 0.3, "rest_length": 0.03}
@@ -38,22 +33,18 @@ SETTINGS = FilterSettings(poked=ForceMode(0.1, 2.0, 0.2))
 
 def chain(double=False):
     """Two masses in a row between two anchors, hung aslant; `double`: two equal springs side by side in the middle."""
-    springs = [[0, 1], [1, 2], [2, 3]] + ([[1, 2]] if double else [])
-    n = len(springs)
-    network = MassSpringNetwork(
-        names=("A", "near", "far", "B"),
-        positions=np.array([[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]),
-        masses=np.full(4, 0.2),
-        fixed=np.array([True, False, False, True]),
-        drag=np.array([0.0, 0.3, 0.3, 0.0]),
-        friction=np.zeros(4),
-        springs=np.array(springs),
-        stiffness=np.full(n, 60.0) / np.array([1, 2, 1, 2][:n] if double else [1, 1, 1]),
-        rest_lengths=np.full(n, 0.09),
-        damping=np.full(n, 0.3),
-        gravity=np.array([0.0, -9.81]),
-    )
+    springs, stiffness = [(0, 1), (1, 2), (2, 3)], [60.0, 60.0, 60.0]
+    if double:
+        springs, stiffness = [*springs, (1, 2)], [60.0, 30.0, 60.0, 30.0]
+    positions = [[0.0, 0.0], [0.1, -0.02], [0.2, -0.03], [0.3, 0.0]]
+    constants = {"drag": [0.0, 0.3, 0.3, 0.0], "rest_lengths": 0.09, "damping": 0.3, "gravity": [0.0, -9.81]}
+    names = ("A", "near", "far", "B")
+    network = build_network(positions, springs, (0, 3), names, stiffness=stiffness, **constants)
     return replace(network, positions=rest_shape(network))
+
+
+def identified(network, frames, prior_sd=PRIOR):
+    return identify_constants(network, frames, ("near",), "far", prior_sd=prior_sd, settings=SETTINGS, search=ONE_START)
 
 
 @pytest.fixture(scope="module")
@@ -85,22 +76,19 @@ def wrong(network, seed=3):
 @pytest.fixture(scope="module")
 def found(recorded):
     told, change = wrong(chain())
-    result = identify_constants(
-        told, recorded[0], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS, search=ONE_START
-    )
-    return result, change
+    return identified(told, recorded[0]), change
 
 
 def test_constants_are_found_to_their_standard_errors(found):
     """Chi-square of the error, six constants, below its 99.9 % point; most of the wrong is gone."""
-    identified, change = found
-    error = identified.change + change
-    assert error @ np.linalg.solve(identified.cov, error) < 22.5
-    assert identified.converged
-    assert 2 <= identified.passes <= 12
+    result, change = found
+    error = result.change + change
+    assert error @ np.linalg.solve(result.cov, error) < 22.5
+    assert result.converged
+    assert 2 <= result.passes <= 12
     assert np.abs(error[:3]).max() < 0.1 < np.abs(change[:3]).max()
-    assert identified.sd[:3].max() < 0.2
-    names = [(one.kind, one.index) for one in identified.parameters]
+    assert result.sd[:3].max() < 0.2
+    names = [(one.kind, one.index) for one in result.parameters]
     assert names == [("stiffness", 0), ("stiffness", 1), ("stiffness", 2)] + [("rest_length", s) for s in range(3)]
 
 
@@ -110,20 +98,14 @@ def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found
     errors = []
     for network, uncertainty in ((wrong(chain())[0], None), (found[0].network, found[0].uncertainty)):
         tissue = TissueFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
-        off = []
-        for (time_s, marks), place in zip(frames, truth, strict=True):
-            tissue.predict(time_s)
-            off.append(np.linalg.norm(tissue.update(marks[:1]).mean - place))
-        errors.append(np.mean(off[20:]))
+        means = [one.mean for one in followed(tissue, [(time_s, marks[:1]) for time_s, marks in frames])]
+        errors.append(np.linalg.norm(np.array(means) - truth, axis=1)[20:].mean())
     assert errors[1] < 0.5 * errors[0]
 
 
 def test_more_frames_make_it_surer(recorded, found):
     told, _ = wrong(chain())
-    short = identify_constants(
-        told, recorded[0][:40], ("near",), "far", prior_sd=PRIOR, settings=SETTINGS, search=ONE_START
-    )
-    assert (found[0].sd < short.sd).all()
+    assert (found[0].sd < identified(told, recorded[0][:40]).sd).all()
 
 
 def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
@@ -131,31 +113,20 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
 
     Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
     """
-    identified = identify_constants(
-        chain(double=True),
-        recorded[0][:50],
-        ("near",),
-        "far",
-        prior_sd={"stiffness": 0.3},
-        settings=SETTINGS,
-        search=ONE_START,
-    )
-    left, directions = identified.identifiable()
+    both = identified(chain(double=True), recorded[0][:50], {"stiffness": 0.3})
+    left, directions = both.identifiable()
     assert left[0] == pytest.approx(1.0, abs=1e-6)
     assert left[1] < 0.5
     expected = np.array([0.0, 1.0, 0.0, -1.0]) / np.sqrt(2.0)
     assert abs(directions[0] @ expected) == pytest.approx(1.0, abs=1e-4)
-    sd = np.sqrt(np.diag(identified.cov))
+    sd = np.sqrt(np.diag(both.cov))
     assert sd[0] < 0.15 < sd[1]
 
 
 def test_a_group_that_the_recording_does_not_determine_keeps_its_value(recorded):
     """Stiffness off by some 20 % is found; drag, known to a tenth before, is hardly better known after 3 s."""
     told, change = wrong(chain())
-    prior = {"stiffness": 0.3, "drag": 0.1}
-    found = identify_constants(
-        told, recorded[0][:60], ("near",), "far", prior_sd=prior, settings=SETTINGS, search=ONE_START
-    )
+    found = identified(told, recorded[0][:60], {"stiffness": 0.3, "drag": 0.1})
     assert found.kept.tolist() == [False, False, False, True, True]
     np.testing.assert_array_equal(found.network.drag, told.drag)
     assert (found.sd[3:] > 0.08).all()
@@ -199,12 +170,10 @@ class PartMisleads:
 
     def at(self, theta, frames):
         peak, lost = (3.0, 0.0) if len(frames) <= 100 else (4.0, 1e5) if theta[0] > 2.0 else (0.5, 0.0)
-        y = np.full(len(frames), peak - theta[0])
-        n = len(frames)
-        return Pass(y[:, None], np.array([[float(n)]]), -0.5 * float(y @ y) - lost, y**2, np.ones(n), np.zeros((1, 1)))
+        return pass_of(np.full(len(frames), peak - theta[0]), lost=lost)
 
     def followed(self, frames, start):
-        return followed(partial(self.at, frames=frames), start, self.sd)
+        return followed_from(partial(self.at, frames=frames), start, self.sd)
 
 
 def test_constants_that_explain_a_part_alone_are_not_gone_on_from():
@@ -236,15 +205,14 @@ def test_what_is_found_is_most_probable_with_its_prior(recorded):
     Of the likelihood alone, or of the prior alone, it would not.
     """
     told, _ = wrong(chain())
-    prior = {"stiffness": 0.1, "rest_length": 0.003}
     frames = recorded[0][:25]
-    identified = identify_constants(told, frames, ("near",), "far", prior_sd=prior, settings=SETTINGS, search=ONE_START)
+    found = identified(told, frames, {"stiffness": 0.1, "rest_length": 0.003})
 
     def posterior(share):
-        change = share * identified.change
-        network, none = scale_parameters(told, identified.parameters, change), independent_uncertainty((), 1.0)
-        found = pass_through(network, none, frames, (("near",), "far"), SETTINGS, Budget())
-        return found.log_likelihood - 0.5 * np.sum((change / identified.prior_sd) ** 2)
+        change = share * found.change
+        network, none = scale_parameters(told, found.parameters, change), independent_uncertainty((), 1.0)
+        passed = pass_through(network, none, frames, (("near",), "far"), SETTINGS, Budget())
+        return passed.log_likelihood - 0.5 * np.sum((change / found.prior_sd) ** 2)
 
     best = posterior(1.0)
     assert posterior(0.7) < best - 0.1

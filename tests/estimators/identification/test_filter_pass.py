@@ -5,15 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork, Parameter, independent_uncertainty, scale_parameters
-from estimators import (
-    Budget,
-    FilterSettings,
-    MarkMeasurement,
-    TissueFilter,
-)
+from dynamics import Parameter, independent_uncertainty, scale_parameters
+from estimators import Budget, FilterSettings, MarkMeasurement, TissueFilter
 from estimators.core.disturbances import Disturbances
 from estimators.identification.filter_pass import pass_through
+from tests.estimators.conftest import followed
+from tests.networks import build_network
 
 SD = 1e-3
 NODES = ("near",), "far"
@@ -22,19 +19,9 @@ SETTINGS = FilterSettings(discrepancy=0.003)
 
 def row():
     """Two masses in a row between two anchors along x, no gravity."""
-    return MassSpringNetwork(
-        names=("A", "near", "far", "B"),
-        positions=np.array([[0.0, 0.0], [0.1, 0.0], [0.2, 0.0], [0.3, 0.0]]),
-        masses=np.full(4, 0.2),
-        fixed=np.array([True, False, False, True]),
-        drag=np.full(4, 0.3),
-        friction=np.zeros(4),
-        springs=np.array([[0, 1], [1, 2], [2, 3]]),
-        stiffness=np.full(3, 40.0),
-        rest_lengths=np.full(3, 0.08),
-        damping=np.full(3, 0.2),
-        gravity=np.zeros(2),
-    )
+    constants = {"drag": 0.3, "stiffness": 40.0, "rest_lengths": 0.08, "damping": 0.2}
+    positions, springs = [[0.1 * k, 0.0] for k in range(4)], [(0, 1), (1, 2), (2, 3)]
+    return build_network(positions, springs, (0, 3), ("A", "near", "far", "B"), **constants)
 
 
 def marks(k, names=("near", "far")):
@@ -117,8 +104,7 @@ def test_a_hidden_mark_that_is_something_else_hardly_matters():
 
 
 def test_the_targets_error_is_that_of_a_filter_without_its_mark():
-    tissue, errors = TissueFilter(row(), "far", ("near",), SETTINGS), []
-    for time_s, both in FRAMES:
-        tissue.predict(time_s)
-        errors.append(np.linalg.norm(tissue.update(both[:1]).mean - both[1].position))
+    tissue = TissueFilter(row(), "far", ("near",), SETTINGS)
+    found = followed(tissue, [(time_s, both[:1]) for time_s, both in FRAMES])
+    errors = [np.linalg.norm(one.mean - far.position) for one, (_, (_, far)) in zip(found, FRAMES, strict=True)]
     assert passed(row()).target_error_m == pytest.approx(np.median(errors), rel=1e-6)

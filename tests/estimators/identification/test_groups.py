@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork, four_mass_phantom, node_forces, rest_shape, scale_parameters
+from dynamics import four_mass_phantom, node_forces, rest_shape, scale_parameters
 from estimators import constant_groups, group_label, group_value
 from estimators.identification.groups import group_directions, scale_groups, touched
+from tests.networks import build_network
 
 
 def ladder(n=16):
@@ -17,21 +18,9 @@ def ladder(n=16):
     sides = [(row * n + k, (row + 1) * n + k) for row in range(2) for k in range(n)]
     sides += [(row * n + k, row * n + k + 1) for row in (1, 2) for k in range(n - 1)]
     diagonals = [(row * n + k, (row + 1) * n + k + 1) for row in range(2) for k in range(n - 1)]
-    springs = np.array(sides + diagonals)
-    lengths = np.linalg.norm(positions[springs[:, 1]] - positions[springs[:, 0]], axis=1)
-    network = MassSpringNetwork(
-        names=names,
-        positions=positions,
-        masses=np.full(3 * n, 0.01),
-        fixed=np.arange(3 * n) < n,
-        drag=np.full(3 * n, 0.1),
-        friction=np.zeros(3 * n),
-        springs=springs,
-        stiffness=np.r_[np.full(len(sides), 50.0), np.full(len(diagonals), 20.0)],
-        rest_lengths=lengths,
-        damping=np.full(len(springs), 0.1),
-        gravity=np.array([0.0, -9.81]),
-    )
+    stiffness = np.r_[np.full(len(sides), 50.0), np.full(len(diagonals), 20.0)]
+    constants = {"masses": 0.01, "drag": 0.1, "stiffness": stiffness, "damping": 0.1, "gravity": [0.0, -9.81]}
+    network = build_network(positions, sides + diagonals, range(n), names, **constants)
     return replace(network, positions=rest_shape(network))
 
 

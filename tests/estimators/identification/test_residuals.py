@@ -5,6 +5,7 @@ import pytest
 
 from estimators.identification.filter_pass import Pass
 from estimators.identification.residuals import long_run_covariance, residual_covariance, within_prior
+from tests.estimators.identification.passes import pass_of
 
 N = 2000
 
@@ -65,12 +66,7 @@ def test_what_frames_repeat_is_counted_about_once():
 
     The lags, 31 of 1,000 frames, hold four fifths to all of a repetition; the variance of 31 lags scatters by a fifth.
     """
-
-    def repeated(times):
-        y = np.repeat(np.random.default_rng(5).normal(size=(200, 1)), times, axis=0)
-        return Pass(y, len(y) * np.eye(1), 0.0, y[:, 0] ** 2, np.ones(len(y)), np.zeros((1, 1)))
-
-    cov, test = residual_covariance(repeated(5))
+    cov, test = residual_covariance(pass_of(np.repeat(np.random.default_rng(5).normal(size=200), 5)))
     assert cov[0, 0] == pytest.approx(1.0 / 201.0, rel=0.4)
     assert test.n == 1000
     assert test.n_effective == pytest.approx(200.0, rel=0.4)

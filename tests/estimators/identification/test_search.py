@@ -8,6 +8,7 @@ from estimators.identification.budget import Budget, OutOfTimeError
 from estimators.identification.filter_pass import Pass, failed_pass
 from estimators.identification.search import followed, from_starts, gauss_newton, starts
 from estimators.identification.stretch import affordable, frame_seconds, liveliest
+from tests.estimators.identification.passes import pass_of
 
 T = np.random.default_rng(0).normal(size=(50, 3))
 Z = T @ np.array([1.0, -2.0, 0.5]) + np.random.default_rng(1).normal(size=50)
@@ -17,23 +18,13 @@ ONE = np.ones(3)
 def linear(theta):
     """50 numbers z = T theta + noise of variance 1, in two frames: too few to repeat each other."""
     y = Z - T @ theta
-    return Pass(
-        (T * y[:, None]).reshape(2, 25, 3).sum(axis=1),
-        T.T @ T,
-        -0.5 * float(y @ y),
-        y**2,
-        np.ones(50),
-        np.zeros((3, 3)),
-    )
+    scores = (T * y[:, None]).reshape(2, 25, 3).sum(axis=1)
+    return Pass(scores, T.T @ T, -0.5 * float(y @ y), y**2, np.ones(50), np.zeros((3, 3)))
 
 
 def bent(theta):
     """One number, 0.2 away from theta^2, that is seen 100 times: maxima at both roots of what was seen."""
-    y = np.full(100, 4.2 - float(theta[0]) ** 2)
-    slope = 2.0 * float(theta[0])
-    return Pass(
-        slope * y[:, None], np.array([[100.0 * slope**2]]), -0.5 * float(y @ y), y**2, np.ones(100), np.zeros((1, 1))
-    )
+    return pass_of(np.full(100, 4.2 - float(theta[0]) ** 2), 2.0 * float(theta[0]))
 
 
 def test_a_linear_posterior_is_found_exactly():
@@ -67,15 +58,7 @@ def test_a_step_that_fails_is_halved():
         if theta[0] > 1.5:
             return failed_pass(1)
         slope = 0.3 if theta[0] < 0.5 else 1.0
-        y = np.full(100, slope * (1.0 - theta[0]))
-        return Pass(
-            slope * y[:, None],
-            np.array([[100.0 * slope**2 / 3.0]]),
-            -0.5 * float(y @ y),
-            y**2,
-            np.ones(100),
-            np.zeros((1, 1)),
-        )
+        return pass_of(np.full(100, slope * (1.0 - theta[0])), slope, share=1.0 / 3.0)
 
     found = gauss_newton(at, np.zeros(1), np.array([0.1]))
     assert found.theta[0] == pytest.approx(1.0, abs=0.05)

@@ -15,6 +15,7 @@ from dynamics import (
     straight_insertion,
 )
 from estimators import TissueFilter, coverage, normalised_error_squared
+from tests.estimators.conftest import followed
 
 FRAME_S = 1.0 / 30.0
 
@@ -26,27 +27,31 @@ def on_target(phantom, newtons):
     return force
 
 
-def followed(tissue, frames, pushes):
+def tracked(phantom, frames, pushes):
     """Mean and covariance of the target at each frame, (n, 2), (n, 2, 2); pushes: one for each way to a frame."""
-    estimates = []
+    tissue, estimates = TissueFilter(phantom, HIDDEN, OUTER), []
     for k, (marks, push) in enumerate(zip(frames, pushes, strict=True)):
         tissue.predict(k * FRAME_S, push)
         estimates.append(tissue.update(marks))
     return np.array([e.mean for e in estimates]), np.array([e.cov for e in estimates])
 
 
+@pytest.fixture(scope="module")
+def settled(phantom, rest_state, marks_of):
+    """A filter after a second of marks at rest."""
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(tissue, [(k * FRAME_S, marks_of(phantom, rest_state)) for k in range(30)])
+    return tissue
+
+
 @pytest.mark.parametrize("seconds", [0.0, 4.5])
-def test_a_held_push_moves_the_target_to_where_the_tissue_rests_under_it(
-    phantom, rest_state, marks_of, hidden, seconds
-):
+def test_a_held_push_moves_the_target_to_where_the_tissue_rests_under_it(phantom, settled, seconds):
     """After a second of marks at rest, 4.5 s under 1 N: the equilibrium of `rest_shape` with that force.
 
     Within 0.3 mm of 3 mm: node friction leaves 0.02 N, of some 300 N/m.
     """
     force = on_target(phantom, 1.0)
-    tissue = TissueFilter(phantom, HIDDEN, OUTER)
-    followed(tissue, [marks_of(phantom, rest_state)] * 30, [None] * 30)
-    said = tissue.predict_at(tissue.time_s + seconds, force)
+    said = settled.predict_at(settled.time_s + seconds, force)
     goal = rest_shape(phantom, force if seconds else 0.0)[phantom.index(HIDDEN)]
     np.testing.assert_allclose(said.mean, goal, rtol=0, atol=3e-4)
 
@@ -55,7 +60,7 @@ def test_a_push_of_nothing_is_a_push_of_nothing_in_every_form(phantom, rest_stat
     """Zeros and a function that gives zeros: the same to the last bit."""
     marks, nothing, ends = marks_of(phantom, rest_state), on_target(phantom, 0.0), []
     for push in (nothing, lambda _t, _states: nothing):
-        ends.append(followed(TissueFilter(phantom, HIDDEN, OUTER), [marks] * 4, [push] * 4))
+        ends.append(tracked(phantom, [marks] * 4, [push] * 4))
     for one, other in zip(*ends, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -104,10 +109,10 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
             pushes.append(distributed_force(phantom, needle, middle, both, punctured=bool(truth.punctured[k])))
         after = truth.punctured
         where = truth.states[after][:, hidden]
-        means, own = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
+        means, own = tracked(phantom, frames, pushes)
         errors.append(means[after] - where)
         covs.append(own[after])
-        blind.append(followed(TissueFilter(phantom, HIDDEN, OUTER), frames, [None] * n)[0][after] - where)
+        blind.append(tracked(phantom, frames, [None] * n)[0][after] - where)
         pushed.append(np.linalg.norm(where - rest_state[hidden], axis=1).max())
     told, untold = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
     assert min(pushed) > 3e-3
@@ -125,7 +130,7 @@ def test_the_needle_itself_may_be_the_function(phantom, rest_state, hidden, mark
     truth = simulate_insertion(phantom, needle, rest_state, times, rtol=1e-4, atol=1e-8)
     frames = [marks_of(phantom, state, 1e-3, np.random.default_rng(k)) for k, state in enumerate(truth.states)]
     pushes = [force_on_free(phantom, needle, punctured=bool(punctured)) for punctured in truth.punctured]
-    means, _ = followed(TissueFilter(phantom, HIDDEN, OUTER), frames, pushes)
+    means, _ = tracked(phantom, frames, pushes)
     off = np.linalg.norm(means - truth.states[:, hidden], axis=1)
     assert np.linalg.norm(truth.states[-1, hidden] - rest_state[hidden]) > 5e-3
     assert off[10:].max() < 1e-3

@@ -7,9 +7,10 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
-from dynamics import OUTER, MassSpringNetwork, integrate_adaptive
+from dynamics import OUTER, integrate_adaptive
 from estimators import ForceMode, TissueModel, accumulated_noise
 from estimators.process.process_model import _without_growth
+from tests.networks import build_network
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 
@@ -116,19 +117,8 @@ def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):
 @pytest.fixture
 def one_mass():
     """One mass M of 0.4 kg on one spring."""
-    return MassSpringNetwork(
-        names=("A", "M"),
-        positions=np.array([[0.0, 0.0], [0.0, -0.2]]),
-        masses=np.array([0.4, 0.4]),
-        fixed=np.array([True, False]),
-        drag=np.zeros(2),
-        friction=np.zeros(2),
-        springs=np.array([[0, 1]]),
-        stiffness=np.array([100.0]),
-        rest_lengths=np.array([0.2]),
-        damping=np.array([0.5]),
-        gravity=np.array([0.0, -9.81]),
-    )
+    constants = {"masses": 0.4, "stiffness": 100.0, "damping": 0.5, "gravity": [0.0, -9.81]}
+    return build_network([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], "AM", **constants)
 
 
 @pytest.mark.parametrize(("losses", "share"), [(False, 0.02), (True, 0.15)])

@@ -6,41 +6,28 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, NetworkError, carried, reaches
-from estimators import (
-    FixedLag,
-    LeaveOneOut,
-    OpenLoop,
-    TargetPoint,
-    TissueFilter,
-    fixed_interval,
-    target_map,
-)
+from estimators import FixedLag, LeaveOneOut, OpenLoop, TargetPoint, TissueFilter, fixed_interval, target_map
+from tests.estimators.conftest import followed, poked_frames
 
 OFFSET = (0.012, -0.007)
 BESIDE = TargetPoint((HIDDEN,), offset_m=OFFSET)
 BETWEEN = TargetPoint(("M1", HIDDEN), (0.25, 0.75), OFFSET)
-SD = 2e-3
 
 
 @pytest.fixture(scope="module")
-def frames(phantom, rest_state, driven, poke_forces, marks_of):
-    """One second of the poked phantom at 30 frames/s: (time [s], marks)."""
-    rng = np.random.default_rng(3)
-    states = driven(phantom, rest_state, poke_forces(phantom, 0.6, rng))[::4]
-    return [(k / 30.0, marks_of(phantom, state, SD, rng)) for k, state in enumerate(states)]
+def frames():
+    """0.6 s of the poked phantom at 30 frames/s, marks to 2 mm: (time [s], marks)."""
+    return poked_frames(0.6, 2e-3, 3)[0]
 
 
-def followed(phantom, frames, target):
+def tracked(phantom, frames, target):
     tissue = TissueFilter(phantom, target, OUTER)
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        estimate = tissue.update(marks)
-    return tissue, estimate
+    return tissue, followed(tissue, frames)[-1]
 
 
 def outputs(phantom, frames, target):
     """Mean and covariance of the target by each output, covariance None where there is none."""
-    tissue, estimate = followed(phantom, frames, target)
+    tissue, estimate = tracked(phantom, frames, target)
     found = {"update": (estimate.mean, estimate.cov)}
     later = tissue.predict_at(tissue.time_s + 0.1)
     found["predict_at"] = later.mean, later.cov
@@ -69,14 +56,14 @@ def test_every_output_is_that_of_the_node_moved_by_the_offset(phantom, frames):
         np.testing.assert_allclose(mean - node[name][0], np.broadcast_to(OFFSET, mean.shape), atol=1e-12, err_msg=name)
         if cov is not None:
             np.testing.assert_allclose(cov, node[name][1], rtol=1e-9, atol=1e-15, err_msg=name)
-    (_, ours), (_, other) = followed(phantom, frames, BESIDE), followed(phantom, frames, HIDDEN)
+    (_, ours), (_, other) = tracked(phantom, frames, BESIDE), tracked(phantom, frames, HIDDEN)
     assert ours.gain == pytest.approx(other.gain, rel=1e-12)
     assert dict(ours.information_share) == pytest.approx(dict(other.information_share), rel=1e-12)
 
 
 def test_a_point_between_nodes_has_the_moments_of_their_weighted_sum(phantom, frames):
     """H = 0.25 that of M1 + 0.75 that of M2: mean H x + offset, covariance H P H'; of the path, too. 1e-12."""
-    tissue, estimate = followed(phantom, frames, BETWEEN)
+    tissue, estimate = tracked(phantom, frames, BETWEEN)
     x, P = tissue.filter.moments_by(tissue.filter.weights)
     H = 0.25 * tissue.process.node("M1") + 0.75 * tissue.process.node(HIDDEN)
     np.testing.assert_allclose(estimate.mean, H @ x + OFFSET, rtol=0, atol=1e-12)
@@ -115,7 +102,7 @@ def test_a_target_is_nowhere_beyond_its_reach(phantom):
 
 def test_a_fix_is_of_the_point(phantom, frames):
     """A fix of the point moves the state as one of the node that lies the offset beside. Rounding."""
-    (beside, estimate), (node, _) = followed(phantom, frames, BESIDE), followed(phantom, frames, HIDDEN)
+    (beside, estimate), (node, _) = tracked(phantom, frames, BESIDE), tracked(phantom, frames, HIDDEN)
     seen = estimate.mean + np.array([1e-3, 2e-3])
     beside.fix(seen, 1e-6 * np.eye(2))
     node.fix(seen - OFFSET, 1e-6 * np.eye(2))

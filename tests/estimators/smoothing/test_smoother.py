@@ -8,6 +8,7 @@ from estimators import FixedLag, TissueFilter, coverage, fixed_interval, normali
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.filter import HypothesisFilter
 from estimators.smoothing.smoother import Step, smooth, smoothed_before
+from tests.estimators.conftest import followed, poked_frames
 from tests.estimators.core.test_filter import Point, Saturating, Seen, textbook
 
 NONE = np.array([], dtype=int)
@@ -86,24 +87,16 @@ def new(phantom):
 
 
 @pytest.fixture(scope="module")
-def runs(phantom, rest_state, driven, poke_forces, marks_of):
-    """Three poked runs of 3 s at 30 frames/s, 4.14 mm: frames and truth by DOP853."""
-    found = []
-    for seed in range(3):
-        rng = np.random.default_rng(seed)
-        states = driven(phantom, rest_state, poke_forces(phantom, 3.0, rng))[::4]
-        found.append(([(k / 30.0, marks_of(phantom, s, 0.00414, rng)) for k, s in enumerate(states)], states))
-    return found
+def runs():
+    """Two poked runs of 3 s at 30 frames/s, 4.14 mm: frames and truth by DOP853."""
+    return [poked_frames(3.0, 0.00414, seed) for seed in range(2)]
 
 
 def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden):
     """Mean error below 0.95 of the filter's, spread below 0.9 of it; 95 % regions hold 90 to 99 %."""
     errors, spreads, squared = [], [], []
     for frames, states in runs:
-        tissue, filtered = new(phantom), []
-        for time_s, marks in frames:
-            tissue.predict(time_s)
-            filtered.append(tissue.update(marks))
+        filtered = followed(new(phantom), frames)
         smoothed = fixed_interval(new(phantom), frames)
         assert [e.time_s for e in smoothed] == [e.time_s for e in filtered]
         off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smoothed)]
@@ -134,10 +127,9 @@ def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs, missing)
 
 
 def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, runs):
-    lag, tissue = FixedLag(new(phantom), lag_s=0.0), new(phantom)
-    for time_s, marks in runs[0][0][:20]:
-        tissue.predict(time_s)
-        np.testing.assert_allclose(lag.take(time_s, marks).mean, tissue.update(marks).mean, rtol=0, atol=1e-12)
+    lag, frames = FixedLag(new(phantom), lag_s=0.0), runs[0][0][:20]
+    means = [lag.take(*frame).mean for frame in frames]
+    np.testing.assert_allclose(means, [one.mean for one in followed(new(phantom), frames)], rtol=0, atol=1e-12)
     with pytest.raises(ValueError, match="lag_s: expected 0 s or more"):
         FixedLag(new(phantom), lag_s=-0.1)
 
@@ -147,7 +139,7 @@ def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
 
     Marks are of 4 mm. The last frame is the filter's own, with the fix; fixes beside the frames change nothing.
     """
-    frames, states = runs[2][0][:60], runs[2][1]
+    frames, states = runs[1][0][:60], runs[1][1]
     place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
     time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)
     without = fixed_interval(new(phantom), frames)
@@ -158,12 +150,10 @@ def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
         off = (found[k].mean - states[k, hidden])[None]
         assert normalised_error_squared(off, found[k].cov[None])[0] < 9.2  # 99 %
     tissue = new(phantom)
-    for k, frame in enumerate(frames):
-        if k == 45:
-            tissue.predict(time_s)
-            tissue.fix(place, cov)
-        tissue.predict(frame[0])
-        last = tissue.update(frame[1])
+    followed(tissue, frames[:45])
+    tissue.predict(time_s)
+    tissue.fix(place, cov)
+    last = followed(tissue, frames[45:])[-1]
     np.testing.assert_allclose(found[-1].mean, last.mean, rtol=0, atol=1e-12)
     beside = fixed_interval(new(phantom), frames, fixes=[(10.0, place, cov), (-1.0, place, cov)])
     np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])

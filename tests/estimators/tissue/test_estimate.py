@@ -16,26 +16,6 @@ def test_a_mark_is_a_position_and_its_covariance(dim):
         mark.node = "M2"
 
 
-@pytest.mark.parametrize("cov", [np.eye(3), np.ones(2), np.array(1.0), np.ones((1, 2))])
-def test_a_covariance_of_another_shape_is_refused(cov):
-    with pytest.raises(ValueError, match=r"mark M1 cov: expected shape \(2, 2\), found"):
-        MarkMeasurement("M1", np.zeros(2), cov)
-
-
-@pytest.mark.parametrize(
-    ("position", "cov"),
-    [
-        (np.array([np.nan, 0.0]), np.eye(2)),
-        (np.array([0.0, np.inf]), np.eye(2)),
-        (np.zeros(2), np.full((2, 2), np.nan)),
-    ],
-)
-def test_a_mark_that_was_not_seen_is_absent_and_never_nan(position, cov):
-    """Style, rule 18."""
-    with pytest.raises(ValueError, match="mark M1: expected finite numbers"):
-        MarkMeasurement("M1", position, cov)
-
-
 def test_status_is_written_as_its_word():
     assert [str(status) for status in Status] == ["INITIALISING", "TRACKING", "COASTING", "LOST", "DIVERGED"]
 

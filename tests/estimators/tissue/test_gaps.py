@@ -5,16 +5,14 @@ import pytest
 
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, FixBias, Status, TissueFilter
+from tests.estimators.conftest import followed
 
 
 def swinging(phantom, rest_state, marks_of, settings):
     """A filter that has seen M3 30 mm aside and back: the tissue swings, a fix has shown a bias."""
-    tissue = TissueFilter(phantom, HIDDEN, OUTER, settings)
-    for k in range(20):
-        state = rest_state.copy()
-        state[4] += 0.03 * np.sin(0.3 * k)
-        tissue.predict(k / 30.0)
-        tissue.update(marks_of(phantom, state))
+    tissue, aside = TissueFilter(phantom, HIDDEN, OUTER, settings), np.eye(len(rest_state))[4]
+    states = [rest_state + 0.03 * np.sin(0.3 * k) * aside for k in range(20)]
+    followed(tissue, [(k / 30.0, marks_of(phantom, state)) for k, state in enumerate(states)])
     tissue.fix(rest_state[phantom.coordinates(HIDDEN)] + 1e-3, 1e-8 * np.eye(2))
     return tissue
 

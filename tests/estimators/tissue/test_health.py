@@ -7,6 +7,7 @@ from scipy.stats import chi2, norm
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, Health, MarkMeasurement, Status, TissueFilter
 from estimators.tissue.health import after_frame, diverged
+from tests.estimators.conftest import followed
 
 SETTINGS = FilterSettings()
 FINE, BAD = 6.0, 1e4
@@ -164,12 +165,11 @@ def test_marks_where_no_tissue_can_be_make_it_diverge_and_it_finds_back(phantom)
     No small covariance meanwhile; TRACKING again within 0.5 s of the marks' return, and right to their noise.
     """
     at = dict(zip(phantom.names, phantom.positions, strict=True))
-    tissue, sd = TissueFilter(phantom, HIDDEN, OUTER), 1e-3
-    estimates = []
+    tissue, frames = TissueFilter(phantom, HIDDEN, OUTER), []
     for k in range(60):
-        tissue.predict(k / 30.0)
         off = np.array([2.0, 0.0]) if 30 <= k < 40 else np.array([0.0, 0.0])
-        estimates.append(tissue.update([MarkMeasurement(n, at[n] + off, sd**2 * np.eye(2)) for n in OUTER]))
+        frames.append((k / 30.0, [MarkMeasurement(n, at[n] + off, 1e-6 * np.eye(2)) for n in OUTER]))
+    estimates = followed(tissue, frames)
     statuses = [e.status for e in estimates]
     assert Status.DIVERGED not in statuses[:30]
     first = statuses.index(Status.DIVERGED)
@@ -189,11 +189,9 @@ def test_two_seconds_without_marks(phantom, rest_state, driven, poke_forces, mar
     for seed in range(3):
         rng = np.random.default_rng(seed)
         states = driven(phantom, rest_state, poke_forces(phantom, 4.5, rng))[::4]
-        tissue, estimates = TissueFilter(phantom, HIDDEN, OUTER), []
-        for k, state in enumerate(states[:121]):
-            tissue.predict(k / 30.0)
-            seen = [] if 45 <= k < 105 else marks_of(phantom, state, 0.00414, rng)
-            estimates.append(tissue.update(seen))
+        seen = [[] if 45 <= k < 105 else marks_of(phantom, states[k], 0.00414, rng) for k in range(121)]
+        estimates = followed(TissueFilter(phantom, HIDDEN, OUTER), [(k / 30.0, marks) for k, marks in enumerate(seen)])
+        assert {(e.marks_used, e.nis) for e in estimates[45:105]} == {(0, None)}
         unseen = [e.status.value for e in estimates[45:105]]
         assert unseen[:29] + unseen[31:] == ["COASTING"] * 29 + ["LOST"] * 29  # a second, but for rounding
         spread = [np.trace(e.cov) for e in estimates[44:75]]

@@ -19,10 +19,7 @@ from estimators import (
 )
 from tests.estimators.states import digest
 
-WAYS = {
-    "pickled": lambda one: pickle.loads(pickle.dumps(one)),
-    "copied": copy.deepcopy,
-}
+WAYS = {"pickled": lambda one: pickle.loads(pickle.dumps(one)), "copied": copy.deepcopy}
 N_FRAMES, CUT = 15, 8
 """Frames, and after how many of them the filter is pickled or copied."""
 
@@ -78,13 +75,9 @@ def frame(tissue: TissueFilter, k: int) -> list[MarkMeasurement]:
     return marks
 
 
-def take(tissue: TissueFilter, time_s: float, marks: list[MarkMeasurement]) -> None:
-    tissue.predict(time_s)
-    tissue.update(marks)
-
-
 def step(tissue: TissueFilter, k: int) -> None:
-    take(tissue, k / 30.0, frame(tissue, k))
+    tissue.predict(k / 30.0)
+    tissue.update(frame(tissue, k))
 
 
 def assert_same(one: TissueFilter, other: TissueFilter) -> None:
@@ -95,48 +88,28 @@ def assert_same(one: TissueFilter, other: TissueFilter) -> None:
 @way
 @pytest.mark.parametrize("make", FILTERS.values(), ids=FILTERS)
 def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
+    """With a transition that no update has followed yet, and later under a known push, which its equations feel."""
     unbroken, first = make(), make()
-    for k in range(CUT):
-        step(unbroken, k)
-        step(first, k)
+    for each in (unbroken, first):
+        for k in range(CUT):
+            step(each, k)
+        each.predict(CUT / 30.0)
     other = way(first)
     assert_same(other, unbroken)
-    for k in range(CUT, N_FRAMES):
-        step(unbroken, k)
-        step(other, k)
+    push = 0.2 * np.ones((len(first.network.free), 2))
+
+    def go_on(tissue: TissueFilter) -> None:
+        tissue.update(frame(tissue, CUT))
+        for k in range(CUT + 1, N_FRAMES):
+            step(tissue, k)
+        tissue.predict((N_FRAMES + 3) / 30.0, push)
+
+    for each in (unbroken, other):
+        go_on(each)
     assert_same(other, unbroken)
-    assert first.time_s == (CUT - 1) / 30.0
-    for k in range(CUT, N_FRAMES):
-        step(first, k)
+    assert first.time_s == CUT / 30.0
+    go_on(first)
     assert_same(first, unbroken)
-
-
-@way
-@pytest.mark.parametrize("make", FILTERS.values(), ids=FILTERS)
-def test_a_known_push_moves_the_copy(make, way):
-    """A copy whose equations of motion were the first one's would not feel what pushes it."""
-    tissue = make()
-    for k in range(CUT):
-        step(tissue, k)
-    other = way(tissue)
-    n_free = len(tissue.network.free)
-    push = 0.2 * np.ones((n_free, 2))
-    for each in (tissue, other):
-        each.predict((CUT + 3) / 30.0, push)
-    assert_same(other, tissue)
-
-
-@way
-def test_between_prediction_and_update(way):
-    """A transition that no update has followed yet goes along."""
-    tissue = FILTERS["stiff"]()
-    for k in range(CUT):
-        step(tissue, k)
-    tissue.predict(CUT / 30.0)
-    other = way(tissue)
-    for each in (tissue, other):
-        each.update(frame(each, CUT))
-    assert_same(other, tissue)
 
 
 @way
@@ -187,10 +160,13 @@ def test_what_is_built_on_a_filter_goes_along(way):
         each.predict(k / 30.0)
         return each.update(frame(plain, k))
 
+    def taken(each: Replay | FixedLag, k: int):
+        return each.take(k / 30.0, frame(plain, k))
+
     for made, follow in (
         (LeaveOneOut(network, HIDDEN, OUTER), checked),
-        (Replay(TissueFilter(network, HIDDEN, OUTER)), lambda each, k: each.take(k / 30.0, frame(plain, k))),
-        (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), lambda each, k: each.take(k / 30.0, frame(plain, k))),
+        (Replay(TissueFilter(network, HIDDEN, OUTER)), taken),
+        (FixedLag(TissueFilter(network, HIDDEN, OUTER), 0.1), taken),
     ):
         for k in range(5):
             follow(made, k)

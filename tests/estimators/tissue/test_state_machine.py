@@ -19,19 +19,16 @@ SDS = st.sampled_from([1e-6, 1e-4, 1e-3, 4e-3, 0.1, 10.0])
 GAPS_S = st.sampled_from([0.0, 1e-9, 1 / 120, 1 / 30, 1 / 30, 0.1, 0.35, 1.09, 60.0, 86_400.0, 1e9])
 OFFSETS_M = st.sampled_from([0.0, 0.0, 1e-3, 0.03, 0.15, 1.0, 1e6])
 ANGLES = st.floats(0.0, 6.28)
-COVS = st.sampled_from(
-    [
-        -np.eye(2),
-        np.zeros((2, 2)),
-        np.diag([1.0, NAN]),
-        np.diag([np.inf, 1.0]),
-        np.eye(3),
-        np.ones((2, 2)),
-        np.eye(2)[0],
-    ]
-)
-PLACES = st.sampled_from([np.array([NAN, 0.0]), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((2, 2)), np.array(0.0)])
 FINE = np.eye(2)
+COVS = -FINE, np.zeros((2, 2)), np.diag([1.0, NAN]), np.diag([np.inf, 1.0]), np.eye(3), np.ones((2, 2)), FINE[0]
+PLACES = np.array([NAN, 0.0]), np.array([np.inf, 0.0]), np.zeros(3), np.zeros((2, 2)), np.array(0.0)
+WRONG = (
+    *(("M1", AT["M1"], cov) for cov in COVS),
+    *(("M1", place, FINE) for place in PLACES),
+    *((node, np.zeros(2), FINE) for node in ("In1", "M9", "")),
+    ("M1", np.zeros(3), np.eye(3)),
+)
+"""Node, place and covariance."""
 
 
 @st.composite
@@ -121,34 +118,21 @@ class Calls(RuleBasedStateMachine):
         if self.tissue.seen_s is not None and self.tissue.time_s < 1e6:
             self.refuses(lambda: self.tissue.predict(self.tissue.time_s + 0.1, push))
 
-    @rule(seen=marks(), cov=COVS)
-    def mark_of_no_covariance(self, seen: MarkMeasurement, cov: np.ndarray) -> None:
-        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", AT["M1"], cov)]))
-
-    @rule(seen=marks(), place=PLACES)
-    def mark_of_no_place(self, seen: MarkMeasurement, place: np.ndarray) -> None:
-        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", place, FINE)]))
-
-    @rule(seen=marks(), node=st.sampled_from(["In1", "M9", ""]))
-    def mark_of_no_node(self, seen: MarkMeasurement, node: str) -> None:
-        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement(node, np.zeros(2), FINE)]))
-
-    @rule(seen=marks())
-    def mark_of_another_space(self, seen: MarkMeasurement) -> None:
-        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement("M1", np.zeros(3), np.eye(3))]))
+    @rule(seen=marks(), wrong=st.sampled_from(WRONG))
+    def mark_of_no_node_place_or_covariance(self, seen: MarkMeasurement, wrong: tuple) -> None:
+        """Beside one that can be taken in."""
+        self.refuses(lambda: self.tissue.update([seen, MarkMeasurement(*wrong)]))
 
     @rule(seen=marks(), shared=st.sampled_from([np.ones((2, 5)), np.full((2, 2), NAN), np.ones(2)]))
     def mark_of_another_calibration(self, seen: MarkMeasurement, shared: np.ndarray) -> None:
         other = MarkMeasurement("M1", AT["M1"], FINE, np.ones((2, 2)))
         self.refuses(lambda: self.tissue.update([seen, other, MarkMeasurement("M4", AT["M4"], FINE, shared)]))
 
-    @rule(cov=COVS)
-    def fix_of_no_covariance(self, cov: np.ndarray) -> None:
-        self.refuses(lambda: self.tissue.fix(AT[HIDDEN], cov))
-
-    @rule(place=PLACES)
-    def fix_of_no_place(self, place: np.ndarray) -> None:
-        self.refuses(lambda: self.tissue.fix(place, FINE))
+    @rule(wrong=st.sampled_from(WRONG))
+    def fix_of_no_place_or_covariance(self, wrong: tuple) -> None:
+        node, place, cov = wrong
+        if node == "M1":
+            self.refuses(lambda: self.tissue.fix(place, cov))
 
     @invariant()
     def the_state_is_a_belief(self) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.vision.drawn_boards import BOARD, LENS, drawn, poses, seen, sub_pixel_rays
-from vision import Board, Pose, find_board
+from vision import Board, Corners, Pose, find_board
 
 CHARUCO = Board(8, 5, 0.025, "4X4_50", 0.018)
 
@@ -18,6 +18,14 @@ def turned(pose: Pose, degrees: float) -> Pose:
     """The board turned in its own plane."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     return Pose(pose.rotation @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), pose.translation_m)
+
+
+def located(board: Board, picture: np.ndarray, pose: Pose) -> Corners:
+    """The corners found, each where it is seen with the board at this pose, to half a pixel."""
+    corners = find_board(board, picture)
+    assert corners is not None
+    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+    return corners
 
 
 # Bounds a third above what 12 such boards gave: rms 0.044 px and 0.083 px, a bias of 0.002 px and 0.005 px an axis,
@@ -42,10 +50,7 @@ def test_boards_printed_before_opencv_46_are_found(board: Board, legacy: bool, r
     """Of an even number of rows of squares other squares have the markers; the corners are the same."""
     rng = np.random.default_rng(6)
     pose = poses(1, rng)[0]
-    corners = find_board(board, drawn(board, pose, rays, rng=rng, legacy=legacy))
-    assert corners is not None
-    assert len(corners.seen_px) >= 16
-    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+    assert len(located(board, drawn(board, pose, rays, rng=rng, legacy=legacy), pose).seen_px) >= 16
 
 
 @pytest.mark.parametrize("degrees", [90.0, 180.0, 270.0])
@@ -53,9 +58,7 @@ def test_boards_printed_before_opencv_46_are_found(board: Board, legacy: bool, r
 def test_corners_keep_their_names_when_the_board_is_turned(board: Board, degrees: float, rays: np.ndarray) -> None:
     rng = np.random.default_rng(2)
     pose = turned(poses(1, rng, far_m=0.42)[0], degrees)
-    corners = find_board(board, drawn(board, pose, rays, rng=rng))
-    assert corners is not None
-    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+    located(board, drawn(board, pose, rays, rng=rng), pose)
 
 
 @pytest.mark.parametrize("board", [BOARD, Board(7, 5, 0.025)], ids=["one way up", "alike turned around"])
@@ -71,18 +74,14 @@ def test_corners_have_one_order_whatever_order_the_search_gives(
     monkeypatch.setattr(
         "cv2.findChessboardCorners", lambda *_, **__: (True, given.reshape(-1, 1, 2).astype(np.float32))
     )
-    corners = find_board(board, picture)
-    assert corners is not None
-    assert np.abs(corners.seen_px - seen(LENS, pose, corners.board_m)).max() < 0.5
+    located(board, picture, pose)
 
 
 def test_a_board_that_looks_the_same_turned_around_has_its_x_to_the_right(rays: np.ndarray) -> None:
     board, rng = Board(7, 5, 0.025), np.random.default_rng(3)
     pose = turned(poses(1, rng)[0], 180.0)
-    corners = find_board(board, drawn(board, pose, rays, rng=rng))
-    assert corners is not None
+    corners = located(board, drawn(board, pose, rays, rng=rng), turned(pose, 180.0))
     assert corners.seen_px[6, 0] > corners.seen_px[0, 0] + 50
-    assert np.abs(corners.seen_px - seen(LENS, turned(pose, 180.0), corners.board_m)).max() < 0.5
 
 
 def test_a_picture_without_the_board_has_none(rays: np.ndarray) -> None:

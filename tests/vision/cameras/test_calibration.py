@@ -13,8 +13,6 @@ from vision import Calibration, CalibrationError, Corners, Lens, Pose, View, cal
 
 PICTURES = sorted((DATA / "chessboard").glob("left*.jpg"))
 
-TRUE = np.concatenate([LENS.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], LENS.distortion])
-
 
 def error(done: Calibration, lens: Lens, pose: Pose) -> np.ndarray:
     """Estimate minus truth in the order of `uncertainty`, (15,); rotations as turns from the left of the truth."""

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.vision.cameras.test_lens import LENS
 from vision import Lens, PlaneCamera, Pose, fronto_parallel_camera, posed_camera
 
 TILTED = np.array([[900.0, 40.0, 310.0], [-30.0, -860.0, 250.0], [0.15, -0.25, 1.0]])
@@ -109,7 +110,6 @@ def test_bad_cameras_are_refused(size_px: tuple[int, int], plane_to_px: np.ndarr
         PlaneCamera("side", size_px, plane_to_px, sd)
 
 
-LENS = Lens(np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]]), np.array([-0.3, 0.1, 0.001, -0.002, 0.02]))
 POSE = Pose(cv2.Rodrigues(np.array([0.4, -0.3, 0.1]))[0] @ np.diag([1.0, -1.0, -1.0]), np.array([0.02, -0.03, 0.8]))
 
 

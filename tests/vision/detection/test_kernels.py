@@ -1,18 +1,14 @@
 """Compiled loops over pixels against NumPy and OpenCV, and against the standard library's own colours."""
 
 import colorsys
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.vision import plain_coverage
 from vision import Disc, Lighting, MarkHue, compress, draw_frame
 from vision.detection.coverage import measure_coverage
 from vision.detection.palette import classes_of, palette_of
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
-import plain_coverage
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -1,4 +1,4 @@
-"""Captures that give a test's answers, and clocks that the test moves."""
+"""Captures that give a test's answers, clocks that the test moves, and numbered pictures."""
 
 import threading
 import time
@@ -6,7 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from vision import LiveFrames
+from vision import Frame, LiveFrames
+
+
+def numbered(k: int) -> np.ndarray:
+    """A picture whose grey level is by its number."""
+    return np.full((48, 64, 3), 20 * k + 10, dtype=np.uint8)
+
+
+def numbers(frames: list[Frame]) -> list[int]:
+    return [(int(frame.image[5, 5, 0]) - 10) // 20 for frame in frames]
 
 
 class Clock:

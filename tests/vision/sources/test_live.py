@@ -212,17 +212,19 @@ def test_close_ends_the_loop_even_while_the_camera_blocks() -> None:
     assert seen == [[]]
 
 
-def test_what_is_wrong_with_the_program_is_raised_to_the_reader() -> None:
-    with LiveFrames(lambda: Scripted(ZeroDivisionError("a bug"))) as live, pytest.raises(ZeroDivisionError):
+@pytest.mark.parametrize(
+    ("capture", "fault", "message"),
+    [
+        (Scripted(opens=False), SourceError, "expected a camera, stream or film that gives frames, found none"),
+        (Scripted(ZeroDivisionError("a bug")), ZeroDivisionError, "a bug"),
+    ],
+)
+def test_what_is_wrong_with_source_or_program_is_raised_to_the_reader(capture, fault, message) -> None:
+    with LiveFrames(lambda: capture) as live, pytest.raises(fault, match=message):
         next(iter(live))
 
 
-def test_a_source_that_does_not_open_is_told() -> None:
-    with (
-        LiveFrames(lambda: Scripted(opens=False)) as live,
-        pytest.raises(SourceError, match="expected a camera, stream or film that gives frames, found none"),
-    ):
-        next(iter(live))
+FILM = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
 
 
 def test_a_film_is_shown_at_its_own_pace() -> None:
@@ -242,8 +244,7 @@ def test_a_film_is_shown_at_its_own_pace() -> None:
         clock.now += seconds
 
     shown = Playback(film, clock=clock, sleep=sleep)
-    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
-    with LiveFrames(lambda: shown, clock=clock, **settings) as live:  # type: ignore[arg-type]
+    with LiveFrames(lambda: shown, clock=clock, **FILM) as live:  # type: ignore[arg-type]
         assert [frame.exposure_s for frame in live] == pytest.approx([100.0, 100.04, 100.12])
         assert naps == pytest.approx([0.04, 0.08])
     wait_until(lambda: film.closed)
@@ -257,8 +258,7 @@ def test_what_waits_begins_when_it_is_first_asked_for_a_frame() -> None:
         opened.append(clock.now)
         return Playback([Frame(k, 0.01 * k, IMAGE) for k in range(3)], clock=clock, sleep=lambda _seconds: None)  # type: ignore[arg-type]
 
-    settings = {"ends": lambda _capture: True, "exposures": lambda: stated_exposure_time, "may_repeat": True, "keep": 3}
-    with LiveFrames(opens, clock=clock, waits=True, **settings) as live:  # type: ignore[arg-type]
+    with LiveFrames(opens, clock=clock, waits=True, **FILM) as live:  # type: ignore[arg-type]
         clock.now += 60.0
         assert not opened
         assert len(list(live)) == 3
@@ -278,14 +278,8 @@ def test_a_blocked_camera_does_not_keep_the_program_alive() -> None:
         "try:\n    next(iter(live))\nexcept vision.SourceError as error:\n    print(error)\n"
     )
     root = Path(__file__).parents[3]
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env={"PYTHONPATH": str(root)},
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=True,
-    )
+    command, env = [sys.executable, "-c", program], {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=600, check=True)
     assert done.stdout == "live frames: expected a new frame within 0.05 s, found none\n"
     assert done.stderr == ""
 

@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 
 import vision
+from tests.vision.sources.scripted import numbered, numbers
 from vision import EventKind, LiveFrames, SourceError, VideoWriter, open_source, shown_source
-
-
-def numbered(k: int) -> np.ndarray:
-    """A picture whose grey level tells its number."""
-    return np.full((48, 64, 3), 20 * k + 10, dtype=np.uint8)
-
-
-def numbers(frames: list[vision.Frame]) -> list[int]:
-    return [(int(frame.image[5, 5, 0]) - 10) // 20 for frame in frames]
 
 
 @pytest.fixture
@@ -92,13 +84,14 @@ ORDERS = [
 @pytest.mark.parametrize("names", ORDERS, ids=lambda names: names[0].replace("\n", " "))
 def test_pictures_come_in_the_order_of_the_numbers_in_their_names(tmp_path: Path, names: list[str]) -> None:
     """As frames and for a calibration; files that begin with a dot are none, such as those a Mac leaves beside."""
+    (tmp_path / "notes.txt").write_text("no picture")
     for k, name in enumerate(names):
         cv2.imwrite(str(tmp_path / name), numbered(k))
         (tmp_path / f"._{name}").write_bytes(b"no picture")
     with open_source(str(tmp_path), live=False, fps=10.0) as source:
         assert numbers(list(source)) == list(range(len(names)))
     assert [name for name, _ in vision.grey_pictures([tmp_path])] == names
-    several = [path for path in tmp_path.iterdir() if not path.name.startswith(".")]
+    several = [path for path in tmp_path.iterdir() if path.name[0] != "." and path.suffix != ".txt"]
     assert [name for name, _ in vision.grey_pictures(several)] == names
 
 

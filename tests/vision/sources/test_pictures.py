@@ -1,4 +1,4 @@
-"""Pictures for a calibration: in order of their names, of one size, and of a film its sharpest frames."""
+"""Pictures for a calibration: of one size, and of a film its sharpest frames; `test_opening.py` has their order."""
 
 from pathlib import Path
 
@@ -13,19 +13,6 @@ def written(path: Path, level: int, size: tuple[int, int] = (32, 24)) -> Path:
     path.parent.mkdir(exist_ok=True)
     cv2.imwrite(str(path), np.full((size[1], size[0], 3), level, dtype=np.uint8))
     return path
-
-
-def test_a_folder_gives_its_pictures_by_name_and_nothing_else(tmp_path: Path) -> None:
-    for name, level in (("b.png", 20), ("a.PNG", 10), ("c.jpg", 30)):
-        written(tmp_path / "in" / name.replace(".PNG", ".png"), level)
-    (tmp_path / "in" / "notes.txt").write_text("no picture")
-    found = [(name, int(image[3, 3])) for name, image in grey_pictures([tmp_path / "in"])]
-    assert found == [("a.png", 10), ("b.png", 20), ("c.jpg", 30)]
-
-
-def test_files_come_by_name_whatever_their_order(tmp_path: Path) -> None:
-    files = [written(tmp_path / f"{k}.png", 10 * k) for k in (3, 1, 2)]
-    assert [name for name, _ in grey_pictures(files)] == ["1.png", "2.png", "3.png"]
 
 
 def test_bad_pictures_are_named(tmp_path: Path) -> None:

@@ -11,13 +11,17 @@ def frames(n: int) -> list[np.ndarray]:
     return [draw_frame((64, 48), [Disc((20.0, 24.0) + k * right, (8.0, 8.0), 0.0)], Lighting(), rng) for k in range(n)]
 
 
+def filmed(path: Path, written: list[np.ndarray], **how: object) -> Path:
+    with VideoWriter(path, (64, 48), 25.0, **how) as video:  # type: ignore[arg-type]
+        for image in written:
+            video.write(image)
+    return path
+
+
 @pytest.mark.parametrize("name", ["film.avi", "film.mkv"])
 def test_ffv1_loses_nothing(tmp_path: Path, name: str) -> None:
     written = frames(4)
-    with VideoWriter(tmp_path / name, (64, 48), 25.0, codec="FFV1") as video:
-        for image in written:
-            video.write(image)
-    with VideoFileFrames(tmp_path / name) as film:
+    with VideoFileFrames(filmed(tmp_path / name, written, codec="FFV1")) as film:
         for frame, image in zip(film, written, strict=True):
             np.testing.assert_array_equal(frame.image, image)
             assert frame.exposure_s == pytest.approx(frame.index / 25.0)
@@ -27,10 +31,7 @@ def test_quality_decides_size_and_loss(tmp_path: Path) -> None:
     written = frames(20)
     sizes, losses = [], []
     for quality in (95, 30):
-        path = tmp_path / f"{quality}.avi"
-        with VideoWriter(path, (64, 48), 25.0, quality=quality) as video:
-            for image in written:
-                video.write(image)
+        path = filmed(tmp_path / f"{quality}.avi", written, quality=quality)
         assert count_frames(path) == 20
         sizes.append(path.stat().st_size)
         first = next(iter(VideoFileFrames(path))).image

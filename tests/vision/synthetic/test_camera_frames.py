@@ -158,15 +158,6 @@ def test_visible_shares_count_what_covers_a_mark() -> None:
     np.testing.assert_allclose(cut.visible, [0.5], atol=1e-3)
 
 
-def test_the_same_seed_gives_the_same_frame() -> None:
-    camera = replace(PLAIN, sensor=Sensor(True, 800.0, 8.0, (1.2, 1.0, 1.1), True, 80), blur_sd_px=0.8)
-    one, two, other = (
-        draw_synthetic_frame(camera, WHITE, [mark(0, 0)], np.random.default_rng(seed)).image for seed in (5, 5, 6)
-    )
-    np.testing.assert_array_equal(one, two)
-    assert (one != other).mean() > 0.05
-
-
 def test_a_mark_has_its_colour_under_white_light() -> None:
     camera = replace(PLAIN, sensor=Sensor(gamma=True))
     image = draw_synthetic_frame(camera, WHITE, [SyntheticMark(np.zeros((1, 2)), 0.02, 120.0, 0.8, 0.6)], rng()).image

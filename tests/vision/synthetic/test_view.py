@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from vision import Disc, Lighting, SyntheticView, draw_frame, tilted_view
+from vision import SyntheticView, tilted_view
 from vision.synthetic.view import _plane_samples, disc_box, disc_coverage
 
 SIZE = (640, 480)
@@ -38,21 +38,6 @@ def test_a_disc_has_its_area_and_centroid(distortion: tuple, tilt_deg: tuple, ce
     assert area == pytest.approx(true_area, rel=5e-4)
     # Whole pixels hold the centroid of this radius to 1.5e-3 px, however exact their shares are.
     np.testing.assert_allclose(centroid, true_centroid, atol=2e-3)
-
-
-@pytest.mark.parametrize("radius_px", [2.0, 3.3, 7.9])
-def test_a_disc_before_a_square_camera_is_the_plain_cameras_disc(radius_px: float) -> None:
-    view = tilted_view((80, 60), 600.0, 1.0)
-    center = np.array([[0.0013, -0.0042]])
-    box = disc_box(view, center, radius_px * 1e-3)
-    alpha = np.zeros((60, 80))
-    alpha[box[1] : box[3], box[0] : box[2]] = disc_coverage(view, box, center, radius_px * 1e-3)
-    flat = Lighting((255.0, 255.0, 255.0), 0.0, 0.0, 0.0, 0.0, 0.0)
-    disc = Disc(view.project(center)[0], (radius_px, radius_px), 0.0, 1.0, 1.0)
-    drawn = draw_frame((80, 60), [disc], flat, np.random.default_rng(0))[:, :, 0]
-    # Half a grey level is 0.002; a pixel's edge is a straight line to 0.01.
-    assert np.abs(alpha - (1.0 - drawn / 255.0)).max() < 0.015
-    assert np.abs(alpha - (1.0 - drawn / 255.0)).mean() < 2e-4
 
 
 def test_the_ellipses_centre_is_off_the_centres_picture_by_the_known_formula() -> None:

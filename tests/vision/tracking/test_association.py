@@ -56,17 +56,29 @@ def test_the_assignment_is_the_best_of_all() -> None:
         assert pairs(detections, expected, gate=1e6) == {str(i): j for i, j in enumerate(best)}
 
 
-def test_marks_that_cross_are_told_apart_as_a_whole() -> None:
-    # Nearest first would give detection 0 to A and leave B with one beyond its gate.
-    detections = [seen(2.4, 0.0), seen(-2.0, 0.0)]
-    expected = [awaited("A", 1.0, 0.0), awaited("B", 4.0, 0.0)]
-    assert pairs(detections, expected) == {"A": 1, "B": 0}
+A, B, C = awaited("A", 0.0, 0.0), awaited("B", 20.0, 0.0), awaited("C", 100.0, 0.0)
+RED, GREEN = awaited("red", 0.0, 0.0), awaited("green", 2.0, 0.0, hue_deg=120.0)
+FOUR = [seen(50.0, 50.0), seen(0.1, 0.0), seen(20.0, 0.2), seen(-40.0, 0.0)]
+BY_HAND = {
+    # nearest first would give detection 0 to A and leave B with one beyond its gate
+    "crossing": ([seen(2.4, 0.0), seen(-2.0, 0.0)], [awaited("A", 1.0, 0.0), awaited("B", 4.0, 0.0)], {"A": 1, "B": 0}),
+    # d² alone would prefer the vague one; log det S sets that right
+    "sure or vague": (
+        [seen(0.0, 0.0)],
+        [awaited("vague", 1.0, 0.0, cov=25.0 * UNIT), awaited("sure", -1.0, 0.0, cov=0.5 * UNIT)],
+        {"sure": 0},
+    ),
+    "hues": ([seen(0.0, 0.0, hue_deg=120.0), seen(2.0, 0.0)], [RED, GREEN], {"red": 1, "green": 0}),
+    "another hue": ([seen(0.0, 0.0, hue_deg=120.0)], [RED], {}),
+    "more detections": (FOUR, [A, B], {"A": 1, "B": 2}),
+    "more marks": (FOUR[1:2], [A, B, C], {"A": 0}),
+}
 
 
-def test_a_sure_expectation_wins_over_a_vague_one_at_the_same_distance() -> None:
-    # d² alone would prefer the vague one; log det S sets that right.
-    expected = [awaited("vague", 1.0, 0.0, cov=25.0 * UNIT), awaited("sure", -1.0, 0.0, cov=0.5 * UNIT)]
-    assert pairs([seen(0.0, 0.0)], expected) == {"sure": 0}
+@pytest.mark.parametrize("case", BY_HAND)
+def test_detections_are_assigned_as_a_whole(case: str) -> None:
+    detections, expected, found = BY_HAND[case]
+    assert pairs(detections, expected) == found
 
 
 @pytest.mark.parametrize(("factor", "found"), [(0.999, True), (1.001, False)])
@@ -77,20 +89,6 @@ def test_the_gate_counts_both_covariances(factor: float, found: bool) -> None:
     direction *= np.sqrt(factor * GATE / (direction @ np.linalg.inv(S) @ direction))
     detections = [seen(*direction, cov=cov_seen)]
     assert bool(associate_marks(detections, [awaited("M1", 0, 0, cov=cov_expected)])) is found
-
-
-def test_hue_classes_are_kept_apart() -> None:
-    detections = [seen(0.0, 0.0, hue_deg=120.0), seen(2.0, 0.0, hue_deg=0.0)]
-    expected = [awaited("red", 0.0, 0.0, hue_deg=0.0), awaited("green", 2.0, 0.0, hue_deg=120.0)]
-    assert pairs(detections, expected) == {"red": 1, "green": 0}
-    assert pairs(detections[:1], expected[:1]) == {}
-
-
-def test_more_detections_than_marks_and_the_other_way_round() -> None:
-    detections = [seen(50.0, 50.0), seen(0.1, 0.0), seen(20.0, 0.2), seen(-40.0, 0.0)]
-    expected = [awaited("A", 0.0, 0.0), awaited("B", 20.0, 0.0)]
-    assert pairs(detections, expected) == {"A": 1, "B": 2}
-    assert pairs(detections[1:2], [*expected, awaited("C", 100.0, 0.0)]) == {"A": 0}
 
 
 def test_a_covariance_that_is_none_is_refused() -> None:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision import AdaptiveHue, Expected, MarkFinder, MarkHue, Outline
+from tests.vision.tracking.drawn_marks import HOMES, expected
+from vision import AdaptiveHue, MarkFinder, MarkHue
 from vision.arrays import Image
 from vision.tracking.distractors import Distractor
 from vision.tracking.settings import FINDER
 
 SIZE = (480, 640)
 RED, BLUE = (40, 30, 190), (200, 60, 30)
-MARKS = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
 HUES = {"M1": 0.0, "M3": 240.0, "M4": 0.0}
 RADIUS = 10
 SETTLED = FINDER.distractors.settled_frames
@@ -33,15 +33,10 @@ def picture(
 ) -> Image:
     """Grey, with the marks but for some, and discs: where, how large, of which colour; noise of 3 grey levels."""
     image = np.full((*SIZE, 3), 130, np.uint8)
-    marks = [(at, RADIUS, RED if HUES[name] == 0.0 else BLUE) for name, at in MARKS.items() if name not in without]
+    marks = [(at, RADIUS, RED if HUES[name] == 0.0 else BLUE) for name, at in HOMES.items() if name not in without]
     for (u, v), radius, colour in (*discs, *marks):
         cv2.circle(image, (round(u), round(v)), radius, colour, -1, cv2.LINE_AA)
     return np.clip(image + noise(int(rng.integers(8))), 0, 255).astype(np.uint8)
-
-
-def expected() -> list[Expected]:
-    outline = Outline(RADIUS * np.eye(2), 0.05)
-    return [Expected(name, np.array(at), 4.0 * np.eye(2), HUES[name], outline) for name, at in MARKS.items()]
 
 
 def told(pictures: Sequence[Image]) -> list[tuple[int, Distractor]]:
@@ -49,7 +44,7 @@ def told(pictures: Sequence[Image]) -> list[tuple[int, Distractor]]:
     finder = MarkFinder([MarkHue(0.0), MarkHue(240.0)], explain=True)
     found = []
     for k, image in enumerate(pictures):
-        finder.find(image, expected())
+        finder.find(image, expected(HOMES, 2.0, HUES))
         found += [(k, one) for one in finder.came]
     return found
 
@@ -136,7 +131,7 @@ def test_what_a_wider_range_of_colours_takes_in_is_no_news(monkeypatch: pytest.M
     came = []
     for k in range(80):
         n_frames = k
-        finder.find(picture(rng, pale, *([((380.0, 300.0), 40, RED)] if k >= 60 else [])), expected())
+        finder.find(picture(rng, pale, *([((380.0, 300.0), 40, RED)] if k >= 60 else [])), expected(HOMES, 2.0, HUES))
         came += [k] * len(finder.came)
     assert came == [62]
 
@@ -145,7 +140,7 @@ def test_nothing_is_told_of_where_nobody_asks() -> None:
     rng = np.random.default_rng(5)
     finder = MarkFinder([MarkHue(0.0), MarkHue(240.0)])
     for _ in range(FIRST):
-        finder.find(picture(rng), expected())
+        finder.find(picture(rng), expected(HOMES, 2.0, HUES))
     for _ in range(5):
-        finder.find(picture(rng, ((380.0, 300.0), 20, RED)), expected())
+        finder.find(picture(rng, ((380.0, 300.0), 20, RED)), expected(HOMES, 2.0, HUES))
         assert finder.came == ()

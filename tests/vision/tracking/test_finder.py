@@ -6,24 +6,11 @@ import numpy as np
 import pytest
 
 import vision.tracking.stages
-from vision import Disc, Expected, HueError, Lighting, MarkFinder, MarkHue, Outline, detect_marks, draw_frame
+from tests.vision.tracking.drawn_marks import HOMES, expected, frame
+from vision import Disc, Expected, HueError, MarkFinder, MarkHue, Outline, detect_marks
 from vision.detection.fast_path import detect_isolated
 from vision.tracking.settings import FINDER
 from vision.tracking.stages import STAGES
-
-SIZE = (640, 480)
-HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
-
-
-def expected(places: dict[str, np.ndarray], sd: float = 3.0, radius: float = 10.0) -> list[Expected]:
-    outline = Outline(radius * np.eye(2), 0.05)
-    return [Expected(name, np.array(at), sd**2 * np.eye(2), 0.0, outline) for name, at in places.items()]
-
-
-def frame(places: dict[str, np.ndarray], rng: np.random.Generator, *more: Disc) -> np.ndarray:
-    return draw_frame(
-        SIZE, [*(Disc(np.array(at), (10.0, 10.0), 0.0) for at in places.values()), *more], Lighting(), rng
-    )
 
 
 def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -155,12 +142,7 @@ def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
     for image in (half, two, frame({}, rng), frame({}, rng, stain)):
         assert detect_isolated(image, hues, region, one) is None
     assert detect_isolated(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
-    assert detect_isolated(whole, hues, region, replace(one, outline=replace_even(one.outline))) is None
-
-
-def replace_even(outline: Outline | None) -> Outline:
-    assert outline is not None
-    return Outline(outline.shape_px, outline.size_sd, even=False)
+    assert detect_isolated(whole, hues, region, replace(one, outline=replace(one.outline, even=False))) is None
 
 
 def test_marks_of_one_hue_have_one_range_of_colours() -> None:

@@ -1,6 +1,7 @@
 """Colours that drift are followed, others are refused."""
 
 import colorsys
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
@@ -14,44 +15,41 @@ def seen(hue: float, saturation: float = 0.8, value: float = 0.7, **how: bool) -
     return Detection(np.zeros(2), np.eye(2), 300.0, 0.0, clipped, occluded, (blue, green, red))
 
 
+def after(hue: MarkHue, frames: Iterable[list[Detection]]) -> AdaptiveHue:
+    followed = AdaptiveHue(hue)
+    for frame in frames:
+        followed.follow(frame)
+    return followed
+
+
 def test_a_drift_of_hue_is_followed_through_zero() -> None:
-    followed = AdaptiveHue(MarkHue(0.0))
-    for k in range(200):
-        followed.follow([seen(-0.1 * k), seen(-0.1 * k)])
+    followed = after(MarkHue(0.0), ([seen(-0.1 * k), seen(-0.1 * k)] for k in range(200)))
     # believed with a lag of the last twenty frames
     assert followed.now.middle_deg == pytest.approx(360.0 - 0.1 * 180.0, abs=1.0)
     assert followed.now.hue_deg == 0.0
 
 
 def test_a_drift_is_followed_so_far_and_no_further() -> None:
-    followed = AdaptiveHue(MarkHue(100.0, 20.0))
-    for k in range(400):
-        followed.follow([seen(100.0 + 0.2 * k)])
+    followed = after(MarkHue(100.0, 20.0), ([seen(100.0 + 0.2 * k)] for k in range(400)))
     assert followed.now.middle_deg == pytest.approx(130.0)
 
 
 def test_paler_and_darker_marks_still_count() -> None:
-    followed = AdaptiveHue(MarkHue(0.0))
-    for _ in range(200):
-        followed.follow([seen(0.0, 0.4, 0.3)])
+    followed = after(MarkHue(0.0), [[seen(0.0, 0.4, 0.3)]] * 200)
     assert followed.now.min_saturation == pytest.approx(0.24, abs=0.01)
     assert followed.now.min_value == pytest.approx(0.09, abs=0.01)
     assert AdaptiveHue(MarkHue(0.0)).now.min_saturation == 0.4
 
 
 def test_occluded_and_cut_marks_teach_nothing() -> None:
-    followed = AdaptiveHue(MarkHue(0.0))
-    for _ in range(50):
-        followed.follow([seen(15.0, occluded=True), seen(15.0, clipped=True)])
+    followed = after(MarkHue(0.0), [[seen(15.0, occluded=True), seen(15.0, clipped=True)]] * 50)
     assert followed.now == MarkHue(0.0)
 
 
 def test_other_colours_are_refused_once_the_own_is_known() -> None:
-    followed = AdaptiveHue(MarkHue(0.0))
     skin = seen(20.0, 0.5)
-    assert followed.distance(skin) <= 1.0
-    for _ in range(5):
-        followed.follow([seen(0.0), seen(2.0)])
+    assert AdaptiveHue(MarkHue(0.0)).distance(skin) <= 1.0
+    followed = after(MarkHue(0.0), [[seen(0.0), seen(2.0)]] * 5)
     assert not followed.distance(skin) <= 1.0
     assert followed.distance(seen(5.0, 0.75, 0.2)) <= 1.0  # in shadow
     learned = AdaptiveHue(MarkHue(0.0, saturation=0.8, value=0.7))

@@ -3,22 +3,16 @@
 import numpy as np
 import pytest
 
-from vision import Disc, Expected, Lighting, LostMark, MarkFinder, MarkHue, Outline, Reason, draw_frame
+from tests.vision.tracking.drawn_marks import HOMES, expected
+from tests.vision.tracking.drawn_marks import frame as drawn
+from vision import Disc, Expected, LostMark, MarkFinder, MarkHue, Reason
 
-SIZE = (640, 480)
-HOMES = {"M1": (150.0, 120.0), "M3": (450.0, 130.0), "M4": (300.0, 350.0)}
 OTHERS = {name: at for name, at in HOMES.items() if name != "M4"}
 BLUE = 240.0
 
 
-def expected(places: dict[str, tuple[float, float]], radius: float = 10.0) -> list[Expected]:
-    outline = Outline(radius * np.eye(2), 0.05)
-    return [Expected(name, np.array(at), 9.0 * np.eye(2), 0.0, outline) for name, at in places.items()]
-
-
 def frame(places: dict[str, tuple[float, float]], *more: Disc, radius: float = 10.0) -> np.ndarray:
-    discs = [Disc(np.array(at), (radius, radius), 0.0) for at in places.values()]
-    return draw_frame(SIZE, [*discs, *more], Lighting(), np.random.default_rng(1))
+    return drawn(places, np.random.default_rng(1), *more, radius=radius)
 
 
 def lost(

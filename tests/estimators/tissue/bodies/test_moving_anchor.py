@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 from dynamics import rest_shape
 from estimators import FilterSettings, MarkMeasurement, TissueFilter, coverage, normalised_error_squared
+from tests.estimators.conftest import followed
 
 SLIP_M_S, SD_M, CLAMP_SD_M = 5e-3, 1e-3, 1e-4
 TIMES_S = np.arange(0.0, 4.0, 1.0 / 30.0)
@@ -19,11 +20,8 @@ def clamp_path(t):
 
 
 def clamp_speed(t):
-    return (
-        2.0
-        * np.pi
-        * np.array([0.012 * 0.4 * np.cos(2.0 * np.pi * 0.4 * t), 0.006 * 0.25 * np.cos(2.0 * np.pi * 0.25 * t)])
-    )
+    speeds = [0.012 * 0.4 * np.cos(2.0 * np.pi * 0.4 * t), 0.006 * 0.25 * np.cos(2.0 * np.pi * 0.25 * t)]
+    return 2.0 * np.pi * np.array(speeds)
 
 
 @pytest.fixture(scope="module")
@@ -60,17 +58,11 @@ def estimated(network, moved, clamps, seed):
     """Errors of M2 [m], (n, 2), and their covariances."""
     rng, noise = np.random.default_rng(seed), dict.fromkeys(("M1", "M3", "M4"), SD_M)
     noise |= dict.fromkeys(clamps, CLAMP_SD_M)
-    tissue, found = TissueFilter(network, "M2", tuple(noise), FilterSettings(led_nodes=clamps)), []
+    frames = []
     for t, places in zip(TIMES_S, moved, strict=True):
-        tissue.predict(float(t))
-        found.append(
-            tissue.update(
-                [
-                    MarkMeasurement(name, places[network.index(name)] + sd * rng.normal(size=2), sd**2 * np.eye(2))
-                    for name, sd in noise.items()
-                ]
-            )
-        )
+        seen = [(name, places[network.index(name)] + sd * rng.normal(size=2), sd) for name, sd in noise.items()]
+        frames.append((float(t), [MarkMeasurement(name, at, sd**2 * np.eye(2)) for name, at, sd in seen]))
+    found = followed(TissueFilter(network, "M2", tuple(noise), FilterSettings(led_nodes=clamps)), frames)
     means = np.array([one.mean for one in found])
     return means - moved[:, network.index("M2")], np.array([one.cov for one in found])
 

@@ -5,15 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import (
-    OUTER,
-    MassSpringNetwork,
-    independent_uncertainty,
-    parameters,
-    rest_shape,
-    scale_parameters,
-)
+from dynamics import OUTER, independent_uncertainty, parameters, rest_shape, scale_parameters
 from estimators import ForceMode, TissueModel
+from tests.networks import build_network
 
 SMALL = 1e-3
 """Relative change of a constant: its second order is a thousandth of its first."""
@@ -39,19 +33,8 @@ def test_a_body_without_anchors_rests_in_the_shape_of_its_lengths_where_it_was()
     """
     corners, springs = np.array([[0.0, 0.0], [0.03, 0.0], [0.0, 0.04]]), np.array([[0, 1], [1, 2], [2, 0]])
     lengths = np.array([0.03, 0.05, 0.04])
-    triangle = MassSpringNetwork(
-        names=("a", "b", "c"),
-        positions=corners,
-        masses=np.full(3, 0.02),
-        fixed=np.zeros(3, dtype=bool),
-        drag=np.zeros(3),
-        friction=np.zeros(3),
-        springs=springs,
-        stiffness=np.array([50.0, 20.0, 90.0]),
-        rest_lengths=lengths,
-        damping=np.zeros(3),
-        gravity=np.zeros(2),
-    )
+    constants = {"masses": 0.02, "stiffness": [50.0, 20.0, 90.0], "rest_lengths": lengths}
+    triangle = build_network(corners, springs, names="abc", **constants)
     uncertain = independent_uncertainty(parameters(triangle, ("stiffness", "rest_length")), 0.01)
     columns = TissueModel(triangle, ("a",), uncertainty=uncertain).resting_columns(corners)
     np.testing.assert_allclose(columns[:, :3], 0.0, atol=1e-15)

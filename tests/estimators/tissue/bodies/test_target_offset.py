@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import (
-    FilterSettings,
-    FixBias,
-    MarkMeasurement,
-    TargetPoint,
-    TissueFilter,
-)
+from estimators import FilterSettings, FixBias, MarkMeasurement, TargetPoint, TissueFilter
+from tests.estimators.conftest import followed
 
 SD_M, BIAS_M, FIX_M = 6e-3, 1e-3, 0.5e-3
 AT_S = 0.5
@@ -35,18 +30,8 @@ def marks_at(tissue: TissueFilter, frame: int):
 
 
 def tracked(tissue: TissueFilter, until_s: float = AT_S):
-    for frame in range(round(30 * until_s) + 1):
-        tissue.predict(frame / 30)
-        estimate = tissue.update(marks_at(tissue, frame))
-    return estimate
-
-
-def test_the_place_is_as_uncertain_as_stated_and_nothing_else_changes():
-    plain, loose = tracked(made(0.0)), tracked(made(SD_M))
-    np.testing.assert_allclose(loose.mean, plain.mean, atol=1e-6)
-    np.testing.assert_allclose(loose.cov, plain.cov + SD_M**2 * np.eye(2), atol=1e-7)
-    assert loose.gain == pytest.approx(plain.gain, abs=0.01)
-    assert not loose.model_only
+    frames = range(round(30 * until_s) + 1)
+    return followed(tissue, [(frame / 30, marks_at(tissue, frame)) for frame in frames])[-1]
 
 
 def test_marks_do_not_tell_the_place_however_long_they_are_seen():

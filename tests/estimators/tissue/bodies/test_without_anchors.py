@@ -5,31 +5,24 @@ from dataclasses import replace
 import numpy as np
 
 from dynamics import MassSpringNetwork, rest_shape
-from estimators import MarkMeasurement, Status, TissueFilter
+from estimators import MarkMeasurement, Status, TissueFilter, coverage, normalised_error_squared
+from tests.estimators.conftest import followed
+from tests.networks import build_network
 
-SD = 0.5e-3
+SD, MARKED = 0.5e-3, ("a", "b", "c", "d")
 CORNERS = 0.05 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 INSIDE = np.array([0.01, -0.005])
 
 
 def square() -> MassSpringNetwork:
     """Four corners, one node inside, a spring between any two, as long as drawn."""
-    positions = np.vstack([CORNERS, INSIDE])
-    springs = np.array([(i, j) for i in range(5) for j in range(i)])
-    lengths = np.linalg.norm(positions[springs[:, 0]] - positions[springs[:, 1]], axis=1)
-    return MassSpringNetwork(
-        names=("a", "b", "c", "d", "inside"),
-        positions=positions,
-        masses=np.full(5, 0.02),
-        fixed=np.zeros(5, dtype=bool),
-        drag=np.full(5, 0.01),
-        friction=np.zeros(5),
-        springs=springs,
-        stiffness=np.full(10, 50.0),
-        rest_lengths=lengths,
-        damping=np.full(10, 0.5),
-        gravity=np.array([0.0, -9.81]),
-    )
+    springs = [(i, j) for i in range(5) for j in range(i)]
+    constants = {"masses": 0.02, "drag": 0.01, "stiffness": 50.0, "damping": 0.5, "gravity": [0.0, -9.81]}
+    return build_network(np.vstack([CORNERS, INSIDE]), springs, names=(*MARKED, "inside"), **constants)
+
+
+def seen(places: np.ndarray) -> list[MarkMeasurement]:
+    return [MarkMeasurement(node, at, SD**2 * np.eye(2)) for node, at in zip(MARKED, places, strict=True)]
 
 
 def moved(places: np.ndarray, t: float) -> np.ndarray:
@@ -51,29 +44,18 @@ def test_it_rests_where_it_is_drawn_and_turned():
 
 def test_the_inside_follows_the_marks():
     """Six seconds at 30 frames/s, corners to 0.5 mm: under half a millimetre on average, and covered as claimed."""
-    rng, network = np.random.default_rng(5), square()
-    tissue = TissueFilter(network, "inside", ("a", "b", "c", "d"))
-    errors, covered = [], []
-    for k in range(180):
-        tissue.predict(k / 30.0)
-        seen = moved(CORNERS, k / 30.0) + SD * rng.normal(size=(4, 2))
-        marks = [MarkMeasurement(node, at, SD**2 * np.eye(2)) for node, at in zip("abcd", seen, strict=True)]
-        estimate = tissue.update(marks)
-        error = estimate.mean - moved(INSIDE[None], k / 30.0)[0]
-        errors.append(np.linalg.norm(error))
-        covered.append(error @ np.linalg.solve(estimate.cov, error) < 5.99)
-    assert estimate.status is Status.TRACKING
-    assert np.mean(errors[10:]) < 0.5e-3
-    assert np.mean(covered) > 0.9
+    rng, times = np.random.default_rng(5), np.arange(180) / 30.0
+    frames = [(t, seen(moved(CORNERS, t) + SD * rng.normal(size=(4, 2)))) for t in times]
+    found = followed(TissueFilter(square(), "inside", MARKED), frames)
+    errors = np.array([one.mean - moved(INSIDE[None], t)[0] for one, t in zip(found, times, strict=True)])
+    assert found[-1].status is Status.TRACKING
+    assert np.linalg.norm(errors[10:], axis=1).mean() < 0.5e-3
+    assert coverage(normalised_error_squared(errors, [one.cov for one in found]), 2) > 0.9
 
 
 def test_it_may_start_anywhere():
     """The first marks are a metre from where it is drawn, turned by two radians: it starts there within 0.7 s."""
-    network = square()
     turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
-    tissue = TissueFilter(network, "inside", ("a", "b", "c", "d"))
-    for k in range(25):
-        tissue.predict(k / 30.0)
-        marks = [MarkMeasurement(n, turn @ at + 1.0, SD**2 * np.eye(2)) for n, at in zip("abcd", CORNERS, strict=True)]
-        estimate = tissue.update(marks)
-    np.testing.assert_allclose(estimate.mean, turn @ INSIDE + 1.0, rtol=0, atol=1e-3)
+    frames = [(k / 30.0, seen(CORNERS @ turn.T + 1.0)) for k in range(25)]
+    found = followed(TissueFilter(square(), "inside", MARKED), frames)
+    np.testing.assert_allclose(found[-1].mean, turn @ INSIDE + 1.0, rtol=0, atol=1e-3)
