@@ -22,8 +22,9 @@ from estimators import (
     advise,
     hit_probability,
 )
+from estimators.guidance.path import CYCLE_S
 from experiments.arrays import Floats
-from experiments.simulation.policies import Policy, across, predicted_parts, predicted_push
+from experiments.simulation.policies import Policy, across, horizon_s, predicted_parts, predicted_push
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
@@ -145,7 +146,9 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
                 robot.doing = "waiting"
             else:
                 speed = -min(speed_m_s, robot.depth / dt)
-        push = _way(world, robot, speed, steps=1)[0] if speed else None
+        push = None
+        if speed:
+            push = predicted_push(world, robot.axis, robot.depth, robot.beside, speed, 1, dt)[0]
         state, robot.punctured = world.moved(
             state, _drive(world, robot, speed, sideways), (now, world.frame_s(k + 1)), robot.punctured
         )
@@ -192,7 +195,7 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
     plan = world.case.plan
     speed = plan.insertion.speed_m_s
     tip = robot.tip(world.entry, speed * left, aside)
-    parts = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, steps=1)[:, 0]
+    parts = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, 1, 1.0 / world.case.frames_per_s)[:, 0]
     target = policy.density_at(now + left, parts)
     cov = plan.needle.tip_cov(robot.axis, robot.depth + speed * left)
     return _Shot(now, left, aside, plan.needle, GaussianMixture.gaussian(tip, cov), target, robot.axis)
@@ -206,9 +209,11 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
     return NeedleMotion(robot.tip(world.entry), velocity, robot.axis, inserted)
 
 
-def _way(world: World, robot: _Robot, speed: float, steps: int = 0) -> Floats:
-    """The predicted push of the needle in each of the coming frames [N], (n, n_free, dim)."""
-    return predicted_push(world, robot.axis, robot.depth, robot.beside, speed, steps)
+def _way(world: World, robot: _Robot, speed: float) -> Floats:
+    """The predicted push of the needle in the steps of a path's tables [N], (n, n_free, dim)."""
+    return predicted_push(
+        world, robot.axis, robot.depth, robot.beside, speed, round(horizon_s(world) / CYCLE_S), CYCLE_S
+    )
 
 
 def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) -> bool:

@@ -99,19 +99,22 @@ def across(axis: Floats) -> Floats:
     return np.array([first, np.cross(axis, first)])
 
 
-def predicted_push(world: World, axis: Floats, depth: float, beside: Floats, speed: float, steps: int = 0) -> Floats:
-    """Forces on the free nodes [N] that the needle makes in coming frames by its stated constants, (n, n_free, dim).
+def predicted_push(
+    world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
+) -> Floats:
+    """Forces on the free nodes [N] that the needle makes in the next n steps of step_s [s], (n, n_free, dim).
 
+    By its stated constants. Full cutting and friction forward, friction back.
     beside: of its first line along each of `across` [m], (dim - 1,)
-    steps: how many frames; 0: as many as a path covers. Full cutting and friction forward, friction back.
     """
-    return predicted_parts(world, axis, depth, beside, speed, steps).sum(axis=0)
+    return predicted_parts(world, axis, depth, beside, speed, n, step_s).sum(axis=0)
 
 
-def predicted_parts(world: World, axis: Floats, depth: float, beside: Floats, speed: float, steps: int = 0) -> Floats:
+def predicted_parts(
+    world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
+) -> Floats:
     """As `predicted_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
-    n = steps or round(horizon_s(world) * world.case.frames_per_s)
-    ahead = (np.arange(n, dtype=np.float64) + 0.5) / world.case.frames_per_s
+    ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
     tips: Floats = world.entry + depths[:, None] * axis
     for aside, direction in zip(beside, across(axis), strict=True):

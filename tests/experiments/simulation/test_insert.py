@@ -16,6 +16,8 @@ from experiments.simulation.insert import figures, insert, one_run
 from experiments.simulation.policies import Ahead, force_error_cov, predicted_parts, predicted_push, warmed
 from experiments.simulation.world import needle_with, world_of
 
+FRAME_S = 1.0 / 30.0
+
 STATED, FORCE_ERROR = NeedleForces().constants(), NeedleForces().error
 
 
@@ -148,7 +150,7 @@ def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
         true = {key: STATED[key] * rng.uniform(1.0 - FORCE_ERROR, 1.0 + FORCE_ERROR) for key in STATED}
         needle = needle_with(world.network, world.entry, true)
         shifts.append(gives @ sliding_friction(world.network, needle, tip, axis, depth).ravel())
-    drawn, parts = np.cov(np.array(shifts).T), predicted_parts(world, axis, 0.02, np.array([0.001]), 0.05, 1)
+    drawn, parts = np.cov(np.array(shifts).T), predicted_parts(world, axis, 0.02, np.array([0.001]), 0.05, 1, FRAME_S)
     told = force_error_cov(gives, parts[:, 0], FORCE_ERROR)
     assert np.abs(told - drawn).max() < 0.06 * np.abs(drawn).max()
 
@@ -159,7 +161,7 @@ def test_a_needle_drawn_back_cuts_nothing():
     depths = 0.02 + 0.05 * np.array([0.5, 1.5, 2.5]) / 30.0
     tips = world.entry + depths[:, None] * axis
     whole = sliding_friction(world.network, needle_with(world.network, world.entry, STATED), tips, axis, depths)
-    assert predicted_push(world, axis, 0.02, np.zeros(1), 0.05, 3) == pytest.approx(whole)
-    cutting, friction = predicted_parts(world, axis, 0.02, np.zeros(1), -0.05, 3)
+    assert predicted_push(world, axis, 0.02, np.zeros(1), 0.05, 3, FRAME_S) == pytest.approx(whole)
+    cutting, friction = predicted_parts(world, axis, 0.02, np.zeros(1), -0.05, 3, FRAME_S)
     assert not cutting.any()
     assert np.all(friction @ axis < 0.0)

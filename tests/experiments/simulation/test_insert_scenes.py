@@ -288,3 +288,9 @@ def test_without_advice_there_is_none(scenario: Path, tmp_path: Path, capsys: py
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (written["advise"]["insertions"], written["runs"]) == (0, 1)
     assert (tmp_path / "out" / "advised.csv").read_text() == "seed,time_s,advice,told,hit,miss_mm\n"
+
+
+def test_frames_may_come_at_any_interval(scenario: Path):
+    """The tables of a path have steps of their own, whatever the camera's rate."""
+    scenario.write_text(SCENARIO.replace("seed = 5", "seed = 5\nframe_interval_s = 0.1"))
+    assert len(one_run(replace(case(scenario), patience_s=1.0))[0]) == 5

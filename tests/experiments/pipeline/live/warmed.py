@@ -1,6 +1,6 @@
 """A program for `test_warm_up`: prints each kernel that a run calls in a way it was not called in before it began.
 
-    python -m tests.experiments.pipeline.warmed phantom space
+    python -m tests.experiments.pipeline.live.warmed phantom space
 
 phantom: pictures, and a needle; space: marks of a body in space; each in a process of its own. Such a call is compiled
 while a frame waits, unless an earlier run left it on the disk.
