@@ -70,29 +70,18 @@ class Disturbances:
         """Strengths of short forces: calm, poked, led [m/s²]."""
         return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
 
-    def modes(self, raised: float) -> list[tuple[float, float]]:
-        """Strengths of the short and the slow force in each mode [m/s²]: slow ones alone, a poke, being led.
-
-        raised: factor on all but calm, as `raised` finds it
-        """
-        strongest = raised * self.slow_m_s2[-1]
-        return [
-            *((self.calm_m_s2, raised * slow) for slow in self.slow_m_s2),
-            (raised * self.poke_m_s2, strongest),
-            (raised * self.led_m_s2, strongest),
-        ]
-
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Modes without a short force, (n_modes,)."""
-        return np.arange(len(self.slow_m_s2) + 2) < len(self.slow_m_s2)
+        return np.tile([True, False, False], len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Of the modes [1/s], (n_modes, n_modes); what slow force remains after a poke is not known."""
+        """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
+        short = np.zeros((3, 3))
+        short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
+        short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
         n = len(self.slow_m_s2)
-        rates = np.zeros((n + 2, n + 2))
-        rates[:n, :n] = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
-        rates[:n, n], rates[n, :n] = 1.0 / self.calm_s, 1.0 / (n * self.poked_s)
-        rates[: n + 1, n + 1], rates[n + 1, n] = 1.0 / self.led_each_s, 1.0 / self.led_s
+        slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
+        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(3))
         return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

@@ -201,10 +201,13 @@ class TissueProcess:
         Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1]; 1 of errors
         that last.
         """
-        d = self.disturbances
-        modes = d.modes(self._raised)
-        led = modes[-1][0]
-        rows = [(d.white, short, max(short, led), slow, level, 1.0) for short, slow in modes]
+        d, raised = self.disturbances, self._raised
+        calm, poke, led = d.short_m_s2
+        rows = [
+            (d.white, short, max(short, raised * led), raised * slow, level, 1.0)
+            for slow in d.slow_m_s2
+            for short in (calm, raised * poke, raised * led)
+        ]
         return np.square(rows)
 
     def moved(self, state: Floats, dt: float) -> Floats:
