@@ -122,8 +122,8 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
                 np.testing.assert_allclose(tissue.filter.means[mode], mean, atol=1e-9)
                 np.testing.assert_allclose(tissue.filter.covs[mode], cov, atol=1e-9 * np.abs(cov).max())
     assert len(own) == 3
-    assert np.array_equal(tissue.filter.means[:, own], np.zeros((5, 3)))
-    np.testing.assert_allclose(tissue.filter.covs[:, own][:, :, own], np.tile(np.eye(3), (5, 1, 1)), atol=1e-9)
+    assert np.array_equal(tissue.filter.means[:, own], np.zeros((9, 3)))
+    np.testing.assert_allclose(tissue.filter.covs[:, own][:, :, own], np.tile(np.eye(3), (9, 1, 1)), atol=1e-9)
     values = np.linalg.eigvalsh(tissue.filter.covs)
     assert (values[:, 0] > -1e-12 * values[:, -1]).all()
 
