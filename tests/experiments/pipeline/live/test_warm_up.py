@@ -15,7 +15,7 @@ def test_a_run_calls_no_kernel_that_the_rehearsal_did_not():
     """In processes of their own, since what an earlier test called would not be missed."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.experiments.pipeline.live.warmed", *NAMES],
-        cwd=Path(__file__).parents[3],
+        cwd=Path(__file__).parents[4],
         env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
         capture_output=True,
         text=True,
