@@ -62,6 +62,8 @@ class Tetrahedra:
         self, mesh: TetMesh, law: str, constants: TissueConstants, patch: NDArray[np.int64] | None = None
     ) -> None:
         m, n = len(mesh.elements), len(mesh.nodes)
+        if law not in LAWS:
+            raise ValueError(f"law: expected one of {', '.join(LAWS)}, found {law}")
         modulus, poisson, damping = (np.broadcast_to(np.asarray(c, dtype=float), m) for c in constants)
         self.law, self.constants = LAWS[law], TissueConstants(modulus, poisson, damping)
         if not ((modulus > 0.0) & (poisson > -1.0) & (poisson < 0.5) & (damping >= 0.0)).all():
@@ -69,7 +71,9 @@ class Tetrahedra:
                 "constants: expected moduli above 0, Poisson's ratios from -1 to below 0.5, damping of 0 or more,"
                 f" found at least {modulus.min():g}, {poisson.min():g}, {damping.min():g}, at most {poisson.max():g}"
             )
-        patch = np.arange(m) if patch is None else patch
+        patch = np.arange(m) if patch is None else np.unique(patch, return_inverse=True)[1]
+        if patch.shape != (m,):
+            raise ValueError(f"patch: expected a number for each of {m} tetrahedra, found {len(patch)}")
         self._order = np.argsort(patch, kind="stable")
         elements, patch = mesh.elements[self._order], patch[self._order]
         members, place = np.unique(n * patch[:, None] + elements, return_inverse=True)

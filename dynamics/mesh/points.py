@@ -24,7 +24,7 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
         elements[k] = each.min(axis=1).argmax()
         weights[k] = each[elements[k]]
         if not weights[k].min() >= INSIDE:
-            raise MeshError(f"point {k}: expected a place inside the mesh, found {np.round(point, 6)} m outside")
+            raise MeshError(f"point {k}: expected a place inside the mesh, found {np.round(point, 6)} m")
     return elements, weights
 
 

@@ -52,7 +52,8 @@ class Table:
     def check_each(self, column: str, expected: Floats) -> None:
         """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
         good = self.numbers[column] == expected
-        self.check(column, good, _number_text(expected[np.argmin(good)]))
+        if not good.all():
+            self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
         """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.

@@ -141,7 +141,7 @@ def toml_number(value: float) -> str:
 
 def toml_text(value: str) -> str:
     """Text in quotes."""
-    return json.dumps(value, ensure_ascii=False)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def toml_value(value: Any, number: Number = toml_number) -> str:
@@ -150,8 +150,8 @@ def toml_value(value: Any, number: Number = toml_number) -> str:
         return "true" if value else "false"
     if isinstance(value, str):
         return toml_text(value)
-    if isinstance(value, float | int):
-        return number(value)
+    if isinstance(value, float | int | np.number):
+        return number(value if isinstance(value, float | int) else value.item())
     return f"[{', '.join(toml_value(one, number) for one in value)}]"
 
 

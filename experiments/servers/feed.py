@@ -32,7 +32,7 @@ class Moment:
 class Feed:
     """Newest state of a live run, and the way back for commands.
 
-    send: hands a command, as told in `commands`, to the loop, which may refuse it; it never waits
+    send: hands a command, as described in `commands`, to the loop, which may refuse it; it never waits
     scene: what does not change from frame to frame; viewers are shown it first
     State: the newest moment; how many clients want pictures.
     """

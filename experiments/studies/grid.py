@@ -48,8 +48,14 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
     """`--seeds`, or another name, and `--first-seed`, which `seeds_of` reads."""
-    parser.add_argument(runs, dest="n_seeds", type=int, default=n, help="runs of each case: %(default)s")
+    parser.add_argument(runs, dest="n_seeds", type=_count, default=n, help="runs of each case: %(default)s")
     parser.add_argument("--first-seed", type=int, default=first, help="of them: %(default)s")
+
+
+def _count(text: str) -> int:
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"expected 1 or more, found {text}")
+    return int(text)
 
 
 def seeds_of(given: argparse.Namespace) -> range:

@@ -19,6 +19,8 @@ study/identity.json has the figures of docs/marks-study.md, study/identity.csv a
 from __future__ import annotations
 
 import json
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -36,7 +38,7 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import EXACTLY
-from experiments.studies.grid import kept_runs, print_figures, study_options
+from experiments.studies.grid import command, kept_runs, print_figures, study_options
 from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
@@ -213,14 +215,15 @@ def study(n_runs: int, out: Path, workers: Workers) -> dict[str, dict[str, float
     return table_figures
 
 
-def main() -> None:
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the study and print its figures."""
     parser = study_options(__doc__)
     parser.add_argument("--runs", type=int, default=18)
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     for name, row in study(given.runs, given.out, chosen_workers(given)).items():
         print_figures(f"{name}: ", row, digits=4)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -12,6 +12,7 @@ the figures of docs/marks-study.md, study/marks.csv every mark of every frame.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -22,7 +23,7 @@ from experiments.engine.runs import Case
 from experiments.engine.study import OWN
 from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.grid import add_seeds, kept_runs, print_figures, runs_of, seeds_of, study_options
+from experiments.studies.grid import add_seeds, command, kept_runs, print_figures, runs_of, seeds_of, study_options
 from experiments.studies.real_balls import PxFollower
 from vision import (
     Disc,
@@ -180,16 +181,17 @@ def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> d
     return by_level
 
 
-def main() -> None:
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the study and print its figures."""
     parser = study_options(__doc__)
     parser.add_argument("--frames", type=int, default=60)
     add_seeds(parser, 100, FIRST_SEED, runs="--runs")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     by_level = study(seeds_of(given), given.frames, given.out, chosen_workers(given))
     for level, row in by_level.items():
         print_figures(f"{level}: ", row, digits=4)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -75,7 +75,7 @@ def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
 
 def lens_lines(lens: LensFile) -> list[str]:
     """`[[camera]]` of a lens that stands nowhere yet, line by line."""
-    head = head_lines(lens.name or "", lens.size_px)
+    head = head_lines(lens.name or "camera", lens.size_px)
     return ["", "[[camera]]", *head, *key_lines(_lens_keys(lens.lens), exactly)]
 
 

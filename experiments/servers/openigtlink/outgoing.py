@@ -124,10 +124,10 @@ def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
-    told = {key: state[key] for key in ("utc_s", "time_s", "status", "fault", "paused")} | {"transform_status": fit}
-    told |= {key: state[key] for key in ("cov_mm2", "sigma_mm", "marks_used", "nis", "poked")}
-    told |= {key: advice.get(key) for key in ("probability", "advice", "reason")}
-    return told | {key: _short(told[key]) for key in ("fault", "reason") if told[key] is not None}
+    details = {key: state[key] for key in ("utc_s", "time_s", "status", "fault", "paused")} | {"transform_status": fit}
+    details |= {key: state[key] for key in ("cov_mm2", "sigma_mm", "marks_used", "nis", "poked")}
+    details |= {key: advice.get(key) for key in ("probability", "advice", "reason")}
+    return details | {key: _short(details[key]) for key in ("fault", "reason") if details[key] is not None}
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:

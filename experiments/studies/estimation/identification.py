@@ -40,7 +40,7 @@ from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import Frames, frames_of
-from experiments.studies.grid import DOCS, grid, kept_runs, markdown_table, study_options
+from experiments.studies.grid import DOCS, command, grid, kept_runs, markdown_table, study_options
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,
@@ -166,12 +166,13 @@ def _marked(value: float, low: float, high: float) -> str:
     return f"{value:.2f}" if low <= value <= high else f"**{value:.2f}**"
 
 
-def main() -> None:
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
     """Do the fits, print the table, and put it into the page."""
     parser = study_options(__doc__, page="identification.md")
     parser.add_argument("--runs", type=int, default=N_RUNS)
     parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="the first one")
-    given = parser.parse_args()
+    given = parser.parse_args(arguments)
     seeds = range(given.seeds, given.seeds + given.runs)
     cases = grid(duration_s=[LONG_S], seed=seeds, phantom=["built-in", "five-mass"])
     table = kept_runs(identified, cases, given.out, chosen_workers(given))
@@ -182,4 +183,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -13,6 +13,7 @@ are half sines (`poked`: one mass at a time; `shoved`: all outer masses at once,
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache as once
@@ -41,8 +42,8 @@ from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.studies.estimation.limits import bound_row, hard_trial, longest, lost_row
 from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, run, seen
+from experiments.studies.grid import command, kept_runs, print_figures, study_options
 from experiments.studies.grid import grid as cases_of
-from experiments.studies.grid import kept_runs, print_figures, study_options
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 """Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
@@ -282,12 +283,13 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 }
 
 
-def main() -> None:
+@command
+def main(arguments: Sequence[str] | None = None) -> None:
     """Run the parts named, or all, and keep their figures."""
     parser = study_options(__doc__)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
     parser.add_argument("--runs", type=int, default=100)
-    chosen = parser.parse_args()
+    chosen = parser.parse_args(arguments)
     study = Study(chosen.out, chosen.runs, chosen_workers(chosen))
     study.cache.mkdir(parents=True, exist_ok=True)
     for name in chosen.parts or PARTS:
@@ -298,4 +300,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -149,7 +149,7 @@ CAMERA: tuple[ScriptedFault, ...] = (
     *(ScriptedFault(name, what, lasts_s, picture=alters) for name, what, lasts_s, alters in _PICTURES),
     ScriptedFault("clock ahead", "the camera's clock jumps ahead by 10 s", FOREVER, arrivals=_dated(10.0)),
     ScriptedFault("clock back", "the camera's clock jumps back by 10 s", FOREVER, arrivals=_dated(-10.0)),
-    ScriptedFault("NaN times", "the camera's clock tells no number", FOREVER, arrivals=_dated(np.nan)),
+    ScriptedFault("NaN times", "times of the camera that are no numbers", FOREVER, arrivals=_dated(np.nan)),
     ScriptedFault(
         "NaN pictures",
         "pictures of NaN for 2 s",

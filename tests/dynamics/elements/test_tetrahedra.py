@@ -194,6 +194,21 @@ def test_a_neo_hookean_tetrahedron_inside_out_has_no_finite_energy():
     assert np.isnan(element.force(x, 0.0 * x)).any()
 
 
+def test_patches_may_have_any_numbers():
+    mesh = block((1, 1, 1), (0.1, 0.1, 0.1))
+    own, constants = np.arange(len(mesh.elements)) // 3, TissueConstants(3e3, 0.4)
+    found, other = (Tetrahedra(mesh, "linear", constants, patch) for patch in (own, 7 * own - 2))
+    x = 1.1 * mesh.nodes[found.nodes]
+    assert found.energy(x).min() > 0.0
+    np.testing.assert_array_equal(found.energy(x), other.energy(x))
+
+
+@pytest.mark.parametrize(("law", "n", "said"), [("rubber", 6, "law: expected one of linear"), ("linear", 5, "patch: ")])
+def test_another_law_and_patches_of_another_mesh_are_refused(law, n, said):
+    with pytest.raises(ValueError, match=said):
+        Tetrahedra(block((1, 1, 1), (0.1, 0.1, 0.1)), law, TissueConstants(3e3, 0.4), np.zeros(n, dtype=int))
+
+
 @pytest.mark.parametrize("wrong", [{"modulus": 0.0}, {"poisson": 0.5}, {"damping": -0.1}, {"modulus": np.nan}])
 def test_constants_that_no_tissue_has_are_refused(wrong):
     mesh = block((1, 1, 1), (0.1, 0.1, 0.1))

@@ -42,6 +42,15 @@ def test_options_are_named_by_the_docstring_and_choose_seeds():
     assert len(seeds_of(parser.parse_args(["--out", "x"]))) == 20
 
 
+@pytest.mark.parametrize("n", ["0", "-1", "two"])
+def test_there_is_one_run_at_least(n, capsys):
+    parser = study_options("What it is.", page="some.md")
+    add_seeds(parser, 20, 100)
+    with pytest.raises(SystemExit):
+        parser.parse_args(["--out", "x", f"--seeds={n}"])
+    assert f"expected 1 or more, found {n}" in capsys.readouterr().err
+
+
 def test_a_table_is_markdown_whatever_its_entries():
     shown = markdown_table(["name", "n", "why"], [["a|b", "1", "so"]], left=(0, 2))
     assert shown == "| name | n | why |\n| --- | ---: | --- |\n| a/b | 1 | so |\n"

@@ -105,6 +105,13 @@ def test_a_lens_that_stands_nowhere_is_kept_and_no_camera(tmp_path: Path, kind: 
         filmed_scene(path)
 
 
+def test_a_lens_without_a_name_is_written_with_one(tmp_path: Path) -> None:
+    text = LENSES["ros"](LENS)
+    (tmp_path / "lens.yaml").write_text("".join(line for line in text.splitlines(True) if "name" not in line), "utf-8")
+    write_scene(read_scene(scene_with(tmp_path, '[[camera]]\nfile = "lens.yaml"\n')), tmp_path / "again.toml")
+    assert read_scene(tmp_path / "again.toml").lenses[0].name == "camera"
+
+
 @pytest.mark.parametrize(
     ("camera", "message"),
     [

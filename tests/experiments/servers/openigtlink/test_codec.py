@@ -149,16 +149,16 @@ def test_metadata_in_another_character_set_is_left_out():
 
 
 @pytest.mark.parametrize(
-    ("at", "changed", "told"),
+    ("at", "changed", "said"),
     [
         *[(0, struct.pack(">H", version), "version") for version in (0, 3, 0x504F)],  # P and O of a browser's POST
         *[(at, b"\xff", "UTF-8") for at in (2, 14)],
         *[(42, struct.pack(">Q", size), "at most 65536") for size in (LARGEST_BODY + 1, 2**31, 2**63, 2**64 - 1)],
     ],
 )
-def test_a_header_that_is_none_or_announces_too_much_is_refused(at: int, changed: bytes, told: str):
+def test_a_header_that_is_none_or_announces_too_much_is_refused(at: int, changed: bytes, said: str):
     header = published.TRANSFORM[:58]
-    with pytest.raises(MalformedError, match=told):
+    with pytest.raises(MalformedError, match=said):
         decode_header(header[:at] + changed + header[at + len(changed) :])
 
 
