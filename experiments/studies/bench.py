@@ -233,10 +233,10 @@ def advice() -> dict[str, float]:
         insertion = Insertion(0.06 * np.eye(dim)[1], -np.eye(dim)[1], 0.1)
         lesion = Lesion.ball(5e-3, dim)
         report[f"advise_{name}_ms"] = repeated_ms(partial(advise, path, insertion, lesion), 200)
-    belief, lesion = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
+    target, lesion = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.diag([1.0, 2.0, 4.0])), Lesion.ball(5e-3, 3)
     axis = np.eye(3)[1]
     report["plan_500_paths_ms"] = repeated_ms(_planned(network), 20)
-    report["hit_probability_ms"] = repeated_ms(lambda: hit_probability(belief, belief, axis, lesion), 500)
+    report["hit_probability_ms"] = repeated_ms(lambda: hit_probability(target, target, axis, lesion), 500)
     return report
 
 

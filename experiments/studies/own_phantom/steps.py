@@ -77,11 +77,12 @@ LAST = ("tuned.toml", "identified.toml")
 """The scene that the steps of a project end with: tuned where its filter has levels to tune."""
 
 
-HEADS = ("phantom", "recordings", "insertions", "told", "came true", "true - told, 95 %", "GO", "told", "came true")
+OF_HITS = ("predicted", "observed")
+HEADS = ("phantom", "recordings", "insertions", *OF_HITS, "observed - predicted, 95 %", "GO", *OF_HITS)
 
 
 def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Insertions into one recording of a project: told, true and advice of each; case: phantom, project, seed."""
+    """Insertions into one recording of a project: predicted, observed hit, advice; case: phantom, project, seed."""
     project = Path(case["project"])
     scenario = read_scenario(str(project / "scenario.toml")).model_copy(update={"seed": case["seed"]})
     with tempfile.TemporaryDirectory() as folder:
@@ -93,25 +94,25 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
         rows = table(advise(recording, plan, every_s=EVERY_S))
     known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["came_true"])]
     return [
-        {"time_s": row.time_s, "told": row.p_hit, "true": row.came_true, "advice": row.advice}
+        {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.came_true, "advice": row.advice}
         for row in known.itertuples()
     ]
 
 
 def reliability_table(found: pd.DataFrame) -> str:
-    """A row for each phantom: what was told and came true, of all insertions and of those with GO.
+    """A row for each phantom: hit rates predicted and observed, of all insertions and of those with GO.
 
     The interval is of the mean difference over recordings, 1.96 standard errors: insertions of one are not independent.
     """
     table = []
     for name, rows in found.groupby("phantom", sort=False):
-        gaps = (rows["true"] - rows["told"]).groupby(rows["seed"]).mean()
+        gaps = (rows["observed"] - rows["predicted"]).groupby(rows["seed"]).mean()
         half = 1.96 * float(gaps.std(ddof=1)) / np.sqrt(len(gaps)) if len(gaps) > 1 else np.inf
-        gap = float((rows["true"] - rows["told"]).mean())
+        gap = float((rows["observed"] - rows["predicted"]).mean())
         go = rows[rows["advice"] == "GO"]
-        counts = [str(len(gaps)), str(len(rows)), _mean(rows["told"]), _mean(rows["true"])]
+        counts = [str(len(gaps)), str(len(rows)), _mean(rows["predicted"]), _mean(rows["observed"])]
         share = [f"{100 * gap:+.1f} ± {100 * half:.1f} points", f"{len(go) / len(rows):.0%}"]
-        table.append([str(name), *counts, *share, _mean(go["told"]), _mean(go["true"])])
+        table.append([str(name), *counts, *share, _mean(go["predicted"]), _mean(go["observed"])])
     return markdown_table(HEADS, table)
 
 

@@ -1,4 +1,4 @@
-"""The tutorial's commands, typed as they stand, and the study that takes their time and counts what came true."""
+"""The tutorial's commands, typed as they stand, and the study that takes their time and counts hits."""
 
 import json
 import re
@@ -64,8 +64,8 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     rows = pd.DataFrame(insertions({"phantom": "plane", "project": str(tmp_path / "mine"), "seed": 7}))
     np.testing.assert_allclose(np.diff(rows["time_s"]), 0.25, atol=0.035)  # in whole frames
     assert 7 <= len(rows) <= 15
-    assert rows[["told", "true"]].to_numpy().min() >= 0.0
-    assert rows[["told", "true"]].to_numpy().max() <= 1.0
+    assert rows[["predicted", "observed"]].to_numpy().min() >= 0.0
+    assert rows[["predicted", "observed"]].to_numpy().max() <= 1.0
 
 
 def test_steps_that_ended_early_are_done_again(tmp_path, capsys, monkeypatch):
@@ -86,8 +86,8 @@ def test_tables_of_the_study():
         {
             "phantom": "one",
             "seed": [1, 1, 2, 2],
-            "told": [0.5, 0.5, 0.6, 0.6],
-            "true": [0.6, 0.6, 1.0, 0.8],
+            "predicted": [0.5, 0.5, 0.6, 0.6],
+            "observed": [0.6, 0.6, 1.0, 0.8],
             "advice": ["GO", "WAIT", "GO", "GO"],
         }
     )
