@@ -1,8 +1,6 @@
-"""Whatever the pages name exists: links, pictures, paths, modules, subcommands and renamed names."""
+"""Whatever the pages name exists: links, pictures, paths, modules and subcommands."""
 
-import importlib
 import importlib.util
-import inspect
 import re
 from itertools import pairwise
 from pathlib import Path
@@ -13,7 +11,7 @@ from experiments.commands import page as commands_page
 from experiments.commands.app import COMMANDS
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FOLDERS = "dynamics|estimators|vision|experiments|tests|docs"
 SUFFIXES = "py|md|toml|csv|png|json"
 
@@ -79,7 +77,7 @@ def cells(row: str) -> int:
 CHECKS = (missing_links, missing_paths, missing_modules, missing_subcommands, crooked_tables)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_what_a_page_names_is_there_and_its_tables_are_straight(page: Path) -> None:
     assert {check.__name__: check(page) for check in CHECKS} == {check.__name__: [] for check in CHECKS}
 
@@ -103,36 +101,6 @@ def test_every_picture_is_shown_on_a_page() -> None:
     assert [path.name for path in pictures if f"images/{path.name})" not in text] == []
 
 
-@pytest.mark.parametrize("package", ["dynamics", "estimators", "vision"])
-def test_new_names_are_public_and_old_ones_are_gone(package: str) -> None:
-    page = (ROOT / "docs" / "renamed.md").read_text(encoding="utf-8")
-    section = page.split(f"## `{package}`\n", 1)[1].split("\n## ", 1)[0]
-    renamed = re.findall(r"^\| `([\w.]+)` \| `([\w.]+)` \|$", section, flags=re.MULTILINE)
-    assert len(renamed) >= 10
-    module = importlib.import_module(package)
-    new_names = {new for _, new in renamed}
-    for old, new in renamed:
-        assert has(module, new), new
-        # A name may have been given to something else: estimators.Needle and dynamics' are two
-        assert old in new_names or not has(module, old), old
-
-
-def has(module: object, dotted: str) -> bool:
-    """Whether a module has a public name, or a class of it the method, field or attribute."""
-    first, _, rest = dotted.partition(".")
-    if first not in getattr(module, "__all__", ()):
-        return False
-    kind = getattr(module, first)
-    return not rest or rest in dir(kind) or f"self.{rest}" in inspect.getsource(kind)
-
-
 def test_the_page_of_commands_is_what_their_help_says() -> None:
     text = commands_page.PAGE.read_text(encoding="utf-8")
     assert commands_page.page(text) == text, "python -m experiments.commands.page"
-
-
-def test_studies_that_moved_can_be_run() -> None:
-    page = (ROOT / "docs" / "renamed.md").read_text(encoding="utf-8")
-    moved = re.findall(r"^\| `(experiments\.\w+)` \| `([\w.]+)` \|$", page, flags=re.MULTILINE)
-    assert len(moved) >= 5
-    assert all(is_module(new) and not is_module(old) for old, new in moved)

@@ -53,6 +53,14 @@ def test_the_version_is_that_of_the_project() -> None:
     assert softaim.__version__ == project["version"]
 
 
+def test_the_version_is_that_of_the_newest_release() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    newest = re.search(r"^## \[(\d[\d.]*)\]", changelog, flags=re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == project["version"]
+
+
 def test_importing_it_loads_nothing_else() -> None:
     """What is loaded is what takes time: numba alone half a second."""
     code = "import sys; import softaim; print(*sorted({name.split('.')[0] for name in sys.modules}))"

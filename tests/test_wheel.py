@@ -8,7 +8,7 @@ import pytest
 from tests.wheel import PACKAGES, faults, tracked
 
 ROOT = Path(__file__).parent.parent
-ENTRY = "softaim-0.1.0.dist-info/entry_points.txt"
+ENTRY = "softaim-1.2.3.dist-info/entry_points.txt"
 
 
 def wheel(

@@ -23,7 +23,8 @@ from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 
 LONGEST_STEP = 1.0 / 120.0
-"""Between two additions of noise [s]; chosen: `docs/decisions.md` has the error that it makes."""
+"""Between two additions of noise [s]; choice: it errs by 23 µm and by 0.5 % of the covariance after 0.2 s,
+and takes half the time of 1/240 s."""
 
 LOOSE = 1e-11
 """Stiffness, by the largest, below which it is rounding: nothing resists."""

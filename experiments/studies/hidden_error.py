@@ -2,7 +2,7 @@
 
 Reproduces the comparison of [paper] section IV under the paper's own mark noise (its "4.14 ± 1.47 mm", taken as the
 standard deviation of each axis) at a camera's own frame rate. Truth by SciPy's RK45.
-`python -m experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in docs/decisions.md):
+`python -m experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in README.md):
 
     scenario  open loop  filter  ratio  in 95 % region  worst
 """

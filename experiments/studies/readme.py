@@ -40,7 +40,7 @@ def markdown_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> s
     rows = [
         f"| mean absolute error ± SD of the hidden mass [mm] | {' | '.join(heads())} |",
         "| --- |" + " ---: |" * len(figures),
-        f"| as published, a frame each 1.09 s | {published} |",
+        f"| as published, one frame every 1.09 s | {published} |",
     ]
     for method, label in (
         (OPEN_LOOP, "the paper's method on our frames"),
@@ -60,12 +60,12 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"
-    what = f"error of the hidden mass by the open loop's, 4.14 mm of mark noise an axis, 30 frames/s, {N_RUNS} runs"
+    what = f"filter error / open-loop error; mark noise 4.14 mm an axis, 30 frames/s, {N_RUNS} runs"
     rows = [
         "| figure | value | command |",
         "| --- | --- | --- |",
         f"| {what} | {ratios} | {command} |",
-        f"| truth inside the 95 % region there | {covered} | the same |",
+        f"| truth inside the filter's 95 % region | {covered} | the same |",
     ]
     return "\n".join(rows)
 
