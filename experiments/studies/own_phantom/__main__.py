@@ -1,6 +1,6 @@
 """The steps of a new user on three phantoms, and whether the probabilities that come out of them come true.
 
-    python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; --page writes the tables
+    python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; --page writes a table
     python -m experiments.studies.own_phantom --out FOLDER --runs 2   # fewer recordings to insert into
 
 For each phantom `softaim new` makes a project; the commands of its STEPS.md are typed, each in a process of its own,
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     times, reliability = times_table(pd.DataFrame(rows)), reliability_table(found)
     sys.stdout.write(f"{times}\n{reliability}")
     if given.page:
-        rewrite_page(DOCS / "tutorial.md", {"steps table": times, "insertions table": reliability})
+        rewrite_page(DOCS / "tutorial.md", {"insertions table": reliability})
 
 
 if __name__ == "__main__":
