@@ -1,13 +1,12 @@
 """The steps of a new user on three phantoms, and whether the probabilities that come out of them come true.
 
-    python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; --page writes the tables
+    python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; prints both tables
     python -m experiments.studies.own_phantom --out FOLDER --runs 2   # fewer recordings to insert into
 
 For each phantom `softaim new` makes a project; the commands of its STEPS.md are typed, each in a process of its own,
 and timed. Then the project's scenario is simulated again with seeds that nobody has looked at, filmed as before, and
 the tuned scene advises the project's needle in each recording, four times a second. Predicted is the probability of
-a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.came_true`). Last figures:
-docs/tutorial.md.
+a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.came_true`).
 """
 
 from __future__ import annotations
@@ -20,15 +19,14 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import output_folder, write_whole
-from experiments.formats.page import rewrite_page
-from experiments.studies.grid import DOCS, add_seeds, chosen, command, grid, kept_runs, seeds_of, study_options
+from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs, seeds_of, study_options
 from experiments.studies.own_phantom.steps import PHANTOMS, insertions, reliability_table, stepped, times_table
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the steps that the folder does not have yet, then the insertions."""
-    parser = study_options(__doc__, page="tutorial.md")
+    parser = study_options(__doc__)
     parser.add_argument("--phantoms", default="0,1,2", help="which: %(default)s")
     add_seeds(parser, 56, 7100, runs="--runs")
     given = parser.parse_args(arguments)
@@ -47,8 +45,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     found = kept_runs(insertions, cases, given.out / "runs", chosen_workers(given))
     times, reliability = times_table(pd.DataFrame(rows)), reliability_table(found)
     sys.stdout.write(f"{times}\n{reliability}")
-    if given.page:
-        rewrite_page(DOCS / "tutorial.md", {"steps table": times, "insertions table": reliability})
 
 
 if __name__ == "__main__":
