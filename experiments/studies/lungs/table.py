@@ -49,4 +49,4 @@ def _mean(table: pd.DataFrame, column: str) -> str:
 
 
 def _covered(table: pd.DataFrame) -> str:
-    return f"{100 * coverage(table['nees'].to_numpy(), 3):.1f} %" if _complete(table, "nees") else ""
+    return f"{100 * coverage(table['nees'].to_numpy(), 3):.1f}%" if _complete(table, "nees") else ""

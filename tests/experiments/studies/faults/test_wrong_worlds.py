@@ -211,9 +211,9 @@ def test_a_row_of_which_any_body_is_beyond_half_a_percent_is_marked():
         ]
     )
     good, refused, marked = markdown(rows_of(runs)).splitlines()[2:]
-    assert good.startswith("| nothing | 200 | 1 | 0.5 % |")
-    assert marked.startswith("| **the scale is 3 % off** | 100 | 1 | **1.0 %** |")
-    assert "| refused in 1 of 1: GO |" in refused
+    assert good == "| nothing | 1/200 | 1.0 | 96.6% |"
+    assert marked.startswith("| **the scale is 3 % off** | **1/100** |")
+    assert refused.startswith("| masses stated in g | 0/0, refused 1/1 |")
 
 
 def test_two_rows_are_run_and_written_and_a_row_counts_from_its_onset_on(tmp_path, capsys):
