@@ -123,6 +123,12 @@ def test_the_command_puts_the_tables_that_are_there_into_the_page(tmp_path, monk
     assert "old" not in new
 
 
+def test_constants_that_are_not_identified_are_on_the_page_over_all_scenarios():
+    row = {"runs": 2, "filter_mm": 1.0, "ratio": 0.5, "coverage95": 0.9, "nees": 2.5}
+    lines = TABLES["unidentified"]({"ignored, quiet": row, "ignored, all": row}).splitlines()
+    assert lines[2:] == ["| ignored, all | 1.00 | 0.500 | 90.0% | 2.50 |"]
+
+
 @pytest.mark.slow
 def test_identified_runs_hold_their_figures(study, monkeypatch):
     """One phantom 10 % off, identified from 2 s, tracked for 5 s, by the open loop's error.
