@@ -153,11 +153,11 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
     """The table of the page; what is out of its bounds is bold."""
-    heads = ["phantom", "constants", "fits", "pull, mean", "pull, spread", "off before", "off after", "standard error"]
+    heads = ["phantom", "constants", "fits", "pull, mean", "pull, SD", "error before", "error after", "standard error"]
     rows = []
     for (name, kind), row in found.items():
         mean, spread = (_marked(row[key], *BOUNDS[key]) for key in ("mean", "spread"))
-        rest = [f"{100.0 * row[key]:.3g} %" for key in ("before", "error", "sd")]
+        rest = [f"{100.0 * row[key]:.3g}%" for key in ("before", "error", "sd")]
         rows.append([name, kind.replace("_", " "), f"{row['fits']:.0f}", mean, spread, *rest])
     return markdown_table(heads, rows, left=(0, 1))
 

@@ -64,19 +64,19 @@ def _displaced(by_m: float) -> Callable[[Session], None]:
 
 
 LOOP: tuple[ScriptedFault, ...] = (
-    ScriptedFault("needle bent", "a needle that was given GO bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
+    ScriptedFault("needle bent", "after GO the needle bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
     ScriptedFault(
         "needle unseen",
-        "its tracker does not see a needle that bends as much, or tells NaN",
+        "the same, and the tracker loses it or sends NaN",
         needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
     ),
     ScriptedFault(
         "touched early",
-        "a needle beside its line presses 5 mm into the skin, not given GO",
+        "without GO a needle presses 5 mm into the skin",
         needle=TrackedNeedle(_touches, push_N=DENT_N),
     ),
     ScriptedFault(
-        "filter diverges", "the filter takes all nodes to be 110 mm off", FOREVER, upsets=_displaced(THROWN_M)
+        "filter diverges", "the filter's nodes are displaced by 110 mm", FOREVER, upsets=_displaced(THROWN_M)
     ),
-    ScriptedFault("filter NaN", "the filter's state is no number", FOREVER, upsets=_displaced(np.nan)),
+    ScriptedFault("filter NaN", "the filter's state is NaN", FOREVER, upsets=_displaced(np.nan)),
 )

@@ -231,25 +231,23 @@ def _killed(number: signal.Signals) -> Acts:
 
 
 SYSTEM: tuple[SystemFault, ...] = (
-    SystemFault("no fault of the system", "a process of its own, watched, recorded", 0.0),
+    SystemFault("no fault of the system", "nothing fails, in real time", 0.0),
     SystemFault(
-        "slow consumer", "viewers who take a second a state, or nothing", before=_with_openigtlink, begins=_slow
+        "slow consumer", "viewers take a second for a state, or nothing", before=_with_openigtlink, begins=_slow
     ),
     SystemFault("50 viewers", "fifty viewers come at once", begins=_many),
     SystemFault(
         "terminal not read",
-        "nobody reads the terminal for 4 s, and 1,500 lines come",
+        "nobody reads 1,500 lines on the terminal for 4 s",
         2.0 * LASTS_S,
         before=_in_terminal,
         begins=_unread,
         ends=_read_again,
     ),
-    SystemFault(
-        "stdout closed", "nobody is there to read either output, and 1,500 lines come", FOREVER, begins=_closed
-    ),
-    SystemFault("disk full", "no file can grow from now on", FOREVER, begins=_full, writes=False),
+    SystemFault("stdout closed", "both outputs are closed, 1,500 lines come", FOREVER, begins=_closed),
+    SystemFault("disk full", "the disk is full", FOREVER, begins=_full, writes=False),
     SystemFault("TERM", "ended by SIGTERM", FOREVER, begins=_killed(signal.SIGTERM), writes=False),
     SystemFault("KILL", "ended by SIGKILL", FOREVER, begins=_killed(signal.SIGKILL), writes=False),
-    SystemFault("port taken", "the port that is asked for is taken", FOREVER, STARTS_WITHIN_S, before=_taken),
+    SystemFault("port taken", "the requested port is taken", FOREVER, STARTS_WITHIN_S, before=_taken),
     SystemFault("usual port taken", "the page's usual port is taken", 0.0, before=_usual_taken),
 )

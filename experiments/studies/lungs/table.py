@@ -11,14 +11,14 @@ from experiments.studies.grid import markdown_table
 from experiments.studies.lungs.estimate import SEEN, Inner
 
 HEAD = (
-    "seen of each lung",
-    "nothing done [mm]",
-    "thin-plate spline [mm]",
+    "landmarks seen",
+    "no motion [mm]",
+    "spline [mm]",
     "filter [mm]",
-    "covered",
+    "coverage",
     "spline, all phases [mm]",
     "filter, all phases [mm]",
-    "covered, all phases",
+    "coverage, all phases",
 )
 
 
@@ -49,4 +49,4 @@ def _mean(table: pd.DataFrame, column: str) -> str:
 
 
 def _covered(table: pd.DataFrame) -> str:
-    return f"{100 * coverage(table['nees'].to_numpy(), 3):.1f} %" if _complete(table, "nees") else ""
+    return f"{100 * coverage(table['nees'].to_numpy(), 3):.1f}%" if _complete(table, "nees") else ""

@@ -29,7 +29,7 @@ from experiments.studies.grid import DOCS, chosen, command, study_options
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
 from experiments.studies.zoo.picture import zoo_figure
 from experiments.studies.zoo.run import record_of
-from experiments.studies.zoo.table import cells_of, markdown
+from experiments.studies.zoo.table import cells_of, markdown, page_tables
 
 
 def write_results(table: pd.DataFrame, folder: Path) -> str:
@@ -65,7 +65,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     page = write_results(done.table, given.out)
     sys.stdout.write(page)
     if given.page:
-        rewrite_page(DOCS / "zoo.md", {"zoo table": page})
+        rewrite_page(DOCS / "zoo.md", {"zoo table": page_tables(cells_of(done.table))})
         write_whole(DOCS / "images" / "zoo.png", (given.out / "zoo.png").read_bytes())
     for failure in done.failures:
         sys.stderr.write(f"{failure}\n")

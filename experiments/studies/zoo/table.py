@@ -1,4 +1,4 @@
-"""Figures of each cell of the zoo, the bounds they are held to, and both as a page."""
+"""Figures of each cell of the zoo, the bounds they are held to, and tables of both."""
 
 from __future__ import annotations
 
@@ -126,19 +126,19 @@ def summary(cells: Sequence[Cell]) -> list[str]:
         rated = [(cell.ratio, cell.name) for cell in own if cell.ratio is not None and np.isfinite(cell.ratio)]
         kept = sum(not faults(cell) for cell in own)
         bounds = BOUNDS[constants]
-        text = f"constants {constants}: {kept} of {len(own)} cells keep every bound"
+        text = f"{constants} constants: {kept} of {len(own)} cells within all bounds"
         if rated:
             worst, name = max(rated)
             text += (
-                f"; ratio, geometric mean of {len(rated)}: {geometric_mean([r for r, _ in rated]):.2f}"
-                f" (bound {bounds.mean_ratio}), worst {worst:.2f} (bound {bounds.worst_ratio}): {name}"
+                f"; ratio: geometric mean {geometric_mean([r for r, _ in rated]):.2f} (bound {bounds.mean_ratio}),"
+                f" worst {worst:.2f} (bound {bounds.worst_ratio}), {name}"
             )
         lines.append(text)
     return lines
 
 
-HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "covered", "NEES", "non-finite"]
-HEAD += ["wrong tracking", "repairs", "ms a frame", "beyond its bounds"]
+HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage", "NEES", "non-finite"]
+HEAD += ["wrong tracking", "repairs", "ms a frame", "bounds exceeded"]
 
 
 def markdown(cells: Sequence[Cell]) -> str:
@@ -146,11 +146,39 @@ def markdown(cells: Sequence[Cell]) -> str:
     rows = []
     for cell in cells:
         shown = (_number(cell.filter_mm), _number(cell.open_loop_mm), _number(cell.spline_mm), _number(cell.ratio, 2))
-        covered = "" if cell.covered is None else f"{100 * cell.covered:.1f} %"
+        covered = _percent(cell.covered)
         counts = (str(cell.non_finite), str(cell.wrong_tracking), str(cell.repairs), _number(cell.ms_a_frame))
         fault = ", ".join(faults(cell)) + (f" ({cell.failure})" if cell.failure else "")
         rows.append((cell.name, str(cell.runs), *shown, covered, _number(cell.nees, 2), *counts, fault))
     return markdown_table(HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+
+
+PAGE_HEAD = ["cell", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage", "NEES"]
+SCALED_HEAD = ["scaled body", "largest ratio", "lowest coverage", "highest coverage"]
+
+
+def page_tables(cells: Sequence[Cell]) -> str:
+    """The tables of docs/zoo.md: the cells of usual scale, the extremes of each body's scaled cells, the summary."""
+    rows, scaled = [], dict[str, list[Cell]]()
+    for cell in cells:
+        body, kind = cell.name.split(", ")
+        if kind == cell.constants:
+            errors = (_number(mm) for mm in (cell.filter_mm, cell.open_loop_mm, cell.spline_mm))
+            rows.append((cell.name, *errors, _number(cell.ratio, 2), _percent(cell.covered), _number(cell.nees, 2)))
+        else:
+            scaled.setdefault(body, []).append(cell)
+    extremes = []
+    for body, own in scaled.items():
+        ratios = [cell.ratio for cell in own if cell.ratio is not None]
+        shares = [cell.covered for cell in own if cell.covered is not None]
+        lowest, highest = (_percent(pick(shares, default=None)) for pick in (min, max))
+        extremes.append((body, f"{max(ratios):.2f}" if ratios else "", lowest, highest))
+    tables = [markdown_table(PAGE_HEAD, rows)] + [markdown_table(SCALED_HEAD, extremes)] * bool(extremes)
+    return "\n".join([*tables, "\n".join(f"- {line}" for line in summary(cells)) + "\n"])
+
+
+def _percent(share: float | None) -> str:
+    return "" if share is None else f"{100 * share:.1f}%"
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -207,16 +207,13 @@ WORLDS: Mapping[str, World] = {
     "nothing": World(),
     "values freeze for 2 s, times go on": World(ONSET_S, seen=_frozen),
     **{name: World(ONSET_S, seen=seen) for name, seen in _MOVES.items()},
-    **{
-        f"{name}; reference marks on the anchors": World(ONSET_S, seen=seen, reference=True)
-        for name, seen in _MOVES.items()
-    },
+    **{f"{name}, with reference marks": World(ONSET_S, seen=seen, reference=True) for name, seen in _MOVES.items()},
     "all marks move by 8 mm for half a second": World(
         ONSET_S, seen=_displaced(lambda t: 8e-3 * ((t >= 0.0) & (t < 0.5)))
     ),
-    **{f"the target rests {mm} mm from where it is drawn": World(truth=_rests_at(1e-3 * mm)) for mm in (10, 3)},
+    **{f"the target rests {mm} mm away": World(truth=_rests_at(1e-3 * mm)) for mm in (10, 3)},
     **{
-        f"the target rests {mm} mm from where it is drawn; so stated": World(
+        f"the target rests {mm} mm away, as stated": World(
             truth=_rests_at(1e-3 * mm), target={"position_sd_mm": float(mm)}
         )
         for mm in (10, 3)
@@ -230,7 +227,7 @@ WORLDS: Mapping[str, World] = {
     "a spring of the target is missing": World(
         truth=_body(stiffness=_of_most_loaded(1e-3), damping=_of_most_loaded(1e-3))
     ),
-    "the target hangs loose where it is drawn": World(truth=Truth(_loose)),
+    "the target hangs loose": World(truth=Truth(_loose)),
     "the target's mass is three times as large": World(truth=_body(masses=_of_target_mass(3.0))),
     "all springs are half as stiff": World(truth=_body(stiffness=0.5)),
     "all springs are twice as stiff": World(truth=_body(stiffness=2.0)),
@@ -239,7 +236,7 @@ WORLDS: Mapping[str, World] = {
     "damping is five times as large": World(truth=_body(damping=5.0)),
     "drag is ten times as large": World(truth=_truly(_dragged)),
     "there is no drag": World(truth=Truth(lambda scene, _rng: _times(scene, {"drag": 0.0}))),
-    "dry friction of 5 % of the weight that nobody stated": World(truth=_truly(_rough), scene=_stated(friction=0.0)),
+    "unstated dry friction of 5 % of the weight": World(truth=_truly(_rough), scene=_stated(friction=0.0)),
     "gravity stated as 0": World(scene=_stated(gravity=0.0)),
     "gravity stated upside down": World(scene=_stated(gravity=-1.0)),
     "masses stated in g": World(scene=_stated(masses=1e3)),
@@ -257,7 +254,7 @@ WORLDS: Mapping[str, World] = {
     "a tenth of the marks' sd is stated": World(sd_m=0.1 * MARK_SD_M),
     "ten times the marks' sd are stated": World(sd_m=10.0 * MARK_SD_M),
     "one mark in twenty is 10 mm off": World(seen=_heavy),
-    "a delay of 100 ms that nobody states": World(seen=_late),
+    "an unstated delay of 100 ms": World(seen=_late),
     "half of the frames are lost": World(seen=_halved),
     "the tracker's clock is 2 % fast": World(seen=_fast),
 }

@@ -14,8 +14,7 @@ MOST = 0.005
 
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
-HEADS = ["differs from the scene", "GO", "wrong", "share", "by body", "TRACKING", "wrong", "median error"]
-HEADS += ["covered 95 %", "shown most"]
+HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
@@ -34,25 +33,18 @@ def markdown(rows: pd.DataFrame) -> str:
     """A line for each world, all bodies together; one beyond the bound is marked. A world without a run is left out."""
     known = set(rows["world"])
     lines = [_cells(world, rows[rows["world"] == world]) for world in WORLDS if world in known]
-    return markdown_table(HEADS, lines, left=(0, len(HEADS) - 1))
+    return markdown_table(HEADS, lines)
 
 
 def _cells(name: str, own: pd.DataFrame) -> list[str]:
     sums = own[SUMS].sum()
     mark = "**" if (own["go_wrong_share"] > MOST).any() else ""
-    by_body = ", ".join("–" if np.isnan(share) else f"{100 * share:.1f}" for share in own["go_wrong_share"])
-    refused = f"refused in {sums[REFUSED]} of {own['seeds'].sum()}: " if sums[REFUSED] else ""
+    refused = f", refused {sums[REFUSED]}/{own['seeds'].sum()}" if sums[REFUSED] else ""
     return [
         f"{mark}{name}{mark}",
-        str(sums["go"]),
-        str(sums["go_wrong"]),
-        f"{mark}{_percent(_share(sums['go_wrong'], sums['go']))}{mark}",
-        by_body,
-        str(sums["tracking"]),
-        _percent(_share(sums["tracking_wrong"], sums["tracking"])),
-        "–" if own["error_mm"].isna().all() else f"{own['error_mm'].median():.1f} mm",
+        f"{mark}{sums['go_wrong']}/{sums['go']}{mark}{refused}",
+        "–" if own["error_mm"].isna().all() else f"{own['error_mm'].median():.1f}",
         _percent(_share(sums["covered"], sums["tracking"])),
-        f"{refused}{own['shown'].mode().iloc[0]}",
     ]
 
 
@@ -61,4 +53,4 @@ def _share(part: int, of: int) -> float:
 
 
 def _percent(share: float) -> str:
-    return "–" if np.isnan(share) else f"{100 * share:.1f} %"
+    return "–" if np.isnan(share) else f"{100 * share:.1f}%"

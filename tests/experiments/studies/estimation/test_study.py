@@ -111,16 +111,22 @@ def test_the_page_has_room_for_every_part_and_its_tables_are_whole():
 def test_the_command_puts_the_tables_that_are_there_into_the_page(tmp_path, monkeypatch):
     rows = by_scenario(pd.DataFrame([{"scenario": "quiet", **row_of(outcome([1.0, 3.0], ("TRACKING",) * 2))}]))
     page = tmp_path / "page.md"
-    page.write_text("a\n<!-- unidentified -->\nold\n<!-- end of unidentified -->\nz", encoding="utf-8")
-    (tmp_path / "unidentified.json").write_text(json.dumps(rows), encoding="utf-8")
+    page.write_text("a\n<!-- identified -->\nold\n<!-- end of identified -->\nz", encoding="utf-8")
+    (tmp_path / "identified.json").write_text(json.dumps(rows), encoding="utf-8")
     monkeypatch.setattr(estimation_page, "PAGE", page)
     monkeypatch.setattr("sys.argv", ["page", str(tmp_path)])
     estimation_page.main()
     new = page.read_text(encoding="utf-8")
-    assert new.startswith("a\n<!-- unidentified -->\n|  | runs |")
-    assert "| quiet | 1 | 4.00 | 2.00 | 0.500 | 100.0% | 2.00 | 3.0 |" in new
-    assert new.endswith("\n<!-- end of unidentified -->\nz")
+    assert new.startswith("a\n<!-- identified -->\n|  | filter [mm] |")
+    assert "| quiet | 2.00 | 0.500 | 100.0% | 2.00 |" in new
+    assert new.endswith("\n<!-- end of identified -->\nz")
     assert "old" not in new
+
+
+def test_constants_that_are_not_identified_are_on_the_page_over_all_scenarios():
+    row = {"runs": 2, "filter_mm": 1.0, "ratio": 0.5, "coverage95": 0.9, "nees": 2.5}
+    lines = TABLES["unidentified"]({"ignored, quiet": row, "ignored, all": row}).splitlines()
+    assert lines[2:] == ["| ignored, all | 1.00 | 0.500 | 90.0% | 2.50 |"]
 
 
 @pytest.mark.slow

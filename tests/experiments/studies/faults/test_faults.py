@@ -12,7 +12,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.studies.faults import study
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
-from experiments.studies.faults.study import FAULTS, cells, markdown, run, summary
+from experiments.studies.faults.study import FAULTS, beginning, cells, markdown, run, summary
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
 from tests.experiments.webcam import coarse_webcam
 
@@ -251,7 +251,23 @@ def test_the_table_tells_the_slowest_and_the_sum():
     blood = cells(rows)[1]
     assert blood[1:] == ["20 ms, 1 of 2", "COASTING", "x 3.0", "1 of 2", "400 ms", "3", "11", "exit 0; exit 2", "0.5 s"]
     assert cells(rows)[0][-2:] == ["–", "–"]
-    assert "| never |" in markdown(rows)
+    quiet, bled = markdown(rows).splitlines()[2:]
+    assert quiet == "| nothing fails | – | – | 1/1 | 0/90 |"
+    assert bled == "| blood as red as a mark runs over the picture | 20 (1/2) | COASTING | 1/2 | 3/11 |"
+
+
+@pytest.mark.parametrize(
+    ("shown", "short"),
+    [
+        ("LOST: the estimate is LOST", "LOST"),
+        ("TRACKING: a force on M1 goes on: look, then reset", "TRACKING: a force on M1 goes on"),
+        ("ABORT: stop: draw back; now 47 %", "ABORT: stop"),
+        ("COASTING", "COASTING"),
+        ("", ""),
+    ],
+)
+def test_the_page_shows_status_and_reason_without_advice(shown, short):
+    assert beginning(shown) == short
 
 
 def test_a_fault_that_there_is_not_is_refused(tmp_path):

@@ -48,7 +48,7 @@ def test_the_table_has_means_of_the_last_phase_and_of_all():
     nees = np.array([[1.0, 9.0], [1.0, 1.0]])
     found = [Inner("case1 left", seen, np.array([4, 7]), 2 * errors, errors, errors, nees) for seen in SEEN]
     page = markdown(errors_table(found), found)
-    assert page.splitlines()[2] == "| all of the hull | 8.00 | 4.00 | 4.00 | 100.0 % | 2.75 | 2.75 | 75.0 % |"
+    assert page.splitlines()[2] == "| all of the hull | 8.00 | 4.00 | 4.00 | 100.0% | 2.75 | 2.75 | 75.0% |"
 
 
 def test_what_the_filter_cannot_do_leaves_its_columns_empty_and_says_why():
@@ -71,7 +71,7 @@ def test_the_study_prints_its_table(tmp_path, capsys, monkeypatch):
     assert main([str(tmp_path), "--processes", "1"]) == 0
     *_, six = capsys.readouterr().out.splitlines()
     _, seen, nothing, _, ours, covered, *_ = (entry.strip() for entry in six.split("|"))
-    assert (seen, covered) == ("six", "100.0 %")
+    assert (seen, covered) == ("six", "100.0%")
     assert ours == nothing != "0.00"
 
 

@@ -12,7 +12,7 @@ from experiments.studies.zoo.__main__ import main
 from experiments.studies.zoo.case import Case, cases, quick_cases
 from experiments.studies.zoo.constants import wrong_network
 from experiments.studies.zoo.run import run
-from experiments.studies.zoo.table import cells_of, faults, geometric_mean, markdown
+from experiments.studies.zoo.table import cells_of, faults, geometric_mean, markdown, page_tables
 
 
 def table(*rows):
@@ -73,6 +73,15 @@ def test_a_cell_that_made_nothing_is_in_the_table_with_its_reason():
     (cell,) = cells_of(pd.DataFrame([{**asdict(Case("sheet", 0)), "ended": "no rest", "frames_done": 0}]))
     assert cell.ratio is None
     assert "no rest" in markdown([cell])
+
+
+def test_the_page_has_usual_cells_and_the_extremes_of_scaled_ones():
+    scaled = [{"size": 0.1, "error_m": 1.9e-3, "covered": 0.91}, {"size": 10.0, "covered": 0.98}]
+    usual, extremes, summary = page_tables(cells_of(table({}, *scaled))).split("\n\n")
+    assert usual.splitlines()[2:] == ["| sheet, true | 1 | 2 | 4 | 0.5 | 95.0% | 1 |"]
+    assert extremes.splitlines()[2:] == ["| sheet | 0.95 | 91.0% | 98.0% |"]
+    assert summary.startswith("- true constants: 3 of 3 cells within all bounds; ratio: geometric mean 0.62")
+    assert "worst 0.95 (bound 1.05), sheet, size x 0.1" in summary
 
 
 def test_the_geometric_mean():
