@@ -16,7 +16,7 @@ from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
-from estimators.core.moments import propagated
+from estimators.core.moments import add_noise, moved
 from estimators.core.protocols import Transition
 from estimators.core.sigma_points import by_sigma_points
 from estimators.core.statics import Statics, StaticStates
@@ -140,9 +140,10 @@ class TissueProcess:
         state = np.zeros(self.n)
         state[:n] = self.network.positions[self.network.free].ravel()
         strongest = self.variances(0.0)[None, -2]  # the strongest slow forces, poked
-        before, after = np.zeros((1, self.n, self.n)), np.empty((1, self.n, self.n))
+        before, transition = np.zeros((1, self.n, self.n)), self.linearize(state, PUSHED_S)
         self._set_forces(before[0], strongest[0])
-        propagated(before, self.linearize(state, PUSHED_S), strongest, after)
+        after = moved(before, transition.matrix)
+        add_noise(after, transition, strongest)
         cov = after[0, :moving, :moving]
         cov *= min(1.0, (DISPLACED * self.extent_m) ** 2 / cov.diagonal()[:n].mean())
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.eye(moving))
