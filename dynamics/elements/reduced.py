@@ -91,6 +91,7 @@ def smooth_shapes(
     Parameters
     ----------
     assembly : Assembly
+        Of the body.
     places : (n_nodes, dim)
         Of the free nodes at rest [m].
     masses : (n_nodes,)

@@ -257,7 +257,8 @@ class HypothesisFilter:
         seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
         HP = H[:, :, seen] @ self.covs[:, seen]
         S = HP @ H.swapaxes(1, 2) + R
-        logs, outlying = np.log(self.weights + 1e-300), np.zeros((len(y), 0), dtype=bool)
+        with np.errstate(divide="ignore"):  # what is left out remains so until the next prediction
+            logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
         if self._outliers is not None:
             names, blocks = named(observations)
             ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)

@@ -125,9 +125,7 @@ class TissueProcess:
         moving = assembly if self.span.matrix.shape[1] == assembly.n else ReducedAssembly(assembly, self.span)
         basis, self._driving = self._forces(pushes)
         fading = np.where(self._driving == SOURCES.index("slow"), self.disturbances.slow_s, self.disturbances.short_s)
-        self._stepper = Rosenbrock(
-            moving, self.span.masses, basis, fading, STEP_TOLERANCE * self.extent_m
-        )
+        self._stepper = Rosenbrock(moving, self.span.masses, basis, fading, STEP_TOLERANCE * self.extent_m)
         n_f = len(fading)
         field = self.discrepancy.field(places, network.positions[network.fixed])
         self._field = np.kron(field, np.eye(dim))
@@ -170,10 +168,7 @@ class TissueProcess:
         """
         dim, columns, sources = self.network.dim, [], []
         for name, push in pushes.items():
-            own = self.span.onto[::dim, ::dim] @ push
-            vectors, sizes, _ = np.linalg.svd(own, full_matrices=False)
-            kept = sizes > WEAK * sizes.max(initial=0.0)
-            columns.append(own if kept.sum() == push.shape[1] else vectors[:, kept] * sizes[kept])
+            columns.append(_principal(self.span.onto[::dim, ::dim] @ push))
             sources += [SOURCES.index(name)] * columns[-1].shape[1]
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
@@ -217,7 +212,7 @@ class TissueProcess:
         return self.span.onto @ positions[self.network.free].ravel()
 
     def at(self, coordinates: Floats) -> Floats:
-        """Places of the free nodes [m], or velocities [m/s], (..., n_free dim), at coordinates of the state (..., n)."""
+        """Places [m] of the free nodes, (..., n_free dim), at coordinates of the state (..., n); velocities alike."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
@@ -329,6 +324,16 @@ class TissueProcess:
     def fresh(self, dt: float) -> float:
         """Share of the discrepancy's variance that is new after dt [s]."""
         return 1.0 - self._fading(dt) ** 2
+
+
+def _principal(columns: Floats) -> Floats:
+    """Columns (n, any) of independent coefficients of one variance, in as few that have the same effect.
+
+    Columns that all count remain as they are.
+    """
+    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = sizes > WEAK * sizes.max(initial=0.0)
+    return columns if kept.sum() == columns.shape[1] else np.asarray(vectors[:, kept] * sizes[kept])
 
 
 def _shared(pushed: NDArray[np.bool_]) -> Floats:
