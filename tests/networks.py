@@ -38,3 +38,12 @@ def held_masses(n=1, **changes) -> MassSpringNetwork:
     anchors = [k for k in range(5 * n) if k % 5]
     constants = {"masses": 0.5, "stiffness": 20.0} | changes
     return build_network(positions, [(k - k % 5, k) for k in anchors], anchors, names, **constants)
+
+
+def slab() -> MassSpringNetwork:
+    """Eighty nodes of unequal masses on a grid, 30 mm apart, the first layer held; springs to all neighbours."""
+    grid = 0.03 * np.stack(np.meshgrid(range(5), range(4), range(4), indexing="ij"), axis=-1).reshape(-1, 3)
+    apart = np.linalg.norm(grid[:, None] - grid, axis=2)
+    springs = np.argwhere(np.triu((apart > 0.0) & (apart < 0.053)))
+    held, masses = np.flatnonzero(grid[:, 0] == 0.0), np.random.default_rng(0).uniform(0.005, 0.015, len(grid))
+    return build_network(grid, springs, held, masses=masses, stiffness=30.0, damping=0.2)

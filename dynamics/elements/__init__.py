@@ -6,7 +6,19 @@ What may enter: another kind of element, in a file of its own that satisfies `Fo
 from dynamics.elements.assembly import Assembly
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
+from dynamics.elements.reduced import ReducedAssembly, Span, smooth_shapes
 from dynamics.elements.springs import Springs
 from dynamics.elements.tetrahedra import Tetrahedra, TissueConstants
 
-__all__ = ["Assembly", "ForceElement", "Resistance", "Springs", "Tetrahedra", "TissueConstants", "Weight"]
+__all__ = [
+    "Assembly",
+    "ForceElement",
+    "ReducedAssembly",
+    "Resistance",
+    "Span",
+    "Springs",
+    "Tetrahedra",
+    "TissueConstants",
+    "Weight",
+    "smooth_shapes",
+]

@@ -52,7 +52,7 @@ class AheadTables:
         """Tables of a filter; its posterior does not matter."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
-        rest[process.parts["position"]] = tissue.rest[network.free].ravel()
+        rest[process.parts["position"]] = process.coordinates(tissue.rest)
         found = process.linearize(rest, cycle_s)
         rows = [tissue.rows_of(tissue.target)]
         for _ in range(n_times - 1):
@@ -62,7 +62,7 @@ class AheadTables:
         noises = [own @ noise @ own.swapaxes(1, 2) for noise in found.noises]
         noises += [(G * variances) @ G.swapaxes(1, 2) for variances in found.independent]
         kick = cycle_s / np.repeat(network.masses[network.free], network.dim)
-        velocity = G[:, :, process.parts["velocity"]] * kick
+        velocity = G[:, :, process.parts["velocity"]] @ (process.span.onto * kick)
         pushed = np.zeros_like(velocity)  # half of a push at the start of its step, half at the end
         pushed[1:] = 0.5 * (velocity[1:] + velocity[:-1])
         return cls(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
 from estimators.core.innovations import Innovations, Outliers, are_same, each_alone, joined, named, together
 from estimators.core.kernels import without_outliers
-from estimators.core.moments import mixed, of_each, propagated, several
+from estimators.core.moments import add_noise, mixed, mixed_each, moved, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
@@ -22,6 +22,10 @@ DISCREPANCY = "discrepancy"
 LEAST_SHARE = 1e-3
 """Share of a mode below which another is not mixed into it: it would only be widened by what the marks refute [1];
 choice."""
+
+REBORN = 0.05
+"""Probability of a hypothesis, by that with which others turn into its mode, below which it is left out until they do
+[1]; choice."""
 
 LINEARISATIONS = 10
 """Of a transition and of an observation in a frame, at most: a stiff, thin body that turns needs many; numerical."""
@@ -37,12 +41,22 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Prior:
-    """Hypotheses before a transition: means (k, n), covs (k, n, n), over dt [s]; kick (n,): added at its end."""
+    """Hypotheses before a transition over dt [s].
+
+    means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
+    kick (n,): added at the start and at the end
+    """
 
     means: Floats
     covs: Floats
+    weights: Floats
+    shares: Floats
     dt: float
     kick: Floats | float
+
+    def mixed(self, mode: int) -> tuple[Floats, Floats]:
+        """Mean (n,) and covariance (n, n) of a mode."""
+        return mixed(self.shares[:, mode], self.means, self.covs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +143,6 @@ class HypothesisFilter:
         mean, covs = self.process.prior(self._level)
         k = len(covs)
         self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs.copy(), np.full(k, 1.0 / k)
-        self._mixed = np.empty_like(covs)
         self._before, self._latest, self.log_likelihood, self._dt = None, None, 0.0, 0.0
         self.outlying = np.zeros(0, dtype=bool)
         self.found: Innovations | None = None
@@ -142,7 +155,7 @@ class HypothesisFilter:
             self.covs.copy(),
             self.weights,
             None if self.level is None else self.level.log_weights.copy(),
-            None if before is None else replace(before, covs=before.covs.copy()),
+            before,
             self._transition,
             self._reference,
             self._dt,
@@ -172,10 +185,11 @@ class HypothesisFilter:
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
-        means = self.means @ rows.T
+        live = np.flatnonzero(self.weights)
+        means = self.means[live] @ rows.T
         seen = np.flatnonzero(rows.any(axis=0))
-        covs = rows[:, seen] @ self.covs[:, seen[:, None], seen] @ rows[:, seen].T
-        return mixed(self.weights, means, covs)
+        covs = rows[:, seen] @ self.covs[live[:, None, None], seen[:, None], seen] @ rows[:, seen].T
+        return mixed(self.weights[live], means, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
@@ -186,30 +200,27 @@ class HypothesisFilter:
 
         kick: what a known force adds to the state meanwhile, (n,): half of it at the start, half at the end
         """
-        joint = self.weights[:, None] * expm(self.process.rates * dt)
+        live = np.flatnonzero(self.weights)
+        joint = self.weights[live, None] * expm(self.process.rates * dt)[live]
         weights = joint.sum(axis=0)
         shares = joint / weights
         shares = np.where(shares < LEAST_SHARE, 0.0, shares)
         shares /= shares.sum(axis=0)
-        means = shares.T @ self.means
-        covs = self._mixed
-        np.matmul(shares.T, self.covs.reshape(len(covs), -1), out=covs.reshape(len(covs), -1))
-        for some in several(covs):
-            apart = np.sqrt(shares.T[some, :, None]) * (self.means - means[some, None])
-            covs[some] += apart.swapaxes(1, 2) @ apart
         if self.level is not None:
             self.level.forget(dt)
         half = 0.0 if kick is None else 0.5 * kick
-        means = means + half
-        self.weights, self._before, self._dt = weights, _Prior(means, covs, dt, half), dt
-        self._move(self._before, weights @ means, covs[int(np.argmax(weights))])
+        before = _Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, dt, half)
+        self.weights, self._before, self._dt = weights, before, dt
+        self._move(before, before.weights @ before.means, before.mixed(int(np.argmax(weights)))[1])
         if self.trace is not None:
             self.trace.append(self._traced(self._before))
 
     def _move(self, before: _Prior, reference: Floats, cov: Floats | None = None, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt, cov)
-        self.means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
-        propagated(before.covs, found, self.variances, self.covs)
+        means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
+        self.means = before.shares.T @ means
+        mixed_each(before.shares, means, self.means, moved(before.covs, found.matrix), self.covs)
+        add_noise(self.covs, found, self.variances)
         if error is not None:
             alike = np.zeros_like(error)
             for own in self.process.parts.values():
@@ -217,9 +228,14 @@ class HypothesisFilter:
             np.einsum("kii->ki", self.covs)[:] += alike
         self._transition, self._reference, self._latest = found, reference, None
 
+    def _born(self, weights: Floats) -> Floats:
+        """Probability with which other modes turn into each one in as long as since the last observation, (k,)."""
+        chain = expm(self.process.rates * self._dt)
+        return np.asarray(weights @ chain - weights * chain.diagonal())
+
     def _traced(self, before: _Prior) -> Move:
         assert self._transition is not None  # there is one after a prior
-        start = mixed(self.weights, before.means - before.kick, before.covs)
+        start = mixed(before.weights, before.means - before.kick, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
 
     @property
@@ -241,7 +257,8 @@ class HypothesisFilter:
         seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
         HP = H[:, :, seen] @ self.covs[:, seen]
         S = HP @ H.swapaxes(1, 2) + R
-        logs, outlying = np.log(self.weights + 1e-300), np.zeros((len(y), 0), dtype=bool)
+        with np.errstate(divide="ignore"):  # what is left out remains so until the next prediction
+            logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
         if self._outliers is not None:
             names, blocks = named(observations)
             ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)
@@ -274,12 +291,15 @@ class HypothesisFilter:
             self._weigh_levels(self.level, observations, found)
         logs = found.logs - 0.5 * len(found.y[0]) * np.log(2.0 * np.pi)
         self.log_likelihood = float(np.logaddexp.reduce(logs))
-        for some in several(self.covs):
-            self.covs[some] -= gains[some].swapaxes(1, 2) @ gains[some]
-        if len(own := self._considered):
-            self.covs[:, own[:, None], own] += (gains[:, :, own].swapaxes(1, 2)) @ gains[:, :, own]
-            means[:, own] = self.means[:, own]
-        self.means, self.weights = means, np.exp(logs - self.log_likelihood)
+        weights = np.exp(logs - self.log_likelihood)
+        weights[weights < REBORN * self._born(weights)] = 0.0
+        weights /= weights.sum()
+        own = self._considered
+        for k in np.flatnonzero(weights):
+            self.covs[k] -= gains[k].T @ gains[k]
+            self.covs[k][np.ix_(own, own)] += gains[k][:, own].T @ gains[k][:, own]
+        means[:, own] = self.means[:, own]
+        self.means, self.weights = means, weights
         self._before, self._latest, self.found = None, None, found
         self._dt = 0.0  # of what is new in the discrepancy a part is known from now on: it is no independent noise
         self.outlying = found.outlying[int(np.argmax(self.weights))]
@@ -296,7 +316,8 @@ class HypothesisFilter:
         if before is None or not np.isfinite(self.process.tolerance).any():
             return found
         value, best = together(observations)[0], int(np.argmax(found.logs))
-        prior, P, dual = before.means[best], before.covs[best], np.zeros(len(before.means[best]))
+        prior, P = before.mixed(best)
+        dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
             """Twice the negative log of the posterior of a start, prior + P dual, but for a constant; inf of none."""

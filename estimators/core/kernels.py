@@ -7,12 +7,13 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
-def along_steps(by_states, fadings, steps_s, sources, n_sources):  # type: ignore[no-untyped-def]
+def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
     """Derivative of the end by the start (2 n, m), how much forces fade (n_f,), and noises (1 + n_sources, m, m).
 
     The m states are n places and velocities each, and n_f forces that only fade. Noises are of unit variance: white
     one of velocities, then that of forces, each of one of the sources (n_f,).
     by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
+    white (n,): standard deviation of the white noise of each velocity
     """
     n_steps, moving, m = by_states.shape
     half = moving // 2
@@ -31,7 +32,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources):  # type: ignor
             before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
             before[:, moving:] += motion[:, moving:] * fadings[step]
         # Simpson's rule over when white noise acts in the step: F F' + (F + L) (F + L)' + L L', first and last
-        first, last = before[:, half:moving], motion[:, half:moving]
+        first, last = before[:, half:moving] * white, motion[:, half:moving] * white
         acted = np.hstack((np.sqrt(2.0) * first + np.sqrt(0.5) * last, np.sqrt(1.5) * last))
         noises[0, :moving, :moving] += steps_s[step] / 6.0 * (acted @ acted.T)
         motion, force = before, force * fadings[step]

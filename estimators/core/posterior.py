@@ -125,7 +125,7 @@ class TissuePosterior:
     def positions(self) -> Floats:
         """Mean places of all nodes [m], (n_nodes, dim), without the discrepancy."""
         own = self.filter.mean[self.process.parts["position"]]
-        return all_positions(self.network, own.reshape(-1, self.network.dim))
+        return all_positions(self.network, self.process.at(own).reshape(-1, self.network.dim))
 
     @property
     def is_finite(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from dynamics.elements import Span
 from dynamics.forces.parameters import ParameterForces
 from dynamics.integration.rosenbrock import Move
 from estimators.arrays import Floats
@@ -61,7 +62,7 @@ class StaticStates:
         Those that no observation corrects.
     """
 
-    def __init__(self, statics: Statics, network: MassSpringNetwork) -> None:
+    def __init__(self, statics: Statics, network: MassSpringNetwork, span: Span) -> None:
         self.parts: dict[str, slice] = {}
         sd: list[float] = []
         lasting: list[float] = []
@@ -77,16 +78,16 @@ class StaticStates:
         uncertainty = statics.uncertainty
         self._directions = None if uncertainty is None else uncertainty.directions
         self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
-        self._masses = np.repeat(network.masses[network.free], network.dim)
+        self._span = span
 
     def fading(self, dt: float) -> Floats:
         """What is left of each after dt [s], (n,)."""
         return np.exp(-dt / self._lasting_s)
 
     def moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """How each constant that is off by a standard deviation moves the end of these steps, (2 n_free dim, n).
+        """How each constant that is off by a standard deviation moves the end of these steps, (2 n_coordinates, n).
 
-        start: places and velocities of the free nodes before them. Forces are held over halves of a step: the
+        start: coordinates and velocities before them. Forces are held over halves of a step: the
         trapezium rule.
         """
         moving, n = len(start), len(start) // 2
@@ -99,11 +100,13 @@ class StaticStates:
         return columns
 
     def _accelerations(self, states: Floats) -> Floats:
-        """By which each constant that is off by a standard deviation moves the body, (..., n_free dim, n_constants).
+        """By which each constant that is off by a standard deviation moves the body, (..., n_coordinates, n_constants).
 
-        states: places and velocities of the free nodes, (..., 2 n_free dim); result [m/s²]
+        states: coordinates and velocities, (..., 2 n_coordinates); result [m/s²]
         """
+        V, masses = self._span.matrix, self._span.masses
         if self._forces is None or self._directions is None:
-            return np.zeros((*states.shape[:-1], len(self._masses), 0))
-        forces = self._directions @ self._forces(states)
-        return np.asarray(forces / self._masses).swapaxes(-1, -2)
+            return np.zeros((*states.shape[:-1], len(masses), 0))
+        nodes = np.concatenate([states[..., : len(masses)] @ V.T, states[..., len(masses) :] @ V.T], axis=-1)
+        forces = self._directions @ self._forces(nodes)
+        return np.asarray(forces @ V / masses).swapaxes(-1, -2)

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import Assembly, ForceElement, Resistance, Springs, Weight
+from dynamics.elements import (
+    Assembly,
+    ForceElement,
+    ReducedAssembly,
+    Resistance,
+    Span,
+    Springs,
+    Weight,
+    smooth_shapes,
+)
 from dynamics.integration.rosenbrock import Rosenbrock
 from dynamics.integration.stepping import Stepper
 from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, factor, matern
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
-from estimators.core.moments import propagated
+from estimators.core.moments import add_noise, moved
 from estimators.core.protocols import Transition
 from estimators.core.sigma_points import by_sigma_points
 from estimators.core.statics import Statics, StaticStates
@@ -42,6 +51,18 @@ choice."""
 
 RANK = 20
 """Functions of a slow force at most, by each axis; numerical."""
+
+GROWING = (0.5, 5.0, 30.0)
+"""Rates of growth of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
+
+LEFT_OUT = 1e-3
+"""Displacement of a shape that is left out, by the extent, at most [1]; numerical."""
+
+WEAK = 1e-2
+"""Size of a force that is left out of those of its source, by the largest [1]; numerical."""
+
+FEWER = 0.75
+"""A body is reduced if it has fewer shapes than nodes, by this factor [1]; choice."""
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
 """Sources of noise, in the order of `Transition`; the last two are independent in each state."""
@@ -94,64 +115,105 @@ class TissueProcess:
             acting.append(Weight.of_network(network))
         assembly = Assembly(network.positions, free, acting)
         masses = np.repeat(network.masses[free], dim)
+        self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
         apart = np.linalg.norm(places[:, None] - places, axis=2)
-        nodes = [int(np.flatnonzero(free == network.index(name))[0]) for name in marked]
-        short = np.eye(len(free))[:, nodes]
-        slow = factor(
-            _shared(self._may_be_pushed(nodes)) * matern(apart, self.disturbances.smooth * self.extent_m), RANK
-        )
-        basis = np.asarray(np.kron(np.hstack([short, slow]), np.eye(dim)), dtype=float)
-        n, n_short, n_f = assembly.n, len(nodes) * dim, basis.shape[1]
-        self._is_led = np.repeat([name in led for name in marked], dim)
-        fading: Floats = np.full(n_f, self.disturbances.slow_s, dtype=float)
-        fading[:n_short] = self.disturbances.short_s
-        self._stepper = Rosenbrock(assembly, masses, basis, fading, STEP_TOLERANCE * self.extent_m)
+        nodes = np.array([int(np.flatnonzero(free == network.index(name))[0]) for name in marked])
+        is_led, each = np.array([name in led for name in marked]), np.eye(len(free))
+        smooth = _shared(self._may_be_pushed(nodes)) * matern(apart, self.disturbances.smooth * self.extent_m)
+        pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": factor(smooth, RANK)}
+        self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes)
+        moving = assembly if self.span.matrix.shape[1] == assembly.n else ReducedAssembly(assembly, self.span)
+        basis, self._driving = self._forces(pushes)
+        fading = np.where(self._driving == SOURCES.index("slow"), self.disturbances.slow_s, self.disturbances.short_s)
+        self._stepper = Rosenbrock(moving, self.span.masses, basis, fading, STEP_TOLERANCE * self.extent_m)
+        n_f = len(fading)
         field = self.discrepancy.field(places, network.positions[network.fixed])
         self._field = np.kron(field, np.eye(dim))
-        n_d = self._field.shape[1]
+        n, n_d = moving.n, self._field.shape[1]
         bounds = np.cumsum([0, n, n, n_f, n_d])
         names = ("position", "velocity", "force", "discrepancy")
         self.parts = {name: slice(int(a), int(b)) for name, a, b in zip(names, bounds, bounds[1:], strict=False)}
-        self._lasting, last = StaticStates(statics or Statics(), network), int(bounds[-1])
+        self._lasting, last = StaticStates(statics or Statics(), network, self.span), int(bounds[-1])
         self.parts |= {name: slice(last + own.start, last + own.stop) for name, own in self._lasting.parts.items()}
-        self.n, self._n_short = last + self._lasting.n, n_short
+        self.n = last + self._lasting.n
         self.considered = last + np.flatnonzero(self._lasting.considered)
         self.rates = self.disturbances.rates
         self.tolerance = np.full(self.n, np.inf)
         self.tolerance[:n] = TOLERANCE * self.extent_m
-        self._driving = np.full(n_f, SOURCES.index("slow") - 1)
-        self._driving[:n_short] = np.where(self._is_led, SOURCES.index("led"), SOURCES.index("short")) - 1
-        self._raised = self.disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
         self._explicit = Stepper(network) if sigma_points else None
-        self._basis, self._rates = basis * masses[:, None], 1.0 / fading
+        self._basis, self._rates = basis * self.span.masses[:, None], 1.0 / fading
         self._start_cov = self._prior_of_motion()
 
-    def _may_be_pushed(self, marked: Sequence[int]) -> NDArray[np.bool_]:
+    def _span(self, assembly: Assembly, pushes: Mapping[str, Floats]) -> Span:
+        """All coordinates, or those of the shapes that the pushes by each source, (n_free, any), can bring about."""
+        masses, dim = self.network.masses[self.network.free], self.network.dim
+        sd = np.sqrt(self._strongest)
+        forces = np.hstack([sd[SOURCES.index(source)] * masses[:, None] * push for source, push in pushes.items()])
+        shapes = smooth_shapes(
+            assembly,
+            self.network.positions[self.network.free],
+            masses,
+            np.kron(forces, np.eye(dim)),
+            GROWING,
+            LEFT_OUT * self.extent_m,
+        )
+        if shapes.shape[1] > FEWER * len(masses):
+            return Span.whole(np.repeat(masses, dim))
+        return Span.of_shapes(shapes, masses, dim)
+
+    def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
+        """Accelerations of the coordinates (n, n_f) by the states of forces, and the source of each, (n_f,).
+
+        Those of a source are independent and equal, so that any rotation of them is as good: to the principal ones.
+        """
+        dim, columns, sources = self.network.dim, [], []
+        for name, push in pushes.items():
+            columns.append(_principal(self.span.onto[::dim, ::dim] @ push))
+            sources += [SOURCES.index(name)] * columns[-1].shape[1]
+        return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
+
+    def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Free nodes on which slow forces act: all of a cable or cloth in space, else the marked ones."""
         extents = np.linalg.svd(self.network.positions - self.network.positions.mean(axis=0), compute_uv=False)
         is_thin = self.network.dim == 3 and extents[-1] < FLAT * extents[0]
         pushed = np.full(len(self.network.free), is_thin)
-        pushed[list(marked)] = True
+        pushed[marked] = True
         return pushed
 
     def _prior_of_motion(self) -> Floats:
         """Covariance of position and velocity at the start: at rest `PUSHED_S` before, pushed by all forces since."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
-        state[:n] = self.network.positions[self.network.free].ravel()
-        strongest = self.variances(0.0)[None, -2]  # the strongest slow forces, poked
-        before, after = np.zeros((1, self.n, self.n)), np.empty((1, self.n, self.n))
+        state[:n] = self.coordinates(self.network.positions)
+        strongest = self._strongest[None]
+        before, transition = np.zeros((1, self.n, self.n)), self.linearize(state, PUSHED_S)
         self._set_forces(before[0], strongest[0])
-        propagated(before, self.linearize(state, PUSHED_S), strongest, after)
+        after = moved(before, transition.matrix)
+        add_noise(after, transition, strongest)
         cov = after[0, :moving, :moving]
-        cov *= min(1.0, (DISPLACED * self.extent_m) ** 2 / cov.diagonal()[:n].mean())
-        return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.eye(moving))
+        V, own = self.span.matrix, self.span.onto @ self.span.onto.T
+        spread = float(((V @ cov[:n, :n]) * V).sum()) / len(V)
+        cov *= min(1.0, (DISPLACED * self.extent_m) ** 2 / spread)
+        return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
+
+    @property
+    def _strongest(self) -> Floats:
+        """Variances of the sources in the mode of a poke and the strongest slow force."""
+        return np.asarray(self.variances(0.0)[-2])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Set the variances of all states that a source but white noise drives, by those of the sources."""
         by_name = dict(zip(SOURCES, variances, strict=True))
         for name, columns in self._columns().items():
             cov[columns, columns] = by_name[name]
+
+    def coordinates(self, positions: Floats) -> Floats:
+        """The coordinates of the state (n,) next to the positions of all nodes [m], (n_nodes, dim)."""
+        return self.span.onto @ positions[self.network.free].ravel()
+
+    def at(self, coordinates: Floats) -> Floats:
+        """Places [m] of the free nodes, (..., n_free dim), at coordinates of the state (..., n); velocities alike."""
+        return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
         """The map of a free node's place [m] by the state, (dim, n)."""
@@ -162,14 +224,14 @@ class TissueProcess:
     def places(self, matrix: Floats) -> Floats:
         """The map of a point [m] by the state, (dim, n), from its map by the free coordinates, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
-        rows[:, self.parts["position"]] = matrix
+        rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """At rest as drawn, under the forces of each mode: mean (n,), covariances (n_modes, n, n)."""
         mean = np.zeros(self.n)
-        mean[self.parts["position"]] = self.network.positions[self.network.free].ravel()
+        mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
         covs = np.zeros((len(self.rates), self.n, self.n))
         covs[:, :moving, :moving] = self._start_cov
@@ -187,13 +249,8 @@ class TissueProcess:
     def _columns(self) -> dict[str, NDArray[np.int64]]:
         """States that each source but white noise drives."""
         force = np.arange(self.parts["force"].start, self.parts["force"].stop)
-        short = force[: self._n_short]
-        return {
-            "short": short[~self._is_led],
-            "led": short[self._is_led],
-            "slow": force[self._n_short :],
-            "discrepancy": np.arange(self.n)[self.parts["discrepancy"]],
-        }
+        found = {name: force[self._driving == SOURCES.index(name)] for name in ("short", "led", "slow")}
+        return found | {"discrepancy": np.arange(self.n)[self.parts["discrepancy"]]}
 
     def variances(self, level: float) -> Floats:
         """Variance of each source in each mode, (n_modes, n_sources).
@@ -244,8 +301,9 @@ class TissueProcess:
             np.array([move.by_state for move in moves]),
             np.array([move.fading for move in moves]),
             np.array([move.step_s for move in moves]),
-            self._driving,
+            self._driving - 1,
             len(SOURCES) - 3,
+            self.span.white,
         )
         fading, behind = np.full(self.n, self._fading(dt)), self._behind
         fading[moving:start], fading[behind:] = force, self._lasting.fading(dt)
@@ -266,6 +324,16 @@ class TissueProcess:
     def fresh(self, dt: float) -> float:
         """Share of the discrepancy's variance that is new after dt [s]."""
         return 1.0 - self._fading(dt) ** 2
+
+
+def _principal(columns: Floats) -> Floats:
+    """Columns (n, any) of independent coefficients of one variance, in as few that have the same effect.
+
+    Columns that all count remain as they are.
+    """
+    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = sizes > WEAK * sizes.max(initial=0.0)
+    return columns if kept.sum() == columns.shape[1] else np.asarray(vectors[:, kept] * sizes[kept])
 
 
 def _shared(pushed: NDArray[np.bool_]) -> Floats:

@@ -144,8 +144,8 @@ class TissueFilter(TissuePosterior):
             if known is not None:
                 known.step(dt / n)
                 velocity, kick = self.process.parts["velocity"], np.zeros(self.process.n)
-                force = known.forces(self.filter.mean[None, : velocity.stop]).ravel()
-                kick[velocity] = force / masses * (dt / n)
+                moving = self.process.at(self.filter.mean[: velocity.stop].reshape(2, -1)).reshape(1, -1)
+                kick[velocity] = self.process.span.onto @ (known.forces(moving).ravel() / masses) * (dt / n)
             self.filter.predict(dt / n, kick)
 
     def _ahead(self, time_s: float, push: ForceHistory | None = None) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from scipy.linalg import eigh
 
 from dynamics import MassSpringNetwork, rest_shape, state_matrix
 from estimators.arrays import Floats
@@ -12,12 +13,15 @@ from estimators.filters.exponential import small_expm
 from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
+MOTIONS = 90
+"""Coordinates of hidden masses, or as many of their slowest motions, at most [1]; numerical."""
+
 KEPT = 64
 """Kinds of frames, by their interval and by what is seen, whose matrices are kept, at most: it bounds the memory."""
 
 
 class OpenLoopCovariance:
-    """Covariance of the open loop's target, linearised about the rest shape.
+    """Covariance of the open loop's target, linearised about the rest shape, of large bodies in their slowest motions.
 
     Between frames a marked mass moves straight from where it was seen to where it is seen next, each wrong by its
     mark's noise; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mark that
@@ -36,15 +40,18 @@ class OpenLoopCovariance:
         self._places = {node: slice(k * dim, (k + 1) * dim) for k, node in enumerate(marked)}
         hidden = [row for row in range(half) if row not in set(driven)]
         follow = [*hidden, *(half + row for row in hidden)]
-        self._n, self._m = len(follow), len(driven)
-        self._own = A[np.ix_(follow, follow)]
-        self._by_place = A[np.ix_(follow, driven)]
-        self._by_velocity = A[np.ix_(follow, [half + row for row in driven])]
-        self._density = np.diag([0.0] * len(hidden) + [white**2] * len(hidden))
+        V, W = _slowest(A[half:, :half][np.ix_(hidden, hidden)], network, hidden)
+        self._n, self._m = 2 * V.shape[1], len(driven)
+        V, W = np.kron(np.eye(2), V), np.kron(np.eye(2), W)
+        self._own = W @ A[np.ix_(follow, follow)] @ V
+        self._by_place = W @ A[np.ix_(follow, driven)]
+        self._by_velocity = W @ A[np.ix_(follow, [half + row for row in driven])]
+        self._density = (W * ([0.0] * len(hidden) + [white**2] * len(hidden))) @ W.T
         self.cov = np.zeros((self._n + self._m, self._n + self._m))
         matrix = target_map(network, target).matrix
         self._target = np.zeros((network.dim, len(self.cov)))
-        self._target[:, [*range(len(hidden)), *range(self._n, self._n + self._m)]] = matrix[:, [*hidden, *driven]]
+        self._target[:, : self._n] = matrix[:, hidden] @ V[: len(hidden)]
+        self._target[:, self._n :] = matrix[:, driven]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
         self._frames: dict[tuple[float, frozenset[str]], tuple[Floats, Floats, Floats]] = {}
 
@@ -104,3 +111,17 @@ class OpenLoopCovariance:
             noise = accumulated_noise(self._own, self._density, dt)
             self._steps = dt, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)
         return self._steps[1]
+
+
+def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
+    """Columns (n, r) of the slowest motions of these free coordinates while the others stand still, and their inverse.
+
+    by_mass: -K / mass of these, (n, n); all n coordinates as they are where they are few
+    """
+    n = len(rows)
+    if n <= MOTIONS:
+        return np.eye(n), np.eye(n)
+    root = np.sqrt(np.repeat(network.masses[network.free], network.dim)[list(rows)])
+    scaled = root[:, None] * by_mass / root
+    vectors = eigh(0.5 * (scaled + scaled.T), subset_by_index=(n - MOTIONS, n - 1))[1]
+    return vectors / root[:, None], vectors.T * root

@@ -133,8 +133,46 @@ def test_a_mode_that_the_marks_refute_is_not_mixed_into_the_other() -> None:
         for one in (found, alone):
             one.predict(0.5)
             one.update([Seen(0.0, 1e-4)])
-    assert 0.0 < found.weights[1] < 1e-3
+    assert found.weights[1] < 1e-3
     np.testing.assert_allclose(found.covs[0], alone.covs[0], rtol=1e-6)
+
+
+def test_a_hypothesis_less_probable_than_its_births_is_left_out_until_marks_ask_for_it() -> None:
+    """Marks at rest refute a wide mode; one that jumps brings it back, with the covariance of what it is born from."""
+    rates = np.array([[-1e-3, 1e-3], [1e-3, -1e-3]])
+    found = HypothesisFilter(Point([0.01, 50.0], rates))
+    for _ in range(10):
+        found.predict(0.5)
+        found.update([Seen(0.0, 1e-4)])
+    assert found.weights[1] == 0.0
+    narrow = found.covs[0].copy()
+    found.predict(0.5)
+    born = SPEED @ narrow @ SPEED.T + 50.0**2 * PUSHED
+    np.testing.assert_allclose(found.covs[1], born, rtol=1e-9)
+    np.testing.assert_allclose(found.weights[1], expm(0.5 * rates)[0, 1], rtol=1e-9)
+    found.update([Seen(5.0, 1e-4)])
+    assert found.weights[1] > 0.999
+    assert found.mean[0] == pytest.approx(5.0, abs=0.03)
+
+
+def test_what_is_left_out_hardly_moves_the_mixture(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Against all hypotheses in every frame: means and deviations within the share that may be left out."""
+    rates = np.array([[-0.02, 0.02], [0.5, -0.5]])
+    some, every = HypothesisFilter(Point([0.1, 5.0], rates)), HypothesisFilter(Point([0.1, 5.0], rates))
+    rng, place, left, usual = np.random.default_rng(3), 0.0, 0, core.REBORN
+    for k in range(200):
+        place += 3.0 * (k % 40 in (10, 11))
+        seen = Seen(place + 0.05 * rng.normal(), 0.0025)
+        for one, share in ((some, usual), (every, 0.0)):
+            monkeypatch.setattr(core, "REBORN", share)
+            one.predict(0.5)
+            one.update([seen])
+        left += int((some.weights == 0.0).any())
+        (mean, cov), (whole, spread) = (one.moments(np.eye(2)) for one in (some, every))
+        deviations = np.sqrt(spread.diagonal())
+        assert (np.abs(mean - whole) < usual * deviations).all()
+        np.testing.assert_allclose(np.sqrt(cov.diagonal()), deviations, rtol=usual)
+    assert left > 5
 
 
 def test_a_nonlinear_observation_is_taken_where_it_fits() -> None:
@@ -228,21 +266,17 @@ def test_the_error_that_the_last_step_leaves_is_noise_of_all_states_of_a_part(mo
     assert found.covs[0, 1, 1] == pytest.approx(1.0 + 0.5 * (0.1 * gain**2) ** 2, rel=1e-6)
 
 
-@pytest.mark.parametrize("at_a_time", [1, 2**15])
 @pytest.mark.parametrize(("acting", "columns"), [(0, 0), (3, 5), (5, 3), (7, 7)])
-def test_covariances_are_propagated_by_the_whole_matrix(
-    acting: int, columns: int, at_a_time: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_covariances_are_propagated_by_the_whole_matrix(acting: int, columns: int) -> None:
     """Whatever rows and columns of the transition are zero beside its diagonal."""
-    monkeypatch.setattr(moments, "AT_A_TIME", at_a_time)
     rng = np.random.default_rng(1)
     T, roots = np.diag(rng.normal(size=7)), rng.normal(size=(4, 7, 7))
     T[:acting, :columns] += rng.normal(size=(acting, columns))
     covs, noises, independent, variances = roots @ roots.swapaxes(1, 2), roots[:2, :4, :4], rng.random((1, 7)), roots[0]
     noises = noises + noises.swapaxes(1, 2)
     variances = np.square(rng.normal(size=(4, 3)))
-    found = np.empty_like(covs)
-    moments.propagated(covs, Transition(np.zeros(7), T, noises, independent), variances, found)
+    found = moments.moved(covs, T)
+    moments.add_noise(found, Transition(np.zeros(7), T, noises, independent), variances)
     for P, own, moved in zip(covs, variances, found, strict=True):
         expected = T @ P @ T.T + own[2] * np.diag(independent[0])
         expected[:4, :4] += own[0] * noises[0] + own[1] * noises[1]

@@ -7,6 +7,8 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, pack, unpack
 from estimators import MarkMeasurement, OpenLoop, OpenLoopCovariance, chi_square_bounds
+from estimators.process import open_loop_cov
+from tests.networks import slab
 
 SD = 1e-4
 """Noise of the marks [m]: so small that the phantom answers in proportion."""
@@ -92,3 +94,20 @@ def test_frames_of_any_length_give_the_same_when_nothing_is_seen(smooth):
             belief.take(0.5 / n, {})
         beliefs.append(belief.cov)
     np.testing.assert_allclose(beliefs[0], beliefs[1], rtol=0, atol=1e-9 * SD**2 + 1e-9 * np.abs(beliefs[0]).max())
+
+
+def test_the_slowest_motions_of_a_large_body_are_enough(monkeypatch):
+    """A third of the coordinates, against all: the target's variance to 2 %, after frames with and without a mark."""
+    body, marked, R3 = slab(), ["N79", "N76", "N67", "N64"], SD**2 * np.eye(3)
+
+    def covariance(motions):
+        monkeypatch.setattr(open_loop_cov, "MOTIONS", motions)
+        known = OpenLoopCovariance(body, "N58", marked, white=1e-3)
+        for k in range(12):
+            known.take(1.0 / 30.0, dict.fromkeys(marked[: 4 - k % 2], R3))
+        return known
+
+    few, every = covariance(60), covariance(1000)
+    assert len(few.cov) == 2 * 60 + 12
+    assert len(every.cov) == 2 * 3 * (len(body.free) - 4) + 12
+    np.testing.assert_allclose(few.target_cov, every.target_cov, atol=0.02 * np.trace(every.target_cov))

@@ -19,6 +19,7 @@ from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.log import Kept
+from experiments.pipeline.line import Line
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
 from experiments.simulation.simulate import draw
@@ -219,9 +220,10 @@ def string(n_free: int, dim: int) -> Scene:
     return Scene(network, (Mark("N0", 0.0, 0.01),), Target(names[-1], 0.005), ())
 
 
-@pytest.mark.parametrize(("dim", "most"), [(2, 150), (3, 100)])
+@pytest.mark.parametrize(("dim", "most"), [(2, 30), (3, 20)])
 @pytest.mark.parametrize("before", ["identify", "tune", "track", "insert"])
-def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(before, dim, most) -> None:
+def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(before, dim, most, monkeypatch) -> None:
+    monkeypatch.setattr("experiments.pipeline.line.MOST_STATES", 120)
     run = Run("track", (), Kept(), ExitStack())
     run.use(string(most, dim), before)
     where = "in space" if dim == 3 else "in the plane"
@@ -234,11 +236,19 @@ def test_a_body_too_large_for_a_filter_is_refused_before_anything_is_computed(be
 
 def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setattr("experiments.projects.check.rest_shape", None)
-    write_scene(string(101, 3), tmp_path / "scene.toml")
+    monkeypatch.setattr("experiments.pipeline.line.MOST_STATES", 120)
+    write_scene(string(21, 3), tmp_path / "scene.toml")
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 2
-    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 100 free nodes for a filter in space, found 101"
+    line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 20 free nodes for a filter in space, found 21"
     assert capsys.readouterr().err == f"softaim: {line}\n"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_body_that_bends_at_too_many_nodes_is_one_line(monkeypatch) -> None:
+    monkeypatch.setattr("experiments.pipeline.line.MOST_IN_FILTER", 20)
+    message = "scene: network.node: expected at most 20 states of the filter: fewer nodes or marks, found [0-9]+"
+    with pytest.raises(InputError, match=message):
+        Line(string(5, 2))
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:

@@ -1,0 +1,117 @@
+"""A body that moves in few smooth shapes: which shapes, and its forces in them.
+
+A displacement is a sum of scalar functions of the nodes, the shapes, each times a vector, so that a shape that is held
+is held in every direction, however the body turns. Among the shapes are 1 and the coordinates at rest: what moves as
+an affine map of the body is exact. Source: [benner2015] for the projection on responses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from dynamics.arrays import Floats
+from dynamics.elements.assembly import Assembly
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Span:
+    """Coordinates of nodes as a linear map of fewer ones.
+
+    Attributes
+    ----------
+    matrix : (n_full, n)
+        Coordinates of the nodes by the reduced ones.
+    onto : (n, n_full)
+        Its left inverse: the projection in the norm of the masses.
+    masses : (n,)
+        Of the reduced coordinates [kg].
+    white : (n,)
+        Standard deviation of each reduced acceleration where those of all nodes are independent, of variance 1.
+    """
+
+    matrix: Floats
+    onto: Floats
+    masses: Floats
+    white: Floats
+
+    @classmethod
+    def whole(cls, masses: Floats) -> Span:
+        """All coordinates as they are; masses (n_full,) [kg]."""
+        n = len(masses)
+        return cls(np.eye(n), np.eye(n), masses, np.ones(n))
+
+    @classmethod
+    def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
+        """Shapes (n_nodes, r), each times a vector; masses (n_nodes,) [kg].
+
+        A reduced coordinate [m] is the root of the mean square displacement by mass. The shapes are turned so that
+        independent accelerations of the nodes remain independent.
+        """
+        total = masses.sum()
+        own = shapes / np.sqrt(np.einsum("ik,i,ik->k", shapes, masses, shapes))
+        orthonormal = own @ np.linalg.inv(np.linalg.cholesky(own.T @ (masses[:, None] * own))).T * np.sqrt(total)
+        weights, turned = np.linalg.eigh(orthonormal.T @ (masses[:, None] ** 2 * orthonormal) / total**2)
+        kept, each = orthonormal @ turned, np.eye(dim)
+        return cls(
+            np.kron(kept, each),
+            np.kron(kept.T * masses / total, each),
+            np.full(kept.shape[1] * dim, total),
+            np.repeat(np.sqrt(weights), dim),
+        )
+
+
+class ReducedAssembly:
+    """Forces and dense tangents of an assembly in reduced coordinates, as `Assembly` has them in all."""
+
+    def __init__(self, whole: Assembly, span: Span) -> None:
+        self._whole, self._matrix = whole, span.matrix
+        self.n, self.dim = span.matrix.shape[1], whole.dim
+
+    def force(self, q: Floats, v: Floats) -> Floats:
+        """Force on the reduced coordinates [N], (n,), at q [m] and v [m/s], (n,)."""
+        return np.asarray(self._whole.force(self._matrix @ q, self._matrix @ v) @ self._matrix)
+
+    def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
+        """`force`, and dense stiffness [N/m] and damping [N s/m], (n, n) each."""
+        V = self._matrix
+        force, K, C = self._whole.linearised(V @ q, V @ v)
+        return force @ V, V.T @ (K @ V), V.T @ (C @ V)
+
+
+def smooth_shapes(
+    assembly: Assembly, places: Floats, masses: Floats, forces: Floats, rates: Sequence[float], least_m: float
+) -> Floats:
+    """Shapes (n_nodes, r) in which a body follows forces, beside its affine motions.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        Of the body.
+    places : (n_nodes, dim)
+        Of the free nodes at rest [m].
+    masses : (n_nodes,)
+        [kg]
+    forces : (n_nodes dim, n_forces)
+        Each by its standard deviation [N].
+    rates : sequence of float
+        At which they may grow [1/s].
+    least_m : float
+        Shapes are left out that move by less, root of the mean square over the nodes by mass [m].
+    """
+    q = places.ravel()
+    K, C = (csc_array(matrix) for matrix in assembly.tangents(q, np.zeros_like(q)))
+    M = diags_array(np.repeat(masses, assembly.dim))
+    moved = [splu(csc_array(K + rate * C + rate**2 * M)).solve(forces) for rate in rates]
+    n = len(places)
+    fields = np.hstack([field.reshape(n, -1) for field in moved])
+    root = np.sqrt(masses / masses.sum())[:, None]
+    affine = np.linalg.qr(root * np.hstack([np.ones((n, 1)), places - places.mean(axis=0)]))[0]
+    fields = root * fields
+    fields -= affine @ (affine.T @ fields)
+    vectors, sizes, _ = np.linalg.svd(fields, full_matrices=False)
+    return np.asarray(np.hstack([affine, vectors[:, sizes > least_m]]) / root)
