@@ -14,6 +14,7 @@ import numpy as np
 
 from dynamics.arrays import Floats
 from dynamics.elements.assembly import Assembly
+from dynamics.elements.reduced import ReducedAssembly
 from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_state, first_stage, second_stage
 from dynamics.integration.stepping import SAME_STEP
 
@@ -39,7 +40,7 @@ class Rosenbrock:
 
     Parameters
     ----------
-    assembly : Assembly
+    assembly : Assembly or ReducedAssembly
     masses : (n,)
         Of each free coordinate [kg].
     basis : (n, n_f)
@@ -50,7 +51,14 @@ class Rosenbrock:
         Difference of the two stages beyond which a step is halved [m].
     """
 
-    def __init__(self, assembly: Assembly, masses: Floats, basis: Floats, fading_s: Floats, tolerance_m: float) -> None:
+    def __init__(
+        self,
+        assembly: Assembly | ReducedAssembly,
+        masses: Floats,
+        basis: Floats,
+        fading_s: Floats,
+        tolerance_m: float,
+    ) -> None:
         self.assembly, self.masses, self.basis = assembly, masses, basis
         self.rates, self.tolerance_m = 1.0 / fading_s, tolerance_m
 

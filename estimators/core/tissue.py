@@ -122,7 +122,8 @@ class TissueProcess:
         smooth = _shared(self._may_be_pushed(nodes)) * matern(apart, self.disturbances.smooth * self.extent_m)
         pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": factor(smooth, RANK)}
         self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes)
-        moving = assembly if self.span.matrix.shape[1] == assembly.n else ReducedAssembly(assembly, self.span)
+        is_whole = self.span.matrix.shape[1] == assembly.n
+        moving = assembly if is_whole else ReducedAssembly(assembly, self.span)
         basis, self._driving = self._forces(pushes)
         fading = np.where(self._driving == SOURCES.index("slow"), self.disturbances.slow_s, self.disturbances.short_s)
         self._stepper = Rosenbrock(moving, self.span.masses, basis, fading, STEP_TOLERANCE * self.extent_m)

@@ -40,9 +40,8 @@ class OpenLoopCovariance:
         self._places = {node: slice(k * dim, (k + 1) * dim) for k, node in enumerate(marked)}
         hidden = [row for row in range(half) if row not in set(driven)]
         follow = [*hidden, *(half + row for row in hidden)]
-        V, W = _slowest(A[half:, :half][np.ix_(hidden, hidden)], network, hidden)
-        self._n, self._m = 2 * V.shape[1], len(driven)
-        V, W = np.kron(np.eye(2), V), np.kron(np.eye(2), W)
+        V, W = (np.kron(np.eye(2), one) for one in _slowest(A[half:, :half][np.ix_(hidden, hidden)], network, hidden))
+        self._n, self._m = V.shape[1], len(driven)
         self._own = W @ A[np.ix_(follow, follow)] @ V
         self._by_place = W @ A[np.ix_(follow, driven)]
         self._by_velocity = W @ A[np.ix_(follow, [half + row for row in driven])]

@@ -59,7 +59,7 @@ from estimators import (
     path_by_tables,
     plan,
 )
-from estimators.core.moments import propagated
+from estimators.core.moments import add_noise
 from experiments.arrays import Floats
 from experiments.film.speed import film_640x480
 from experiments.formats.scenario import read_scenario
@@ -104,9 +104,9 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
     means, covs, weights = own.means.copy(), own.covs.copy(), own.weights.copy()
     rows, by_state = np.vstack([process.node(node) for node in OUTER]), tissue.rows_of(target)
     z, rates = np.concatenate([mark.position for mark in marks]), expm(process.rates * FRAME_S)
-    noises = np.empty_like(covs)
+    noises = np.zeros_like(covs)
     found = process.linearize(own.mean, FRAME_S)
-    propagated(np.zeros_like(covs), found, own.variances, noises)
+    add_noise(noises, found, own.variances)
     points = filterpy.MerweScaledSigmaPoints(process.n, 1.0, 0.0, 0.0)
     velocity, force, n = process.parts["velocity"], process.parts["force"], network.n_state
     short_s = 1e-6  # over it a force changes the speed alone
