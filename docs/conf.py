@@ -4,7 +4,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_extensions")]  # the code of this checkout, wherever Softaim is installed
+# The code of this checkout, wherever Softaim is installed
+sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_extensions")]
 
 project = html_title = "Softaim"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "api", "mathml"]
@@ -19,17 +20,19 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # links such as page.md#a-heading
 
 html_theme = "pydata_sphinx_theme"
-html_theme_options = {"secondary_sidebar_items": ["page-toc"], "show_prev_next": False, "header_links_before_dropdown": 6}
+html_theme_options = {"secondary_sidebar_items": ["page-toc"], "show_prev_next": False, "show_toc_level": 2}
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_additional_pages = {"index": "redirect.html"}  # the first page is docs/index.html
 html_show_sourcelink = False
 html_copy_source = False
+smartquotes = False  # they turn the dashes of --option into one
 html_math_renderer = "mathml"
 templates_path = [str(ROOT / "docs" / "_templates")]  # absolute: autosummary looks from the root
 
 default_role = "py:obj"  # a name in backticks is a link where the site documents it, and code elsewhere
 autodoc_member_order = "bysource"
-autodoc_type_aliases = {name: name for name in ("ArrayLike", "Floats", "Image")}  # spelt out they take a line each
 autodoc_preserve_defaults = True
 python_maximum_signature_line_length = 100
-python_use_unqualified_type_names = True
+toc_object_entries_show_parents = "hide"
 numpydoc_show_class_members = False  # autodoc lists them

@@ -1,42 +1,51 @@
-"""The API reference: a page for each room of the packages, and docstrings in the form that numpydoc reads."""
+"""The API reference: a page for each sub-package, with its public names, their docstrings and links between them."""
 
 import ast
 import inspect
 import re
+import typing
 from importlib import import_module
 from pkgutil import iter_modules
+from types import ModuleType, SimpleNamespace
 
+import sphinx.util.inspect
+from docutils import nodes
+from fields import as_numpydoc, with_links
+from sphinx import addnodes
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
 from sphinx.pycode import ModuleAnalyzer
 
 import softaim
 
 PACKAGES = ("dynamics", "estimators", "vision")
-FIELD = re.compile(r"(Raises )?([A-Za-z_]\w*(?:, [a-z_]\w*)*): (.*)")
-CITATION = re.compile(r"(?<![\w`])\[([a-z]+\d{4}[a-z]?)\](?!_)")
 
 
-def rooms() -> dict[str, dict[str, object]]:
-    """For each package its rooms, and for each room its title and the public names, each with its directive."""
-    pages: dict[str, dict[str, object]] = {}
+def pages() -> dict[str, dict[str, object]]:
+    """What each page shows: the packages and their sub-packages, by the names from which users import."""
+    found = {}
     for package in map(import_module, PACKAGES):
-        inside = [f"{package.__name__}.{one.name}" for one in iter_modules(package.__path__) if one.ispkg]
-        pages[package.__name__] = {"rooms": inside, "about": first_paragraph(package.__doc__)}
-        for room in map(import_module, inside):
-            names = {f"{(package if n in package.__all__ else room).__name__}.{n}": getattr(room, n) for n in room.__all__}
-            pages[room.__name__] = {
-                "names": {name: summary(name, thing) for name, thing in names.items()},
-                "about": first_paragraph(room.__doc__),
-                "directives": {name: directive(thing) for name, thing in names.items()},
-            }
-    own = {f"softaim.{name}": getattr(softaim, name) for name, home in softaim._HOMES.items() if home not in PACKAGES}
-    listed = {f"{home}.{name}": getattr(softaim, name) for name, home in softaim._HOMES.items() if home in PACKAGES}
-    pages["softaim"] = {
-        "names": {name: summary(name, thing) for name, thing in (listed | own).items()},
-        "about": first_paragraph(softaim.__doc__),
-        "directives": {name: directive(thing) for name, thing in own.items()},
-    }
-    return pages
+        parts = [f"{package.__name__}.{part.name}" for part in iter_modules(package.__path__) if part.ispkg]
+        found[package.__name__] = {"about": first_paragraph(package.__doc__), "parts": parts}
+        for part in map(import_module, parts):
+            names = [f"{(package if name in package.__all__ else part).__name__}.{name}" for name in part.__all__]
+            found[part.__name__] = page(part, names, names)
+    names = [f"{place if place in PACKAGES else 'softaim'}.{name}" for name, place in softaim._HOMES.items()]
+    found["softaim"] = page(softaim, names, [name for name in names if name.startswith("softaim.")])
+    return found
+
+
+def page(module: ModuleType, listed: list[str], documented: list[str]) -> dict[str, object]:
+    """The first paragraph of a module, the names in its table, and the directives of those that it documents."""
+    summaries = {name: summary(name) for name in listed}
+    directives = {name: directive(value(name)) for name in documented}
+    return {"about": first_paragraph(module.__doc__), "names": summaries, "directives": directives}
+
+
+def value(name: str) -> object:
+    """What a dotted name means."""
+    module, _, short = name.rpartition(".")
+    return getattr(import_module(module), short)
 
 
 def first_paragraph(text: str | None) -> str:
@@ -44,8 +53,9 @@ def first_paragraph(text: str | None) -> str:
     return " ".join((text or "").split("\n\n")[0].split())
 
 
-def summary(name: str, thing: object) -> str:
+def summary(name: str) -> str:
     """The first sentence of a docstring."""
+    thing = value(name)
     text = first_paragraph("\n".join(constant(name)) if directive(thing) == "autodata" else thing.__doc__)
     return re.split(r"(?<=[.:;]) ", text, maxsplit=1)[0].rstrip(":;")
 
@@ -71,43 +81,24 @@ def home(module: str, name: str) -> str:
     return module
 
 
-def types(thing: object) -> dict[str, str]:
-    """Annotations of the parameters of a function, or of the fields of a class."""
-    own = getattr(thing, "__init__", thing) if inspect.isclass(thing) else thing
-    return {**getattr(own, "__annotations__", {}), **getattr(thing, "__annotations__", {})}
-
-
-def as_numpydoc(lines: list[str], thing: object) -> list[str]:
-    """A docstring whose fields, `name: text`, are the sections of numpydoc."""
-    known = types(thing)
-    text: list[str] = []
-    fields: list[str] = []
-    raised: list[str] = []
-    into = text
-    for line in lines:
-        found = FIELD.match(line)
-        names = found[2].split(", ") if found else []
-        if found and found[1]:
-            into = raised
-            into += [found[2], f"    {found[3]}"]
-        elif found and names != ["State"] and (set(names) <= set(known) or inspect.isclass(thing)):
-            into = fields
-            kind = known.get(names[0], "")
-            into += [f"{found[2]} : `{kind}`" if isinstance(kind, str) and kind else found[2], f"    {found[3]}"]
-        elif into is not text and line.startswith("    "):
-            into.append(line)
-        else:
-            text += ["", line] if into is not text else [line]
-            into = text
-    for title, section in (("Parameters", fields), ("Raises", raised)):
-        text += ["", title, "-" * len(title), *section] if section else []
-    return text
-
-
 def read(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
     """Put a docstring into the form of numpydoc, before numpydoc reads it."""
-    lines[:] = constant(name) if what == "data" else as_numpydoc(lines, thing)
-    lines[:] = [CITATION.sub(r"[\1]", line) for line in lines]
+    text = constant(name) if what == "data" else as_numpydoc(lines, thing)
+    lines[:] = map(with_links, text)
+
+
+def public(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, shown: nodes.Node) -> nodes.Node | None:
+    """The place of a public name of another package, which no other package has (`tests/test_public_names.py`)."""
+    first, _, rest = node.get("reftarget", "").partition(".")
+    if node.get("refdomain") != "py" or first not in env.config.autosummary_context["places"]:
+        return None
+    place = env.config.autosummary_context["places"][first] + (f".{rest}" if rest else "")
+    return env.domains["py"].resolve_xref(env, node["refdoc"], app.builder, "obj", place, node, shown)
+
+
+def as_written(*_: object) -> dict[str, object]:
+    """In place of the values of annotations: Sphinx writes them as the code has them if there are none."""
+    raise TypeError
 
 
 def skip(app: Sphinx, what: str, name: str, thing: object, skipped: bool, options: object) -> bool | None:
@@ -117,7 +108,12 @@ def skip(app: Sphinx, what: str, name: str, thing: object, skipped: bool, option
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the contents of the pages and the hooks."""
-    app.config.autosummary_context = {"pages": rooms()}
+    found = pages()
+    places = {name.rpartition(".")[2]: name for one in found.values() for name in one.get("directives", {})}
+    app.config.autosummary_context = {"pages": found, "places": places}
+    # With values ArrayLike takes three lines; Sphinx has no setting for this
+    sphinx.util.inspect.typing = SimpleNamespace(**{**vars(typing), "get_type_hints": as_written})
     app.connect("autodoc-process-docstring", read, priority=400)
     app.connect("autodoc-skip-member", skip)
+    app.connect("missing-reference", public)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
