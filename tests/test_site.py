@@ -63,12 +63,18 @@ def test_the_table_of_a_section_links_its_pages(section: str) -> None:
 
 
 def test_python_examples_of_pages_are_run() -> None:
-    pytest_options = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"][
-        "ini_options"
-    ]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    options = project["tool"]["pytest"]["ini_options"]
     examples = {f"{name}.md" for name, text in PAGES.items() if re.search(r"^>>> ", text, flags=re.MULTILINE)}
     assert examples == {path for path in options["testpaths"] if path.endswith(".md")}
     assert {f"--doctest-glob={Path(path).name}" for path in examples} <= set(options["addopts"])
+
+
+def test_targets_of_make_that_pages_name_exist() -> None:
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
+    released = "CHANGELOG"  # names what was there
+    text = "\n".join(text for name, text in PAGES.items() if name != released)
+    assert set(re.findall(r"(?:^|`)make ([a-z-]+)", text, flags=re.MULTILINE)) <= targets
 
 
 def fields() -> Any:
