@@ -90,10 +90,20 @@ def read(app: Sphinx, what: str, name: str, thing: object, options: object, line
 def public(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, shown: nodes.Node) -> nodes.Node | None:
     """The place of a public name of another package, which no other package has (`tests/test_public_names.py`)."""
     first, _, rest = node.get("reftarget", "").partition(".")
-    if node.get("refdomain") != "py" or first not in env.config.autosummary_context["places"]:
+    places = env.config.autosummary_context["places"]
+    if node.get("refdomain") != "py" or first not in places:
         return None
-    place = env.config.autosummary_context["places"][first] + (f".{rest}" if rest else "")
+    place = ".".join((places[first], rest)) if rest else places[first]
     return env.domains["py"].resolve_xref(env, node["refdoc"], app.builder, "obj", place, node, shown)
+
+
+def link_names(app: Sphinx, document: nodes.document, page: str) -> None:
+    """Link names of classes, methods and functions in the text of a page; a plain word may mean something else."""
+    for literal in list(document.findall(nodes.literal)):
+        name = literal.astext().removesuffix("()")
+        if re.fullmatch(r"\w*[A-Z_]\w*(\.\w+)?", name) and not isinstance(literal.parent, nodes.reference):
+            target = addnodes.pending_xref(refdomain="py", reftarget=name, refdoc=page)
+            literal.replace_self(public(app, app.env, target, literal.deepcopy()) or literal)
 
 
 def as_written(*_: object) -> dict[str, object]:
@@ -116,4 +126,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", read, priority=400)
     app.connect("autodoc-skip-member", skip)
     app.connect("missing-reference", public)
+    app.connect("doctree-resolved", link_names)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
