@@ -106,6 +106,14 @@ def link_names(app: Sphinx, document: nodes.document, page: str) -> None:
             literal.replace_self(public(app, app.env, target, literal.deepcopy()) or literal)
 
 
+def trim(app: Sphinx, document: nodes.document, page: str) -> None:
+    """Drop the empty line that ends a block of examples, where pytest needs it."""
+    for block in document.findall(nodes.literal_block):
+        if block.rawsource == block.astext():
+            block.rawsource = block.rawsource.rstrip()
+            block[:] = [nodes.Text(block.rawsource)]
+
+
 def as_written(*_: object) -> dict[str, object]:
     """In place of the values of annotations: Sphinx writes them as the code has them if there are none."""
     raise TypeError
@@ -127,4 +135,5 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-skip-member", skip)
     app.connect("missing-reference", public)
     app.connect("doctree-resolved", link_names)
+    app.connect("doctree-resolved", trim)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
