@@ -9,7 +9,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # A worker for each core; on a busy machine: make test WORKERS=1
 WORKERS ?= auto
 
-.PHONY: demo test quick lint types contract architecture architecture-page reference wheel mutants check clean
+.PHONY: demo test quick lint types contract architecture architecture-page docs wheel mutants check clean
 
 demo: $(READY)  ## simulate, film and track the paper's two scenarios
 	$(BIN)/softaim demo --out demo --force
@@ -38,8 +38,10 @@ architecture: $(READY)  ## is docs/architecture.md what the code is
 architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing from the code
 	$(BIN)/python -m experiments.studies.architecture
 
-reference: $(READY)  ## the API reference, as HTML in reference/
-	$(BIN)/python -m experiments.studies.reference --out reference
+docs: $(READY)  ## the documentation site, in site/; warnings are errors
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,docs]'
+	rm -rf site docs/generated
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . site
 
 wheel: $(READY)  ## the wheel, in dist/, and whether all that belongs in it is there
 	rm -rf build dist
@@ -51,10 +53,10 @@ mutants: $(READY)  ## which changes of the modules that safety rests on no test 
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
-check: lint types contract architecture wheel test  ## what CI runs
+check: lint types contract architecture docs wheel test  ## what CI runs
 
 clean:
-	rm -rf .venv demo build dist reference mutants *.egg-info
+	rm -rf .venv demo build dist site docs/generated mutants *.egg-info
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'

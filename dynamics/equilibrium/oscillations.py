@@ -20,8 +20,8 @@ eigenvalue."""
 class Oscillations:
     """Natural motions of a network about a rest, by the eigenvalues z of (z² M + z C + K) u = 0.
 
-    frequencies_hz: |z| / 2 pi of those that oscillate, ascending: natural, not damped ones [Hz], (n,)
-    damping_ratios: of these, -Re z / |z| [1], (n,)
+    frequencies_hz: abs(z) / 2 pi of those that oscillate, ascending: natural, not damped ones [Hz], (n,)
+    damping_ratios: of these, -Re z / abs(z) [1], (n,)
     decays_s: of those that do not oscillate, the time to 1/e, longest first [s], (m,)
     """
 

@@ -1,37 +1,24 @@
-"""The API reference, made of the docstrings of all public names: `make reference`, in reference/.
+"""Faults of the docstrings of public names: what `softaim`, `dynamics`, `estimators` and `vision` name in `__all__`.
 
-    python -m experiments.studies.reference [--out FOLDER]
-
-What is public is what `softaim`, `dynamics`, `estimators` and `vision` name in `__all__`. Nothing is written, and each
-fault has a line, where one of these has no docstring, where a docstring does not state shapes and units of arrays,
-where a name in backticks is not there, or where pdoc warns.
+Each fault has a line: no docstring, no shapes or units of arrays, a name in backticks that does not exist.
 """
 
 from __future__ import annotations
 
-import argparse
 import ast
 import builtins
 import importlib
 import inspect
 import keyword
 import re
-import sys
-import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, get_args
-
-from numpy.typing import ArrayLike
-
-if TYPE_CHECKING:
-    import pdoc.doc
+from typing import Any, NamedTuple
 
 PACKAGES = ("softaim", "dynamics", "estimators", "vision")
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 
 ARRAYS = re.compile(r"Floats|ArrayLike|NDArray|Image\b|ndarray")
 SHAPE = re.compile(r"\((?:n|k|m|d|r|dim|\.\.\.|(?:\.\.\.|[\w ]+),[\w .,]*|columns \* rows, 3)\)")
@@ -42,11 +29,6 @@ OF_ANY_UNIT = ("estimators.filters", "estimators.consistency", "vision")
 FILES = (".toml", ".csv", ".md", ".json", ".yaml")
 
 NAMED = re.compile(r"(?<!`)`([A-Za-z_][\w.]*)(?:\(\))?`(?!`)")
-MODULE = re.compile(r"\b(?:typing|collections\.abc|numpy(?:\.\w+)*)\.(?=\w)")
-SPELT_ARRAY = re.compile(r"ndarray\[tuple\[Any, \.\.\.\], dtype\[(\w+)\]\]")
-SCRIPT = re.compile(r"<script.*?</script>", flags=re.DOTALL)
-FIELD = re.compile(r"^([a-z_]\w*(?:, [a-z_]\w*)*|State|Raises \w+): ", flags=re.MULTILINE)
-LISTED = re.compile(r"^    (\w+(?:, \w+)*)  +(\S.*)$")
 
 
 class Public(NamedTuple):
@@ -188,121 +170,3 @@ def _source(package: str) -> str:
 def _written(word: str, module: str) -> bool:
     """Whether it is a word that the program writes: a key of a count, a column, a subcommand."""
     return any(f'"{word}"' in _source(package) for package in (module.partition(".")[0], "experiments"))
-
-
-def as_markdown(text: str) -> str:
-    """A docstring as Markdown: fields and the names to start with as lists, all else as it is."""
-    lines, field = [], False
-    for line in inspect.cleandoc(text).splitlines():
-        if listed := LISTED.match(line):
-            names = ", ".join(f"`{name}`" for name in listed[1].split(", "))
-            lines.append(f"- {names}: {listed[2]}")
-        elif fields := FIELD.match(line):
-            item = f"- **{fields[1]}**: {line[fields.end() :]}"
-            lines += [item] if field else ["", item]
-            field = True
-            continue
-        elif field and line.startswith("    "):
-            lines.append(f"  {line.strip()}")
-            continue
-        else:
-            lines += ["", line] if field and line.strip() else [line]
-        field = False
-    return "\n".join(lines)
-
-
-def modules() -> dict[str, pdoc.doc.Module]:
-    """The documented modules by name, with their docstrings as Markdown."""
-    import pdoc.doc
-
-    found = {}
-    for package in PACKAGES:
-        own = importlib.import_module(package)
-        for name in own.__all__:
-            getattr(own, name)  # softaim loads names when they are asked for
-        module = pdoc.doc.Module(own)
-        texts = {name: constant_text(package, name)[0] for name in own.__all__ if name not in dir(module)}
-        module.__dict__["_var_docstrings"] = texts
-        _convert(module)
-        found[package] = module
-    return found
-
-
-def _convert(doc: Any) -> None:
-    doc.docstring = as_markdown(doc.docstring)
-    if hasattr(doc, "default_value_str"):
-        doc.default_value_str = short_types(doc.default_value_str)
-    for member in getattr(doc, "own_members", []):
-        _convert(member)
-
-
-def short_types(text: str) -> str:
-    """Annotations of arrays by the names that the code has for them; spelt out they take five lines."""
-    members = [MODULE.sub("", repr(one)) if get_args(one) else one.__name__ for one in get_args(ArrayLike)]
-    plain = MODULE.sub("", text)
-    for spelt in (", ".join(members), " | ".join(members)):
-        plain = plain.replace(spelt, "ArrayLike")
-    plain = plain.replace("Union[ArrayLike]", "ArrayLike")
-    return SPELT_ARRAY.sub(r"NDArray[\1]", plain).replace("NDArray[float64]", "Floats")
-
-
-@contextmanager
-def shortened_types() -> Iterator[None]:
-    """While this lasts, pdoc writes annotations by `short_types`: it has no setting for that."""
-    import pdoc.doc
-
-    before = pdoc.doc._remove_collections_abc
-    pdoc.doc._remove_collections_abc = lambda x: short_types(before(x))
-    try:
-        yield
-    finally:
-        pdoc.doc._remove_collections_abc = before
-
-
-def build(out: Path) -> None:
-    """Write the reference as HTML to a folder; warnings of pdoc are raised."""
-    import pdoc.render
-
-    with warnings.catch_warnings(), shortened_types():
-        warnings.simplefilter("error")
-        documented = modules()
-        pdoc.render.configure(docformat="markdown", show_source=False, search=True)
-        pages = {f"{name}.html": pdoc.render.html_module(one, documented) for name, one in documented.items()}
-        pages["index.html"] = pdoc.render.html_index(documented)
-        pages["search.js"] = pdoc.render.search_index(documented)
-    out.mkdir(parents=True, exist_ok=True)
-    for name, page in pages.items():
-        (out / name).write_text(page, encoding="utf-8")
-
-
-def broken_links(folder: Path) -> list[str]:
-    """Links of the pages in a folder that lead to no page or to no place on it."""
-    pages = {path.name: SCRIPT.sub("", path.read_text(encoding="utf-8")) for path in folder.glob("*.html")}
-    places = {name: set(re.findall(r'\bid="([^"]+)"', page)) for name, page in pages.items()}
-    broken = []
-    for name, page in pages.items():
-        for link in re.findall(r'\bhref="([^"]*)"', page):
-            target, _, place = link.partition("#")
-            if re.match(r"[a-z]+:", target):
-                continue
-            target = (target or name).removeprefix("./")
-            if target not in pages or (place and place not in places[target]):
-                broken.append(f"{name}: {link}")
-    return broken
-
-
-def main() -> int:
-    """Write the reference, or the faults that it would have; exit code."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--out", type=Path, default=Path("reference"))
-    out = parser.parse_args().out
-    found = faults()
-    if not found:
-        build(out)
-        found = broken_links(out)
-    print(*found, sep="\n") if found else print(f"{out / 'index.html'}")
-    return 1 if found else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
