@@ -13,8 +13,8 @@ import numpy as np
 
 from dynamics import ParameterUncertainty, independent_uncertainty, parameter_forces, parameters
 from estimators import (
-    Doubt,
-    DoubtSettings,
+    Contradiction,
+    ContradictionSettings,
     ErrorSource,
     MarkMeasurement,
     StaticBalance,
@@ -161,15 +161,17 @@ class IntegrityMonitor:
     """Watches the estimates of a scene's filter, frame by frame in order of time.
 
     budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
-    State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks;
-    by how much pictures may be late [s], of which somebody looked at the picture, and whether they come unevenly.
+    State: the contradiction; the balance of forces on the marks; tested_s, from when on that is tested [s], None before
+    marks; by how much pictures may be late [s], of which somebody looked at the picture, and whether they come
+    unevenly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # a hand that leads a body moves all marks together
-        self.doubt = Doubt(DoubtSettings(together=0.0) if tissue.may_be_led else DoubtSettings())
+        # who leads a body moves all marks together
+        settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
+        self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
         self.tested_s: float | None = None
         self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
@@ -180,11 +182,11 @@ class IntegrityMonitor:
         From the first marks on a body is watched for `MEANS` mean forces before anything guides: a spring that is cut
         shows in no innovation, and a poke may hide it from one mean.
         """
-        self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
+        self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
             self.tested_s = estimate.time_s + MEANS * self._balance.mean_s
         is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
-        return self.doubt.reason or (None if is_tested else UNTESTED)
+        return self.contradiction.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
         """The estimate with what the scene leaves unstated in its covariance."""
@@ -200,8 +202,8 @@ class IntegrityMonitor:
         self.tested_s = None
 
     def looked(self) -> None:
-        """Somebody looked at tissue, marks and picture: the doubt is over."""
-        self.doubt.forget()
+        """Somebody looked at tissue, marks and picture: the contradiction is over."""
+        self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
@@ -215,8 +217,8 @@ class IntegrityMonitor:
     @property
     def fault(self) -> str | None:
         """Why nothing may guide, whatever the newest estimate says of itself; None where something may."""
-        if self.doubt.reason:
-            return self.doubt.reason
+        if self.contradiction.reason:
+            return self.contradiction.reason
         if self._late_s > self._known_late_s:
             return f"pictures may come {self._late_s:.1f} s late since a pause: look at the picture, then reset"
         return UNEVEN if self._uneven else None

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, carried, rest_shape
+from dynamics import MassSpringNetwork, rest_shape, supported
 from estimators import AdviceSettings, FilterSettings, Hit, Insertion, Lesion, Needle
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -149,8 +149,8 @@ def settings_for(scenario: Scenario) -> FilterSettings:
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network drawn where it rests, `carried`: a needle's contact and the target at rest are seen from there."""
-    network = carried(network)
+    """The network drawn where it rests, `supported`: a needle's contact and the target at rest are seen from there."""
+    network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
 

@@ -17,7 +17,6 @@ from dynamics import (
     KINDS,
     MassSpringNetwork,
     NetworkError,
-    carried,
     four_mass_phantom,
     integrate_adaptive,
     pack,
@@ -25,6 +24,7 @@ from dynamics import (
     rest_shape,
     scale_parameters,
     stable_step,
+    supported,
     unpack,
 )
 from dynamics.phantoms.four_mass import HIDDEN
@@ -213,7 +213,7 @@ def true_motion(
     rng: np.random.Generator,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Truth:
-    """Where the scenario's nodes are at its exposure times; a network without anchors is `carried`.
+    """Where the scenario's nodes are at its exposure times; a network without anchors is `supported`.
 
     `advance` gets the share done, in hundredths. Raises InputError.
     """
@@ -230,7 +230,7 @@ def true_motion(
 
     try:
         states = integrate_adaptive(
-            carried(network),
+            supported(network),
             pack(start, nothing),
             times,
             force=acting,

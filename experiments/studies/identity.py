@@ -126,7 +126,7 @@ def named_run(
             named = AssociatedEstimate(tissue.update(marks), tuple(marks))
         else:
             named = identity.update(marks if reported is None else identity.named(marks))
-        doubts += bool(identity.rivals)
+        doubts += bool(identity.alternatives)
         errors.append(np.linalg.norm(named.estimate.mean - one.target[k]))
         if marks:
             wrong.append(any(mark.node != OUTER[m] for mark, m in zip(named.marks, which, strict=True)))

@@ -22,7 +22,7 @@ def test_a_shape_moved_turned_a_little_and_stretched_has_none_turned():
 
 @pytest.mark.parametrize(("degrees", "found"), [(89.0, False), (91.0, True)])
 def test_a_right_angle_is_the_limit(degrees, found):
-    """M3 carried about M2 by the angle: the spring M2-M3 turns by it, those to M1 and M4 by less than a right angle."""
+    """M3 turned about M2 by the angle: the spring M2-M3 turns by it, those to M1 and M4 by less than a right angle."""
     moved = REST.copy()
     angle = np.radians(90.0 + degrees)
     moved[2] = REST[1] + 0.19 * np.array([np.cos(angle), np.sin(angle)])

@@ -71,13 +71,13 @@ def test_an_exchange_for_ten_frames_is_undone_twice(phantom, frames, right):
 
 
 def test_right_names_stay(phantom, frames, right):
-    """Half of the marks lost at random, too: no rival outlives the start, and the filter is left as it is."""
+    """Half of the marks lost at random, too: no alternative outlives the start, and the filter is left as it is."""
     rng = np.random.default_rng(0)
     lossy = [(t, [mark for mark in marks if k == 0 or rng.random() < 0.5]) for k, (t, marks) in enumerate(frames)]
     for seen, expected in ((frames, right), (lossy, means(phantom, lossy))):
         identity, made = followed(phantom, seen, lambda _k: {})
         assert identity.swaps == []
-        assert identity.rivals == []
+        assert identity.alternatives == []
         np.testing.assert_array_equal([one.estimate.mean for one in made], expected)
 
 
@@ -105,8 +105,10 @@ def test_a_start_alone_tells_no_names(phantom, frames):
     """The tissue may be turned: the shape in the first frame makes no names more probable than `decisive`, 1e3 to 1."""
     identity, made = followed(phantom, frames[:1], lambda _k: {"M1": "M4", "M4": "M1"})
     assert made[0].swap is None
-    assert sorted(one.names for one in identity.rivals) == sorted(p for p in permutations(range(3)) if p != (0, 1, 2))
-    best = max(identity.rivals, key=lambda one: one.ahead)
+    assert sorted(one.names for one in identity.alternatives) == sorted(
+        p for p in permutations(range(3)) if p != (0, 1, 2)
+    )
+    best = max(identity.alternatives, key=lambda one: one.ahead)
     assert best.names == (2, 1, 0)
     assert best.ahead == pytest.approx(IdentitySettings().decisive - IdentitySettings().exchange)
 
@@ -128,7 +130,7 @@ def test_marks_of_different_hues_are_never_tried(phantom, frames):
 def test_marks_of_which_none_are_alike_go_through(phantom, frames, alike):
     identity, made = followed(phantom, frames[:10], lambda k: {"M1": "M3", "M3": "M1"} if k >= 5 else {}, alike)
     assert identity.swaps == []
-    assert identity.rivals == []
+    assert identity.alternatives == []
     assert [mark.node for mark in made[-1].marks] == ["M3", "M1", "M4"]
 
 
@@ -194,27 +196,27 @@ def test_a_swap_that_slipped_by_is_mended(phantom, frames, right, order):
 
 
 def test_names_that_do_not_beat_the_same_ones_begun_anew_are_not_believed(phantom, frames):
-    """Wrong from the start; but what stands beside the rivals explains as much as the best of them: it does itself."""
+    """Wrong from the start; but the restart under the same names explains as much as the best alternative."""
     wrong = {"M1": "M4", "M4": "M1"}
     for beaten, undone in ((True, 1), (False, 0)):
         identity, _ = followed(phantom, frames[:1], lambda _k: wrong)
-        best = max(identity.rivals, key=lambda one: one.ahead)
+        best = max(identity.alternatives, key=lambda one: one.ahead)
         identity.same_names = replace(best, ahead=-1e6) if beaten else best
         for time_s, marks in frames[1:5]:
             identity.tissue.predict(time_s)
             identity.update(identity.named(called(marks, wrong)))
         assert len(identity.swaps) == undone
-        assert bool(identity.rivals) != beaten
+        assert bool(identity.alternatives) != beaten
 
 
 def test_rivals_do_not_outlive_a_loss(phantom, frames):
     """Nothing for longer than a second: the next marks start all names anew."""
     identity, _ = followed(phantom, frames[:1], lambda _k: {})
-    assert {one.since_s for one in identity.rivals} == {0.0}
+    assert {one.since_s for one in identity.alternatives} == {0.0}
     for time_s, marks in ((0.9, []), (1.1, []), (1.2, frames[1][1])):
         identity.tissue.predict(time_s)
         identity.update(marks)
-    assert {one.since_s for one in identity.rivals} == {1.2}
+    assert {one.since_s for one in identity.alternatives} == {1.2}
 
 
 def test_names_as_seen_from_others():

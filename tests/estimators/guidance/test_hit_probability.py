@@ -209,7 +209,7 @@ def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_anothe
         (lambda: Needle(hit=Hit.CORE, core_m=0.03), "needle core_m: expected no more than notch_length_m"),
         (
             lambda: GaussianMixture(np.array([0.5, 0.4]), np.zeros((2, 2)), np.zeros((2, 2, 2))),
-            "belief weights: expected",
+            "mixture weights: expected",
         ),
         (lambda: of_tip([0, 0, 0], np.eye(3), Lesion.ball(1.0, 2)), "dimensions: expected target, tip and axis of"),
     ],

@@ -220,14 +220,14 @@ def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, ima
 
     def attend(session: Session) -> None:
         if (turn := next(turns)) == 1:
-            session.integrity.doubt.reason = "made up"
+            session.integrity.contradiction.reason = "made up"
         if turn == at:
             session.line.filter.filter.covs[:] = np.nan
 
     session, rows, _ = run(Clocked(frames, [], 101.3), tmp_path, attend=attend)
     assert sum("its state is no number" in record.message for record in caplog.records) == 1
     assert session.counters.frames == len(frames)
-    assert session.integrity.doubt.reason == "made up"
+    assert session.integrity.contradiction.reason == "made up"
     status = [row["status"] for row in rows]
     assert status[-1] == "TRACKING"
     assert sum(one != "INITIALISING" == then for one, then in pairwise(status)) == 1
