@@ -36,7 +36,7 @@ def test_springs_to_anchors_count():
     assert inverted_springs(PHANTOM, states(moved))[0]
 
 
-def test_sets_are_told_apart_and_what_follows_the_state_is_not_looked_at():
+def test_sets_are_distinguished_and_what_follows_the_state_is_not_looked_at():
     two = np.concatenate([states(REST), states(-REST)])
     more = np.concatenate([two, np.full((2, 2, 6), 1e3)], axis=2)
     assert inverted_springs(PHANTOM, more).tolist() == [False, True]

@@ -105,7 +105,7 @@ def test_the_energy_of_a_spring_is_continuous_through_nothing(build):
 
 
 def test_energies_of_one_hanging_mass(build):
-    """V = k (l - l0)²/2 + m g h and K = m v²/2 by hand: 0.4 - 0.5886 J and 2.5 J; an anchor has neither."""
+    """V = k (l - l0)²/2 + m g h and K = m v²/2: 0.4 - 0.5886 J and 2.5 J; an anchor has neither."""
     hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -9.81])
     assert potential_energy(hung, [[0.0, 0.0], [0.0, -0.3]]) == pytest.approx(0.4 - 0.5886, rel=1e-14)
     assert kinetic_energy(hung, [[9.0, 9.0], [3.0, -4.0]]) == pytest.approx(2.5, rel=1e-14)

@@ -90,7 +90,7 @@ def test_names_wrong_from_the_start_are_mended(phantom, frames, right, order):
     wrong = dict(zip(OUTER, order, strict=True))
     identity, made = followed(phantom, frames[:20], lambda _k: wrong)
     assert {wrong[node] for node in OUTER} == set(OUTER)
-    assert {told: identity.node_of[told] for told in OUTER} == {wrong[node]: node for node in OUTER}
+    assert {reported: identity.node_of[reported] for reported in OUTER} == {wrong[node]: node for node in OUTER}
     assert len(identity.swaps) == 1
     mended = next(k for k, one in enumerate(made) if one.swap is not None)
     fits_none = all(node != other for node, other in wrong.items())
@@ -122,8 +122,8 @@ def test_marks_of_different_hues_are_never_tried(phantom, frames):
     assert "M3" not in identity.node_of
     assert all("M3" not in swap.nodes for swap in identity.swaps)
     for k, ((_, marks), one) in enumerate(zip(frames, made, strict=True)):
-        told = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
-        assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, told.position)
+        reported = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
+        assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, reported.position)
 
 
 @pytest.mark.parametrize("alike", [[], [("M1",), ("M3",), ("M4",)]])
@@ -134,7 +134,7 @@ def test_marks_of_which_none_are_alike_go_through(phantom, frames, alike):
     assert [mark.node for mark in made[-1].marks] == ["M3", "M1", "M4"]
 
 
-def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames):
+def test_one_mark_that_comes_back_by_the_name_of_another_is_reported(phantom, frames):
     """M1 and M4 are hidden for half a second; M1 comes back as M4, alone."""
     unseen = [
         (t, marks if k < 20 or k >= 45 else [m for m in marks if m.node == "M3" or (m.node == "M1" and k >= 35)])
@@ -146,7 +146,7 @@ def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames
     np.testing.assert_array_equal(made[-1].estimate.mean, means(phantom, unseen)[-1])
 
 
-def test_a_fix_reaches_the_rivals(phantom, frames):
+def test_a_fix_reaches_the_alternatives(phantom, frames):
     """Wrong from the start, and the target sighted in the second frame: as if the names had been right all the time."""
     plain = TissueFilter(phantom, HIDDEN, OUTER)
     identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
@@ -154,13 +154,13 @@ def test_a_fix_reaches_the_rivals(phantom, frames):
     for k, (time_s, marks) in enumerate(frames[:8]):
         plain.predict(time_s)
         identity.tissue.predict(time_s)
-        told = identity.update(identity.named(called(marks, {"M1": "M4", "M4": "M1"})))
+        reported = identity.update(identity.named(called(marks, {"M1": "M4", "M4": "M1"})))
         right = plain.update(marks)
         if k == 0:
             plain.fix(place, cov)
             identity.fix(place, cov)
     assert len(identity.swaps) == 1
-    np.testing.assert_array_equal(told.estimate.mean, right.mean)
+    np.testing.assert_array_equal(reported.estimate.mean, right.mean)
 
 
 def test_costs_of_names_are_gaussian():
@@ -187,15 +187,15 @@ def test_a_swap_that_slipped_by_is_mended(phantom, frames, right, order):
         if k < 30:
             identity.tissue.update(called(marks, wrong))
         else:
-            told = identity.update(identity.named(called(marks, wrong)))
+            reported = identity.update(identity.named(called(marks, wrong)))
     assert len(identity.swaps) == 1
     assert frames[30][0] <= identity.swaps[0].time_s <= frames[30][0] + 0.2
-    place = {mark.node: mark.position for mark in told.marks}
+    place = {mark.node: mark.position for mark in reported.marks}
     assert all(np.array_equal(place[mark.node], mark.position) for mark in frames[-1][1])
-    assert np.linalg.norm(told.estimate.mean - right[-1]) < 1e-3
+    assert np.linalg.norm(reported.estimate.mean - right[-1]) < 1e-3
 
 
-def test_names_that_do_not_beat_the_same_ones_begun_anew_are_not_believed(phantom, frames):
+def test_names_that_do_not_beat_the_same_ones_restarted_are_not_adopted(phantom, frames):
     """Wrong from the start; but the restart under the same names explains as much as the best alternative."""
     wrong = {"M1": "M4", "M4": "M1"}
     for beaten, undone in ((True, 1), (False, 0)):
@@ -209,8 +209,8 @@ def test_names_that_do_not_beat_the_same_ones_begun_anew_are_not_believed(phanto
         assert bool(identity.alternatives) != beaten
 
 
-def test_rivals_do_not_outlive_a_loss(phantom, frames):
-    """Nothing for longer than a second: the next marks start all names anew."""
+def test_alternatives_do_not_outlive_a_loss(phantom, frames):
+    """Nothing for longer than a second: the next marks restart all names."""
     identity, _ = followed(phantom, frames[:1], lambda _k: {})
     assert {one.since_s for one in identity.alternatives} == {0.0}
     for time_s, marks in ((0.9, []), (1.1, []), (1.2, frames[1][1])):

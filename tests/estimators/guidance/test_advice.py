@@ -52,7 +52,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_no_guidance_without_a_healthy_estimate(fault):
-    """Nothing but the reason is told, and the path is not asked for."""
+    """Only the reason is reported, and the path is not predicted."""
     estimate, now_s, seen_s, reason = FAULTS[fault]
     said = guide(Filter(seen_s), estimate, DOWN, DISC, needle=TIP, now_s=now_s)
     assert said.advice is Advice.NO_GUIDANCE

@@ -42,7 +42,7 @@ def imhof(offset, cov, radius):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_round_belief_is_the_noncentral_chi_square(dim):
+def test_a_round_gaussian_is_the_noncentral_chi_square(dim):
     """From a hundredth of the radius to thrice it, offsets from none to beyond the rim: SciPy's ncx2 to 1e-5."""
     rng = np.random.default_rng(0)
     for sd in (0.05, 0.2, 0.7, 2.0, 15.0):
@@ -64,7 +64,7 @@ def test_any_covariance_against_imhofs_integral(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_belief_that_is_a_line_is_normal_along_it(dim):
+def test_a_gaussian_on_a_line_is_normal_along_it(dim):
     """Sure to a micrometre across, offset 1 mm there: the chord of the ball, P(|a + 1| <= sqrt(16 - 1)), sd 1.5 mm."""
     V = special_ortho_group.rvs(dim, random_state=np.random.default_rng(3))
     cov = V @ np.diag([1.5**2] + [1e-6] * (dim - 1)) @ V.T

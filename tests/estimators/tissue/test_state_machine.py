@@ -1,4 +1,5 @@
-"""Any calls in any order, hostile ones among them: the state stays a belief, and a call that raises changes nothing."""
+"""Any calls in any order, also invalid ones: the state stays a valid Gaussian, and a call that raises changes
+nothing."""
 
 from collections.abc import Callable
 
