@@ -174,23 +174,23 @@ def _write(taken: Taken, folder: Path) -> None:
 
 def verdicts(taken: Taken) -> list[str]:
     """A sentence for each kind of which more or less is taken in than there should be."""
-    told = []
+    verdicts = []
     for figures, kind in zip(taken.figures(), taken.kinds, strict=True):
         names = f"mark{'s' * (len(kind.nodes) > 1)} {', '.join(kind.nodes)}: {kind.keys}"
         flooded, few, times = (float(figures[key]) for key in ("frames_flooded", "frames_too_few", "by_marks"))
         if flooded > 0.0:
-            told.append(
+            verdicts.append(
                 f"{names} takes in more of the picture than marks can in {100.0 * flooded:.0f} % of frames: "
                 "narrow half_width_deg or raise min_saturation"
             )
         elif few > 0.0:
-            told.append(
+            verdicts.append(
                 f"{names} takes in less than one mark must show, {kind.least_px:.0f} px, in {100.0 * few:.0f} % of "
                 "frames: learn its keys there, softaim hue FILM --at U,V --frame N"
             )
         elif times > DETECTION.centers.max_area:
-            told.append(
+            verdicts.append(
                 f"{names} takes in {times:.1f} times as much as its marks are: other things are of this hue, or "
                 "diameter_mm or the scale of the camera is wrong"
             )
-    return told
+    return verdicts

@@ -76,13 +76,13 @@ class ObstacleTable(Strict):
 class PlanFile(Strict):
     """The whole of `plan.toml`, version 1.
 
-    arrival_s: from the last frame of a recording to when the needle arrives; belief_sd_mm: of the target an axis, where
+    arrival_s: from the last frame of a recording to when the needle arrives; target_sd_mm: of the target an axis, where
     there is a scene only
     """
 
     version: int
     arrival_s: NotNegative = 0.0
-    belief_sd_mm: Positive = 2.0
+    target_sd_mm: Positive = 2.0
     needle: NeedleTable = NeedleTable()
     entry: EntryTable
     obstacle: list[ObstacleTable] = Field(default_factory=list)
@@ -92,7 +92,7 @@ class PlanFile(Strict):
 class Task:
     """What is to be planned: `plan.toml` in metres.
 
-    obstacles, kinds: one kind for each; arrival_s [s]; belief_sd_m [m]; n_entries, n_aims: how many paths are tried
+    obstacles, kinds: one kind for each; arrival_s [s]; target_sd_m [m]; n_entries, n_aims: how many paths are tried
     """
 
     needle: PlannedNeedle
@@ -100,7 +100,7 @@ class Task:
     obstacles: tuple[Obstacle, ...]
     kinds: tuple[Kind, ...]
     arrival_s: float
-    belief_sd_m: float
+    target_sd_m: float
     n_entries: int
     n_aims: int
 
@@ -137,7 +137,7 @@ def read_task(path: Path, dim: int) -> Task:
         obstacles=tuple(_obstacle(one) for one in file.obstacle),
         kinds=tuple(one.kind for one in file.obstacle),
         arrival_s=file.arrival_s,
-        belief_sd_m=1e-3 * file.belief_sd_mm,
+        target_sd_m=1e-3 * file.target_sd_mm,
         n_entries=entry.n,
         n_aims=entry.n_aims,
     )

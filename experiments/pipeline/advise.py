@@ -95,7 +95,7 @@ def advise(
     return Advised(recording, plan, tuple(times), tuple(guidance))
 
 
-def came_true(done: Advised) -> Floats:
+def observed_hits(done: Advised) -> Floats:
     """Probability of a hit, inserted as the frame's advice has it, had the target's place then been known, (n_frames,).
 
     That is the share of needles that hit: what is random yet is the tip alone. NaN where no needle arrives, or where
@@ -130,15 +130,15 @@ def came_true(done: Advised) -> Floats:
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
     """Mean probability told and share that came true, of all frames with a truth and of those advised GO."""
-    true = came_true(done)
+    true = observed_hits(done)
     told = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(told) & np.isfinite(true)
     go = known & np.array([one.advice is Advice.GO for one in done.guidance])
     found: dict[str, float | int | None] = {}
     for name, of in (("", known), ("go_", go)):
         found[f"{name}insertions"] = int(of.sum())
-        found[f"{name}told"] = float(told[of].mean()) if of.any() else None
-        found[f"{name}came_true"] = float(true[of].mean()) if of.any() else None
+        found[f"{name}predicted"] = float(told[of].mean()) if of.any() else None
+        found[f"{name}observed"] = float(true[of].mean()) if of.any() else None
     return found
 
 
@@ -174,14 +174,14 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `came_true` with a truth."""
+    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `observed` with a truth."""
     import pandas as pd  # here: a live run, which has no use for it, is to begin at once
 
     dim = done.recording.scene.network.dim
     rows = [row(time_s, one, dim) for time_s, one in zip(done.times_s, done.guidance, strict=True)]
     frame = pd.DataFrame(rows, columns=header(dim))
-    if np.isfinite(true := came_true(done)).any():
-        frame["came_true"] = true
+    if np.isfinite(true := observed_hits(done)).any():
+        frame["observed"] = true
     numbers = [column for column in frame.columns if column not in ("advice", "reason")]
     return frame.astype(dict.fromkeys(numbers, float))
 

@@ -232,8 +232,8 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
         "constants": [asdict(one) for one in constants(found)],
-        "not_told": undetermined(found),
-        "not_told_apart": [asdict(pair) for pair in confounded(found)],
+        "undetermined": undetermined(found),
+        "confounded": [asdict(pair) for pair in confounded(found)],
         "not_determined": not_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
@@ -286,7 +286,7 @@ def _known_badly(found: IdentificationResult) -> list[str]:
     if pairs := confounded(found):
         named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
-        lines += [f"Not told apart, by their correlation: {named}{more}"]
+        lines += [f"Confounded, with their correlation: {named}{more}"]
     return lines
 
 

@@ -190,7 +190,7 @@ class Line:
         """What is looked for at the filter's time, where that is to be explained."""
         if not self._explain:
             return None
-        return Sight({node: self._belief(node, self.filter.expected) for node in self._marks}, lost, came)
+        return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""
@@ -217,19 +217,19 @@ class Line:
         return marks if self.reference is None else tuple(self.reference.pose.corrected(mark) for mark in marks)
 
     def _looked_for(
-        self, camera: PlaneCamera, node: str, belief: Callable[..., tuple[Floats, Floats]]
+        self, camera: PlaneCamera, node: str, predict: Callable[..., tuple[Floats, Floats]]
     ) -> vision.Expected:
-        return looked_for(camera, self._marks[node], *self._belief(node, belief))
+        return looked_for(camera, self._marks[node], *self._prediction(node, predict))
 
-    def _belief(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+    def _prediction(self, node: str, predict: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
         """Where a node's mark may be [m], and the covariance of that [m²], errors of the camera in it."""
-        mean, cov = belief(node)
+        mean, cov = predict(node)
         if not self.scene.n_calibration:
             return mean, cov
         by = self.reference
         if by is None:
-            return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
-        return belief(node, by.shared_at(mean))
+            return predict(node, self.scene.cameras[0].calibration_error(mean[None])[0])
+        return predict(node, by.shared_at(mean))
 
     def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
         """Those of the marks that the filter may use."""

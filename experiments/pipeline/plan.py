@@ -35,13 +35,13 @@ APART = 10e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan, for what, and from which belief: `at rest`, or the filter's status and the time it is for [s]."""
+    """A plan, for what, and from which estimate: `at rest`, or the filter's status and the time it is for [s]."""
 
     scene: Scene
     task: Task
     lesion: PlannedTarget
     plan: Plan
-    belief: str
+    estimate: str
     time_s: float | None
 
 
@@ -60,7 +60,7 @@ def planned(
         ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
         if ahead.cov is None:
             raise InputError.at(source, "marks that start the filter", "none")
-        mean, cov, belief, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
+        mean, cov, estimate, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
     else:
         scene = usable_scene(source)
         task = read_task(plan_path, scene.network.dim)
@@ -69,8 +69,8 @@ def planned(
         target = target_map(scene.network, scene.target.point)
         columns = target.linear(model.resting_columns(shape))
         mean = target.position(shape[scene.network.free].ravel())
-        cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
-        belief, time_s = "at rest", None
+        cov = task.target_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
+        estimate, time_s = "at rest", None
     lesion = PlannedTarget(mean, cov, scene.target.radius_m)
     common = (scene.network, scene.target.point, lesion, task.needle)
     skin = task.skin.entries(task.n_entries)
@@ -78,7 +78,7 @@ def planned(
         raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
     entries, tips = candidate_paths(*common, skin, task.n_aims)
     found = ranked(*common, task.skin, task.obstacles, entries=entries, tips=tips)
-    return Planned(scene, task, lesion, found, belief, time_s)
+    return Planned(scene, task, lesion, found, estimate, time_s)
 
 
 def table(done: Planned) -> pd.DataFrame:
@@ -116,7 +116,7 @@ def report(done: Planned) -> dict[str, Any]:
         "version": 1,
         "target": {
             "node": done.scene.target.node,
-            "belief": done.belief,
+            "estimate": done.estimate,
             "time_s": done.time_s,
             "mean_mm": _mm(lesion.mean),
             "cov_mm2": (1e6 * lesion.cov).round(6).tolist(),

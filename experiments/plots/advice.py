@@ -78,8 +78,8 @@ def _probabilities(done: Advised, ax: Axes) -> None:
     ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="turned to the aim")
     ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="inserted at the best moment ahead")
     ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
-    if "came_true" in rows:
-        ax.plot(times, rows["came_true"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="came true, inserted now")
+    if "observed" in rows:
+        ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="came true, inserted now")
     ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")
     ax.set(ylim=(0.0, 1.02), ylabel="probability of a hit [–]")
 
@@ -103,10 +103,10 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
         name = str(advice).replace("_", " ")
-        told = f"{name}: {words} ({counted(sum(held), 'frame')})"
+        label = f"{name}: {words} ({counted(sum(held), 'frame')})"
         across = ax.get_yaxis_transform()
         paper = {"fc": "white", "ec": "none", "pad": 0.2}
-        ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)
+        ax.text(0.004, lane + 0.45, label, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)
     changes = [
         0.5 * (a + b)
         for a, b, before, after in zip(times, times[1:], done.guidance, done.guidance[1:], strict=False)

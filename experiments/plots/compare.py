@@ -70,12 +70,12 @@ def _method(done: Track, ax: Axes, method: str, off: Floats, predicted: Floats) 
     if np.isfinite(predicted).any():
         at, sigma = thinned(times, predicted)
         ax.fill_between(at, 0.0, sigma, color=BLUE, alpha=0.25, lw=0, label="predicted root mean square error")
-    told = method
+    title = method
     if done.has_truth or method != FILTER:
         ax.plot(*thinned(times, off), color=BLACK, lw=0.7, label=f"observed {what}" if done.has_truth else what)
         if np.isfinite(off).any():
-            told += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
+            title += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
         beyond = mark_beyond(ax, times, off, BLACK)
-        told += f"; beyond the picture in {counted(beyond, 'frame')}" if beyond else ""
-    ax.set_title(told)
+        title += f"; beyond the picture in {counted(beyond, 'frame')}" if beyond else ""
+    ax.set_title(title)
     ax.set_ylabel("[mm]")

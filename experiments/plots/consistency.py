@@ -152,8 +152,8 @@ def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
     ax.bar(range(len(ratios)), ratios, width=0.6, color=OURS, alpha=0.7)
     for k, one in enumerate(withheld.values()):
         above = (k, max(one.ratio, 1.0))
-        told = f"{one.mean_error_mm:.3g} mm"
-        ax.annotate(told, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
+        label = f"{one.mean_error_mm:.3g} mm"
+        ax.annotate(label, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
     ax.axhline(1.0, color=TRUE, lw=0.6, ls=(0, (4, 2)), label="as predicted")
     ax.set_xticks(range(len(ratios)), list(withheld), rotation=90 if len(withheld) > 8 else 0)
     ax.set(ylim=(0.0, 1.2 * max(1.0, *ratios)), xlabel="mark", ylabel="rms error by the predicted [–]")

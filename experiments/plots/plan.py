@@ -259,10 +259,10 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     if chosen:
         head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
     ax.text(0.0, 1.0, head, fontsize=TEXT_PT, fontweight="bold", color=color, va="top", transform=ax.transAxes)
-    lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
+    lines = [f"{allowed} of {n} paths allowed; target estimate: {done.estimate}"]
     lines += [f"    {count} against {one}" for one, count in _rejections(done)]
-    told = "\n".join(lines[:6])
-    ax.text(0.0, 0.89, told, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
+    text = "\n".join(lines[:6])
+    ax.text(0.0, 0.89, text, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
         rows = [
             [

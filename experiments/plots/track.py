@@ -134,5 +134,5 @@ def _over_time(
         if (n := mark_beyond(ax, times, values, colour))
     }
     if gone:
-        told = ", ".join(f"{name} {n}" for name, n in gone.items())
-        ax.set_title(f"beyond the picture: {told} of {len(times)} frames", loc="right")
+        text = ", ".join(f"{name} {n}" for name, n in gone.items())
+        ax.set_title(f"beyond the picture: {text} of {len(times)} frames", loc="right")

@@ -90,7 +90,7 @@ UNTUNED = """
 
 def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: float, pokes: bool) -> str:
     """A scenario file with comments."""
-    strongest = POKE_M_S2[of.believed.network.dim]
+    strongest = POKE_M_S2[of.assumed.network.dim]
     lines = [
         f"# {what}",
         "version = 1",
@@ -107,13 +107,13 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
             _with("[pokes]", "of a rod, on one of these nodes at a time: none inside, where no rod reaches"),
-            f"nodes = [{', '.join(toml_text(node) for node in of.believed.measured_nodes)}]",
+            f"nodes = [{', '.join(toml_text(node) for node in of.assumed.measured_nodes)}]",
             _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, by the mass of its node"),
             _with("shortest_s = 0.1", "half a sine wave, from so short ..."),
             _with("longest_s = 0.4", "... to so long"),
             _with("pause_s = 1.5", "between two, on average"),
         ]
-    if of.believed.network.dim == 3:
+    if of.assumed.network.dim == 3:
         lines += [
             "",
             _with("[marks]", "in space a tracker's marks.csv takes the place of a film"),
@@ -132,7 +132,7 @@ def _with(line: str, comment: str) -> str:
 
 def needle_page(of: Template) -> str:
     """The needle's file with comments."""
-    target = of.believed.target.node
+    target = of.assumed.target.node
     entry, way = np.round(1e3 * of.entry_m, 1) + 0.0, np.round(of.direction, 4) + 0.0
     lines = [
         "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
@@ -159,10 +159,10 @@ def needle_page(of: Template) -> str:
 
 def steps_page(of: Template) -> str:
     """STEPS.md: what to type, in order, and why."""
-    film = of.believed.network.dim == 2
+    film = of.assumed.network.dim == 2
     words = {
         "title": of.title,
-        "target": of.believed.target.node,
+        "target": of.assumed.target.node,
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
         "real": REAL_FILM if film else REAL_MARKS,
     }

@@ -76,7 +76,7 @@ def project(
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
     """Write the files of a project to a folder that exists; seed: its recordings have the three seeds that follow."""
     scenes = {
-        "scene.toml": (of.believed, f"{of.title}: what is assumed about it.\ndocs/recording.md has all keys.", UNTUNED),
+        "scene.toml": (of.assumed, f"{of.title}: what is assumed about it.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),
         "truth/all_marks.toml": (
             of.truth_all_seen,

@@ -114,8 +114,8 @@ def _rest(done: SceneCheck) -> str:
 def _motion(done: SceneCheck) -> str:
     motion = done.motion
     lowest = zip(motion.frequencies_hz[:N_LOWEST], motion.damping_ratios[:N_LOWEST], strict=True)
-    told = [f"{hz:.2f} Hz (damping ratio {abs(ratio):.3f})" for hz, ratio in lowest]
-    parts = [f"lowest frequencies {', '.join(told)}"] if told else ["nothing oscillates"]
+    named = [f"{hz:.2f} Hz (damping ratio {abs(ratio):.3f})" for hz, ratio in lowest]
+    parts = [f"lowest frequencies {', '.join(named)}"] if named else ["nothing oscillates"]
     if len(motion.decays_s):
         parts.append(f"without oscillation it creeps back, at the slowest to 1/e in {motion.decays_s[0]:.2g} s")
     if not done.scene.network.fixed.any():
@@ -132,11 +132,11 @@ def _steps(done: SceneCheck) -> str:
 
 def _marks(done: SceneCheck) -> str:
     shares = list(done.shares.items())
-    told = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
+    named = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
     others = sum(share for _, share in shares[N_NAMED:])
     if len(shares) > N_NAMED:
-        told.append(f"{counted(len(shares) - N_NAMED, 'other')} {others:.0%}")
-    return f"of what a frame tells about the target: {', '.join(told)}"
+        named.append(f"{counted(len(shares) - N_NAMED, 'other')} {others:.0%}")
+    return f"of what a frame tells about the target: {', '.join(named)}"
 
 
 def _target(done: SceneCheck) -> str:
@@ -272,5 +272,5 @@ def _mark_sd_m(done: SceneCheck) -> float:
 
 
 def _names(names: tuple[str, ...] | list[str]) -> str:
-    told = ", ".join(names[:N_NAMED])
-    return told if len(names) <= N_NAMED else f"{told} and {counted(len(names) - N_NAMED, 'other')}"
+    named = ", ".join(names[:N_NAMED])
+    return named if len(names) <= N_NAMED else f"{named} and {counted(len(names) - N_NAMED, 'other')}"

@@ -63,16 +63,16 @@ OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Template:
-    """A project: what is believed, what is simulated, and a needle.
+    """A project: what is assumed, what is simulated, and a needle.
 
-    believed: the scene that one writes down; it rests where it is drawn
+    assumed: the scene that one writes down; it rests where it is drawn
     truth: the scene of the simulated tissue, drawn where that rests: its constants are off, its marks and target the
         same
     entry_m, direction: where a needle enters the tissue, and its way to where it pushes the target, each (dim,)
     """
 
     title: str
-    believed: Scene
+    assumed: Scene
     truth: Scene
     entry_m: Floats
     direction: Floats
@@ -88,8 +88,8 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
 
     hues: of the marks, where they are given [degrees]; way: from the target to where the needle comes from, (dim,)
     """
-    believed = scene_with_marks(phantom, hues)
-    network = believed.network
+    assumed = scene_with_marks(phantom, hues)
+    network = assumed.network
     factors = _off(phantom, np.random.default_rng(seed))
     which = parameters(network)
     changed = scale_parameters(network, which, [factors[one.kind][one.index] for one in which])
@@ -102,7 +102,7 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
     entry = start + reach * out
     return Template(
-        title, believed, replace(believed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
+        title, assumed, replace(assumed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
     )
 
 

@@ -39,13 +39,13 @@ ENDS_S = 2.0
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
-    told: lines that say where, for standard error: see `tell`
+    notices: lines that say where, for standard error: see `tell`
     State, shared with the threads: the state that waits; whether the process is ready for it, and how many of its
     clients want pictures; requests not yet taken.
     """
 
-    def __init__(self, faces: Faces, told: Sequence[str] = ()) -> None:
-        self._told = tuple(told)
+    def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
+        self._notices = tuple(notices)
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
@@ -76,9 +76,9 @@ class Link:
 
     def tell(self) -> None:
         """Say where clients are served, once."""
-        for line in self._told:
+        for line in self._notices:
             SHOWN.say(line)
-        self._told = ()
+        self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
         """Take the newest state in place of one that still waits; message: makes it, in the sending thread."""
@@ -146,9 +146,9 @@ class Link:
 
     def _broken(self, error: Exception) -> None:
         with self._changed:
-            told, self._ended = self._ended, True
+            ended, self._ended = self._ended, True
             self._changed.notify_all()
-        if not told:
+        if not ended:
             LOG.warning(
                 "page and network: their process ended (%s); the run goes on without them", type(error).__name__
             )

@@ -32,12 +32,12 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
         yield None
         return
     token = secrets.token_urlsafe(16)
-    told = []
+    notices = []
     if listener is not None:
-        told.append(f"page: http://{address_of(listener)}/#token={token}")
+        notices.append(f"page: http://{address_of(listener)}/#token={token}")
     if igtl is not None:
-        told.append(f"OpenIGTLink: {address_of(igtl)}")
-    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), told)
+        notices.append(f"OpenIGTLink: {address_of(igtl)}")
+    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), notices)
     for one in (listener, igtl):
         if one is not None:
             one.close()  # the process has its own

@@ -122,12 +122,12 @@ def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str,
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
     n = sum(len(run) for run in stated)
-    names = ("told", "came_true", "came_true_low", "came_true_high", "difference", "difference_sd")
+    names = ("predicted", "observed", "observed_low", "observed_high", "difference", "difference_sd")
     if not n:
         return {f"{key}insertions": 0, **{f"{key}{name}": None for name in names}}
-    told, hit = float(np.concatenate(stated).mean()), float(np.concatenate(came).mean())
+    predicted, hit = float(np.concatenate(stated).mean()), float(np.concatenate(came).mean())
     low, high = clopper_pearson(int(sum(run.sum() for run in came)), n, 0.95)
-    values = (told, hit, low, high, hit - told, _spread_over_runs(stated, came))
+    values = (predicted, hit, low, high, hit - predicted, _spread_over_runs(stated, came))
     return {f"{key}insertions": n, **{f"{key}{name}": value for name, value in zip(names, values, strict=True)}}
 
 

@@ -88,7 +88,7 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
     """Hit rate with its 95 % interval [clopper1934], misses of those that arrived, means over runs.
 
     seconds_to_hit: of those that hit; insertions: begun a run; retractions: of them, drawn back; never: not arrived
-    told, came_true: mean probability at the commitments, None where the policy states none, and share of hits of them
+    predicted, observed: mean probability at the commitments and their hit rate; None where the policy states none
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
@@ -107,8 +107,8 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
         "insertions": float(np.mean([one.insertions for one in tried])),
         "retractions": float(np.mean([one.insertions - (one.miss_m is not None) for one in tried])),
         "never": sum(one.miss_m is None for one in tried),
-        "told": float(np.mean(stated)) if stated else None,
-        "came_true": float(np.mean(came)) if came else None,
+        "predicted": float(np.mean(stated)) if stated else None,
+        "observed": float(np.mean(came)) if came else None,
     }
 
 
@@ -123,8 +123,8 @@ def table(done: Trials) -> pd.DataFrame:
             "seconds": one.seconds,
             "insertions": one.insertions,
             "p_hit": one.probability,
-            "told_radius_mm": 1e3 * one.drawn_radius_m,
-            "told": one.drawn_probability,
+            "predicted_radius_mm": 1e3 * one.drawn_radius_m,
+            "predicted": one.drawn_probability,
         }
         for k, run in enumerate(done.runs)
         for one in run
@@ -139,14 +139,14 @@ def advised_table(done: Trials) -> pd.DataFrame:
             "seed": done.case.seed + k,
             "time_s": one.time_s,
             "advice": str(one.advice),
-            "told": one.probability,
+            "predicted": one.probability,
             "hit": None if one.hit is None else float(one.hit),
             "miss_mm": None if one.miss_m is None else 1e3 * one.miss_m,
         }
         for k, run in enumerate(done.advised)
         for one in run
     ]
-    return pd.DataFrame(rows, columns=["seed", "time_s", "advice", "told", "hit", "miss_mm"])
+    return pd.DataFrame(rows, columns=["seed", "time_s", "advice", "predicted", "hit", "miss_mm"])
 
 
 def write_insertions(done: Trials, folder: Path) -> None:

@@ -119,7 +119,7 @@ def predicted_parts(
     tips: Floats = world.entry + depths[:, None] * axis
     for aside, direction in zip(beside, across(axis), strict=True):
         tips = tips + aside * direction
-    network, stated = world.believed, world.case.plan.forces.constants()
+    network, stated = world.assumed, world.case.plan.forces.constants()
     cutting, friction = (
         sliding_friction(network, needle_with(network, world.entry, stated | {without: 0.0}), tips, axis, depths)
         for without in ("friction_N_m", "cutting_N")
@@ -142,7 +142,7 @@ class Rest(Policy):
     name = "rest"
 
     def __init__(self, world: World) -> None:
-        network, self.time_s = world.believed, 0.0
+        network, self.time_s = world.assumed, 0.0
         target = target_map(network, world.case.given.target.point)
         self.place = target.position(network.positions[network.free].ravel())
 
@@ -182,7 +182,7 @@ class Filtered(Policy):
         self.tissue, self.estimate, self._tables = warm.tissue, warm.estimate, warm.tables
         self.time_s, self.place = warm.estimate.time_s, warm.estimate.mean
         self.tissue.restore(warm.then)
-        self._compliance = compliance(world.believed, world.case.given.target.point)
+        self._compliance = compliance(world.assumed, world.case.given.target.point)
         self._error = world.case.plan.forces.error
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:

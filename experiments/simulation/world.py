@@ -36,7 +36,7 @@ KNOT_S = 1.0 / 480.0
 class World:
     """What is the same for every policy.
 
-    network: the tissue's; believed: the filter's, drawn where it rests; aim: from a state of the tissue to its target
+    network: the tissue's; assumed: the filter's, drawn where it rests; aim: from a state of the tissue to its target
     knots: outside forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
     noise: of the measured marks [m], (n_frames, n_marks, dim); missed: marks that are not seen, (n_frames, n_marks)
     tip_noise: standard normal, (dim,): error of the tip at last, in standard deviations
@@ -45,7 +45,7 @@ class World:
 
     case: Case
     network: MassSpringNetwork
-    believed: MassSpringNetwork
+    assumed: MassSpringNetwork
     aim: TargetMap
     knots: SampledForces
     needle: NeedleMechanics

@@ -256,13 +256,13 @@ def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
         return "held"
     if first > strikes[-1]:
         return "leaning"
-    return "struck" if any(first <= s <= frame + 1 for s in strikes) else "flying"
+    return "after impact" if any(first <= s <= frame + 1 for s in strikes) else "flying"
 
 
 def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str, dict[str, float]]:
     nees = normalised_error_squared(errors, covs)
     figures = {}
-    for kind in ("all", "flying", "struck", "leaning"):
+    for kind in ("all", "flying", "after impact", "leaning"):
         of = np.ones(len(kinds), dtype=bool) if kind == "all" else kinds == kind
         if of.any():
             figures[kind] = {

@@ -20,7 +20,7 @@ def without_repeats(
     """The marks of each frame, none of those whose values repeat, and the events FROZEN and RESUMED."""
     watch, used, events = FrozenValues(), [], []
     for time_s, found in zip(times_s.tolist(), marks, strict=True):
-        repeats, told = watch.saw(time_s, values_of(found))
+        repeats, noticed = watch.saw(time_s, values_of(found))
         used.append(() if repeats else tuple(found))
-        events += told
+        events += noticed
     return tuple(used), tuple(events)

@@ -55,7 +55,7 @@ class Imported:
 
     scene: they are of; exposures_s: of all frames [s], (n_frames,); marks: of each frame
     unlikely, outside: how many places were left out, for their likelihood, and outside of the picture
-    by_hand: how many of the marks have no likelihood: a person set them
+    manual: how many of the marks have no likelihood: a person set them
     """
 
     scene: Scene
@@ -63,7 +63,7 @@ class Imported:
     marks: tuple[tuple[MarkRow, ...], ...]
     unlikely: int
     outside: int
-    by_hand: int
+    manual: int
 
     def counts(self) -> dict[str, int]:
         """In how many frames each node was seen."""
@@ -106,8 +106,8 @@ def import_table(
     for (row, part), place_m, sd_m in zip(np.argwhere(seen), places_m, sds_m, strict=True):
         marks[poses.frames[row]].append(MarkRow(str(nodes[part]), place_m, float(sd_m)))
     unlikely, outside = int((taken & ~likely).sum()), int((likely & ~seen).sum())
-    by_hand = int(np.isnan(poses.likelihood[seen]).sum())
-    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside, by_hand)
+    manual = int(np.isnan(poses.likelihood[seen]).sum())
+    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside, manual)
 
 
 def write_imported(done: Imported, folder: Path) -> None:

@@ -103,8 +103,8 @@ class LiveAdvice:
         found = none or self._guided(tissue, estimate, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
-        told = replace(guided, arrival_s=arrival_s)
-        self.table.write(row(own_time_s(of_s, self.origin_s), told, self._dim))
+        own = replace(guided, arrival_s=arrival_s)
+        self.table.write(row(own_time_s(of_s, self.origin_s), own, self._dim))
         self.counts[str(guided.advice)] += 1
         return guided
 

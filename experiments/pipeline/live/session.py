@@ -154,9 +154,9 @@ class Session:
         """Begin anew where the filter's state is no number any more, which no mark would mend."""
         if not self.line.filter.is_finite:
             report_event(self._own_s(self._clock()), "filter", "its state is no number: it begins anew")
-            self._begin_anew()
+            self._restart()
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         self.line = Line(self.line.scene, baseline=False, explain=self._explain)
         self.integrity.restart()
         if self.advice is not None:
@@ -278,7 +278,7 @@ class Session:
     def reset(self) -> None:
         """Forget the state: the next frame starts anew."""
         self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
-        self._begin_anew()
+        self._restart()
         self.integrity.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:

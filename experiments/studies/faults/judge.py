@@ -42,7 +42,7 @@ class Moment:
     """What was shown at one time [s] from the first exposure on.
 
     age_s: of the newest frame that was used; status, advice: the words that were shown; advice None for none
-    why: the reason that was shown, empty for none; told: what was reported at that moment, empty for nothing
+    why: the reason that was shown, empty for none; reported: what was reported at that moment, empty for nothing
     sigma_m: of the target
     wrong: whether the truth was outside of the estimate; astray: whether the needle lay so that it would miss
     well: whether nothing was shown but that the target is tracked
@@ -56,7 +56,7 @@ class Moment:
     sigma_m: float
     wrong: bool
     well: bool
-    told: str = ""
+    reported: str = ""
     astray: bool = False
 
     @property
@@ -68,7 +68,7 @@ class Moment:
     def words(self) -> str:
         """What was shown of the fault, empty for nothing."""
         if self.well:
-            return self.told
+            return self.reported
         what = self.advice if self.advice in ("ABORT", "REALIGN") else self.status
         return f"{what}: {self.why}" if self.why else what
 
@@ -154,7 +154,7 @@ def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> J
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]
     after = [one for one in moments if one.time_s >= ONSET_S]
-    noticed_s = next((one.time_s for one in after if not one.well or one.told), None)
+    noticed_s = next((one.time_s for one in after if not one.well or one.reported), None)
     recovered_s = _recovered(after, ONSET_S if stays else ends_s, noticed_s)
     over_s = np.inf if recovered_s is None or stays else recovered_s
     faulty = [one for one in after if ONSET_S + fault.within_s <= one.time_s < over_s]
@@ -177,7 +177,7 @@ def _most_shown(moments: list[Moment]) -> str:
     """The words that were shown most, whatever their figures, or else what was reported first."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
-        return next((one.told for one in moments if one.told), "")
+        return next((one.reported for one in moments if one.reported), "")
     kinds = [re.sub(r"\d+(\.\d+)?", "0", words) for words in ill]
     (most, _), *_ = Counter(kinds).most_common(1)
     return ill[kinds.index(most)]

@@ -77,7 +77,7 @@ class ScriptedFault(Fault):
 
     picture: what becomes of a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
     places: where the picture shows the nodes [m]; arrivals: what the reads give
-    becomes: what becomes of the true network at the onset; believed: the scene that the filter is given
+    becomes: what becomes of the true network at the onset; assumed: the scene that the filter is given
     needle: one that is tracked, None for one that stays where the plan has it
     upsets: what is done to the run itself, once, at the onset
     """
@@ -87,7 +87,7 @@ class ScriptedFault(Fault):
     places: Moves = lambda places, _since_s, _scene: places
     arrivals: Arrives = lambda arrivals, _rng: arrivals
     becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = as_is
-    believed: Callable[[Scene], Scene] = as_is
+    assumed: Callable[[Scene], Scene] = as_is
     needle: TrackedNeedle | None = None
     upsets: Callable[[Session], None] = lambda _session: None
 
@@ -135,7 +135,7 @@ class Watching(Publisher):
                 np.inf if cov is None else float(np.sqrt(np.linalg.eigvalsh(cov)[-1])),
                 is_wrong(estimate.mean, cov, truth),
                 well=estimate.status is Status.TRACKING and not why,
-                told="; ".join([*filter(None, [self._frames.told()]), *came]),
+                reported="; ".join([*filter(None, [self._frames.reported()]), *came]),
                 astray=self.needle is not None and misses(self.needle, truth),
             )
         )
@@ -165,7 +165,7 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     """All that was shown in a run with the fault."""
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
-    plan, needle = plan_of(fault.believed(scene)), fault.needle
+    plan, needle = plan_of(fault.assumed(scene)), fault.needle
 
     def pose(time_s: float) -> NeedlePose:
         assert needle is not None
@@ -182,7 +182,7 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     watching = Watching(frames, motion, scene.network.index(scene.target.node))
     clock = partial(getattr, frames, "now_s")
     session = Session(
-        fault.believed(scene),
+        fault.assumed(scene),
         folder / ESTIMATES,
         lambda _text: None,
         needle=plan,

@@ -50,7 +50,7 @@ class Viewer:
 
     def tell(self, text: str) -> None:
         """Note what somebody else was told."""
-        self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, told=text))
+        self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
         """Watch no longer."""
@@ -111,7 +111,7 @@ class Viewer:
                 np.inf if state["sigma_mm"] is None else 1e-3 * state["sigma_mm"],
                 wrong=is_wrong(mean, cov, self._motion.at(time_s)[self._target]),
                 well=state["status"] == "TRACKING" and not why,
-                told=self._new(state["events"]),
+                reported=self._new(state["events"]),
             )
         )
 

@@ -133,12 +133,12 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 class Arrival:
     """What a read of the camera gave, and when it came back [s].
 
-    image: None where it failed; told_s: the camera's own time of it [s], None from one that tells none
+    image: None where it failed; stated_s: the camera's own time of it [s], None from one that tells none
     """
 
     at_s: float
     image: Image | None
-    told_s: float | None = None
+    stated_s: float | None = None
 
 
 class ScriptedFrames(LiveFrames):
@@ -151,7 +151,7 @@ class ScriptedFrames(LiveFrames):
         self.now_s = BEGAN_S
         self._to_come = deque(arrivals)
         self._times = RisingTimes(DeviceTimes())
-        self._told: list[str] = []
+        self._reported: list[str] = []
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
@@ -183,13 +183,13 @@ class ScriptedFrames(LiveFrames):
     def take_events(self) -> tuple[SourceEvent, ...]:
         """What happened since this was last asked; faults are kept to be told, too."""
         events = super().take_events()
-        self._told += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
+        self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events
 
-    def told(self) -> str:
+    def reported(self) -> str:
         """The faults that were reported since this was last asked."""
-        told, self._told = "; ".join(self._told), []
-        return told
+        reported, self._reported = "; ".join(self._reported), []
+        return reported
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,8 +208,8 @@ class _Read:
         return True, self.arrival.image
 
     def get(self, prop: int) -> float:
-        told_s = self.arrival.told_s
-        return 1e3 * told_s if prop == cv2.CAP_PROP_POS_MSEC and told_s is not None else 0.0
+        stated_s = self.arrival.stated_s
+        return 1e3 * stated_s if prop == cv2.CAP_PROP_POS_MSEC and stated_s is not None else 0.0
 
     def release(self) -> None:
         return

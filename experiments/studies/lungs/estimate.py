@@ -16,7 +16,7 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.lungs.landmarks import Lung
 from experiments.studies.lungs.model import LungConstants, lung_network, node_name
-from experiments.studies.zoo.rivals import thin_plate_weights
+from experiments.studies.zoo.references import thin_plate_weights
 from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}

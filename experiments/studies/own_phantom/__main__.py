@@ -6,7 +6,8 @@
 For each phantom `softaim new` makes a project; the commands of its STEPS.md are typed, each in a process of its own,
 and timed. Then the project's scenario is simulated again with seeds that nobody has looked at, filmed as before, and
 the tuned scene advises the project's needle in each recording, four times a second. Predicted is the probability of
-a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.came_true`). Last figures:
+a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.observed_hits`). Last
+figures:
 docs/tutorial.md.
 """
 

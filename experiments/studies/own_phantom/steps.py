@@ -92,9 +92,9 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
         scene = recording.scene
         plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
         rows = table(advise(recording, plan, every_s=EVERY_S))
-    known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["came_true"])]
+    known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["observed"])]
     return [
-        {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.came_true, "advice": row.advice}
+        {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.observed, "advice": row.advice}
         for row in known.itertuples()
     ]
 

@@ -20,7 +20,7 @@ SHOWN = (0.03, 100.0)
 
 @styled
 def zoo_figure(cells: Sequence[Cell]) -> Figure:
-    """A line a cell: error by that of the better rival, left of 1 the filter wins; share covered; time a frame."""
+    """A line a cell: error by that of the better reference, left of 1 the filter wins; share covered; time a frame."""
     figure = new_figure(PAGE_MM, 26.0 + 4.0 * len(cells))
     ratio, covered, cost = figure.subplots(1, 3, sharey=True, width_ratios=[2.2, 1.2, 1.0])
     places = np.arange(len(cells))

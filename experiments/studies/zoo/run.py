@@ -1,4 +1,4 @@
-"""One run of the zoo: a body before the filter and its rivals, as a record of numbers."""
+"""One run of the zoo: a body before the filter and its references, as a record of numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimators import FilterSettings, TissueFilter
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
 from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, identified, measured
-from experiments.studies.zoo.rivals import open_loop, spline
+from experiments.studies.zoo.references import open_loop, spline
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
 Record = dict[str, Any]
@@ -40,7 +40,7 @@ def run(case: Case) -> Record:
         return record | {"ended": str(error)}
     found = filtered(model, body, case.seed, LIMIT_S)
     done = len(found.status)
-    compared = slice(done or None)  # rivals are scored in the frames that the filter was
+    compared = slice(done or None)  # references are scored in the frames that the filter was
     frames = measured(body, body.marked, case.seed)[compared]
     simulated = open_loop(model.network, body, frames)
     record |= {

@@ -77,7 +77,7 @@ BY_HAND = {
 
 
 @pytest.mark.parametrize("case", BY_HAND)
-def test_forces_of_a_pair_by_hand(build, case):
+def test_forces_of_a_pair(build, case):
     """A spring of 80 N/m, 0.2 m long at rest. Exact up to rounding."""
     changes, x, v, expected = BY_HAND[case]
     pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], **changes)

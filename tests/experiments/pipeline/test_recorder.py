@@ -146,7 +146,7 @@ def test_a_row_cut_short_and_a_piece_without_rows_are_left_out(tmp_path: Path) -
     check_frames(folder, 40)
 
 
-def test_rows_without_frames_are_told(tmp_path: Path) -> None:
+def test_rows_without_frames_are_reported(tmp_path: Path) -> None:
     folder = left_by_a_kill(tmp_path / "rec")
     (folder / "segments" / "000001.mkv").unlink()
     with pytest.raises(InputError, match=r"expected a row for each of the 30 frames of segments/, found 60 rows"):

@@ -22,8 +22,8 @@ def trials():
     """
     runs = []
     for k in range(40):
-        miss_m, told = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
-        runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, told, told, 5e-3, k < 5) for policy in POLICIES))
+        miss_m, reported = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
+        runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, reported, reported, 5e-3, k < 5) for policy in POLICIES))
     of_advice = [AdvisedInsertion(float(k), Advice.WAIT, 0.55, k < 11, 0.0) for k in range(20)]
     return Trials(case_of(read_scenario("quiet")), tuple(runs), (tuple(of_advice),))
 

@@ -197,8 +197,8 @@ def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
 def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
     write_scene(complete(), tmp_path / "scene.toml")
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 0
-    told = capsys.readouterr().out
-    subjects = [line.split()[0] for line in told.splitlines() if line[:1].strip()]
+    reported = capsys.readouterr().out
+    subjects = [line.split()[0] for line in reported.splitlines() if line[:1].strip()]
     assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "errors", "missing", "Picture"]
     picture = cv2.imread(str(tmp_path / "out" / "check.png"))
     assert picture is not None

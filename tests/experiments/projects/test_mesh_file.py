@@ -137,5 +137,5 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("nodes", "springs", "message"), FAULTS)
-def test_faults_are_told_by_file_row_and_column(nodes, springs, message, tmp_path) -> None:
+def test_faults_are_reported_by_file_row_and_column(nodes, springs, message, tmp_path) -> None:
     assert message in complaint(mesh_of, tmp_path, nodes, springs)

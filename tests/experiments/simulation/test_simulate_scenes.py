@@ -183,7 +183,7 @@ def test_what_was_simulated_can_be_tracked(scenario: Path, tmp_path: Path, witho
     assert figures["filter"]["mae_mm"] < 4.0
 
 
-def test_a_scene_without_a_rest_is_told_with_its_file(scenario: Path, tmp_path: Path):
+def test_a_scene_without_a_rest_is_reported_with_its_file(scenario: Path, tmp_path: Path):
     """Without gravity nothing keeps two masses below their anchor."""
     scene = tmp_path / "hanging.toml"
     scene.write_text(HANGING.replace("-9.81", "0.0"))

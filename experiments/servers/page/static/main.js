@@ -12,7 +12,7 @@ const SLOW_MS = 100; // between two drawings of plots and numbers
 const IMAGE_MS = 250; // after the last picture, states are drawn as they come; else with their pictures
 const NO_IMAGE_MS = 1000; // after the last picture, it is said to be old
 const SPOKEN_MS = 1000; // between two advices that are spoken
-const TOLD_MS = 8000; // that an answer stays
+const ANSWER_MS = 8000; // that an answer stays
 const MOST_EVENTS = 5;
 
 const find = (id) => document.getElementById(id);
@@ -26,14 +26,14 @@ const stream = new Stream({
   scene(message) {
     now.scene = message;
     now.refused = now.lostAt = null;
-    anew();
+    restart();
     commands.scene(message);
     text("source", message.source);
     text("note", message.notes.join("; "));
   },
   state(message) {
     const at = performance.now();
-    if (now.state && message.counters.frames < now.state.counters.frames) anew();
+    if (now.state && message.counters.frames < now.state.counters.frames) restart();
     // Not every state tells where all is in the picture: then it is where it was told last
     if (message.picture === null) message.picture = now.state?.picture ?? null;
     now.state = message;
@@ -71,7 +71,7 @@ function alive(at) {
   dead.play();
 }
 
-function anew() {
+function restart() {
   now.state = now.waiting = null;
   age.forget();
   traces.clear();
@@ -101,8 +101,8 @@ async function decode() {
 function draw(state) {
   now.drawn = state;
   picture.draw(now.scene, state, now.image, document.body.classList.contains("old"));
-  text("unseen", picture.told ?? "");
-  find("unseen").hidden = picture.told === null;
+  text("unseen", picture.notice ?? "");
+  find("unseen").hidden = picture.notice === null;
 }
 
 function show() {
@@ -148,7 +148,7 @@ function tell(message, bad) {
   text("message", message);
   find("message").classList.toggle("bad", bad);
   clearTimeout(now.telling);
-  now.telling = setTimeout(() => text("message", commands.mayWrite === false ? "read only" : ""), TOLD_MS);
+  now.telling = setTimeout(() => text("message", commands.mayWrite === false ? "read only" : ""), ANSWER_MS);
 }
 
 function text(id, value) {

@@ -50,15 +50,15 @@ export class Picture {
     if (state.picture === null && image && scene.picture_px) {
       // Nothing is known yet of what is in it: the picture alone, whole
       const whole = this.through([0, 0, ...scene.picture_px], 0, 0, this.width, this.height);
-      this.told = null;
+      this.notice = null;
       this.inside(whole, image, scene, () => {});
       return;
     }
     if (state.picture === null) {
-      this.told = projections(context, scene, state, { width: this.width, height: this.height, old });
+      this.notice = projections(context, scene, state, { width: this.width, height: this.height, old });
       return;
     }
-    this.told = null;
+    this.notice = null;
     const view = this.view(scene, state.picture);
     this.views.push(view);
     this.inside(view, image, scene, () => overlay(context, scene, state.picture, { ...view, old }));

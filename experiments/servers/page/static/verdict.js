@@ -55,11 +55,11 @@ function seconds(ms) {
 export function turning(state) {
   const advice = state.advice;
   if (advice === null || advice.probability === null) return "";
-  const told = [
+  const parts = [
     [advice.turn_deg, (x) => `turn ${x.toFixed(1)}°`],
     [advice.lateral_mm, (x) => `off ${x.toFixed(1)} mm`],
     [advice.depth_mm, (x) => `depth ${x.toFixed(1)} mm`],
     [advice.arrival_s, (x) => `arrives in ${Math.max(0, x - state.time_s).toFixed(1)} s`],
   ];
-  return told.filter(([x]) => x !== null).map(([x, text]) => text(x)).join(" · ");
+  return parts.filter(([x]) => x !== null).map(([x, text]) => text(x)).join(" · ");
 }

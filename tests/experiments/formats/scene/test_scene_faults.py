@@ -87,12 +87,12 @@ UNREADABLE = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [*rows(BAD), *UNREADABLE])
-def test_a_fault_is_told_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
+def test_a_fault_is_reported_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
     assert GOOD.count(old) >= 1
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    told = complaint(read_scene, path)
-    assert told.startswith(f"{path}: {message}")
-    assert len(told) < len(str(path)) + 200
+    reported = complaint(read_scene, path)
+    assert reported.startswith(f"{path}: {message}")
+    assert len(reported) < len(str(path)) + 200
 
 
 def test_a_network_of_anchors_only_is_refused(path: Path):

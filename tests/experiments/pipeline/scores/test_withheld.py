@@ -29,9 +29,9 @@ def test_errors_of_one_mark():
 )
 def test_the_worst_mark_speaks_for_the_target(ratios, scale, words):
     withheld = {name: Withheld(5, 1.0, 2.0 * ratio**2, ratio) for name, ratio in zip("AB", ratios, strict=True)}
-    told = withheld_words(withheld, scale)
-    assert words in told
-    assert told.endswith("was left as it is" if scale == 1.0 else "was made 1.50 times as large")
+    reported = withheld_words(withheld, scale)
+    assert words in reported
+    assert reported.endswith("was left as it is" if scale == 1.0 else "was made 1.50 times as large")
 
 
 def test_no_predictions_say_nothing():

@@ -305,7 +305,7 @@ def test_a_fix_by_click_and_a_hue_by_keys(browser: Any, shown: Fed) -> None:
     click(browser, "zoom")
 
 
-def test_what_the_run_refuses_is_told(browser: Any, shown: Fed) -> None:
+def test_what_the_run_refuses_is_reported(browser: Any, shown: Fed) -> None:
     shown.one.refusal = "the disk is full"
     keep_words(browser, "message")
     click(browser, "record")
