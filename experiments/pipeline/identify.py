@@ -272,7 +272,7 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
-        lines += [f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more"]
+        lines += [f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"]
     return lines
 
 

@@ -73,7 +73,7 @@ def test_shares_are_those_of_the_discs_drawn(film, tmp_path, capsys) -> None:
     assert kind["by_marks"] == pytest.approx(1.0, abs=0.1)
     (verdict,) = reported["verdicts"]
     assert verdict.startswith(
-        "mark M: hue 130 ± 18 takes in more of the picture than marks can in 25 % of frames: narrow"
+        "mark M: hue 130 ± 18 selects more of the picture than marks can cover in 25 % of frames: narrow"
     )
 
 
@@ -96,7 +96,7 @@ def test_a_film_in_which_a_mark_is_missing_is_reported(film, tmp_path, capsys) -
     assert softaim("hue", film, "--scene", tmp_path / "blue.toml") == 0
     said = " ".join(capsys.readouterr().out.split())
     least = 0.2 * AREA
-    assert f"takes in less than one mark must show, {least:.0f} px, in 100 % of frames" in said
+    assert f"selects less than one mark must show, {least:.0f} px, in 100 % of frames" in said
     assert not (tmp_path / "out").exists()
 
 

@@ -47,7 +47,7 @@ def fault_of(folder: Path) -> str:
 
 BAD_TABLES = r"""
 frames.csv | frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n |  | expected columns frame, exposure_s, found an empty file
-frames.csv | frame, | camera,frame, | camera: one camera is read for now
+frames.csv | frame, | camera,frame, | camera: one camera is supported
 frames.csv | 1,0.1 | 2,0.1 | row 3: frame: expected 1, found 2
 frames.csv | 0,0.0\n |  | row 2: frame: expected 0, found 1
 frames.csv | 1,0.1 | 1.5,0.1 | row 3: frame: expected 1, found 1.5
@@ -61,7 +61,7 @@ truth.csv | y_mm | y_mm,z_mm | z_mm: expected no such column for a flat scene, f
 truth.csv | ,y_mm |  | row 1: expected one column y_mm, found none in "time_s,node,x_mm"
 marks.csv | 4,0.5 | 4,0 | row 3: sd_mm: expected more than 0, found 0
 marks.csv | 3,4 | nan,4 | row 3: x_mm: expected a finite number, found "nan"
-marks.csv | sd_mm | sd_mm,camera | camera: one camera is read for now
+marks.csv | sd_mm | sd_mm,camera | camera: one camera is supported
 marks.csv | 0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected a row for each mark, found none, and no
     frames.csv
 fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected more than 0, found 0
@@ -116,7 +116,7 @@ def with_cameras(n: int) -> Callable[[Path], None]:
 
 
 KINDS = "video.avi, video.mp4, video.mkv, frames/ or marks.csv"
-ONE = "(one camera is read for now)"
+ONE = "(one camera is supported)"
 BAD_FOLDERS = [
     (
         lambda f: [(f / name).touch() for name in ("video.avi", "video.mkv")],

@@ -38,7 +38,7 @@ BAD = {
     "missing column": ("a,node\n1,x\n", ': row 1: expected one column b, found none in "a,node"'),
     "extra column": ("a,b,c,node\n1,2,3,x\n", ': row 1: expected columns a, b, node, found column "c" too'),
     "column twice": ("a,b,a,node\n1,2,3,x\n", ': row 1: expected one column a, found 2 in "a,b,a,node"'),
-    "refused column": ("a,b,node,camera\n1,2,x,front\n", ": camera: one camera is read for now"),
+    "refused column": ("a,b,node,camera\n1,2,x,front\n", ": camera: one camera is supported"),
     "semicolons": ("a;b;node\n1;2;x\n", ': row 1: expected one column a, found none in "a;b;node"'),
     "no header": ("1,2,x\n", ': row 1: expected one column a, found none in "1,2,x"'),
     "short row": ("a,b,node\n1,2,x\n1,2\n", ": row 3: expected 3 values, found 2"),
@@ -62,7 +62,7 @@ BAD = {
 @pytest.mark.parametrize(("content", "message"), BAD.values(), ids=BAD.keys())
 def test_a_fault_is_reported_in_one_line_with_row_and_column(path: Path, content: str, message: str):
     path.write_text(content, encoding="utf-8")
-    said = complaint(read_table, path, ["a", "b"], ["node"], rejected={"camera": "one camera is read for now"})
+    said = complaint(read_table, path, ["a", "b"], ["node"], rejected={"camera": "one camera is supported"})
     assert said.startswith(f"{path}{message}")
 
 

@@ -127,7 +127,7 @@ BAD = {
     "still": ("speed_mm_s = 200.0", "speed_mm_s = 0.0", ": speed_mm_s: expected more than 0, found 0.0"),
     "text": ("speed_mm_s = 200.0", 'speed_mm_s = "fast"', ': speed_mm_s: expected a number, found "fast"'),
     "space": ("entry_mm = [0.0, 215.0]", "entry_mm = [0.0, 1.0, 2.0]", ": entry_mm: expected 2 numbers, as the scene"),
-    "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected one other than nought,"),
+    "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected a non-zero vector,"),
     "kind": ('hit = "CORE"', 'hit = "SIDE"', ": hit: expected 'TIP', 'NOTCH' or 'CORE', found \"SIDE\""),
     "core": ("core_mm = 4.0", "core_mm = 19.0", ": core_mm: expected no more than notch_length_mm (18), found 19"),
     "axes": ("[1.0, 8.0]]", "[12.0, 0.0]]", ": lesion.semi_axes_mm: expected 2 vectors of 2 numbers, none in the span"),

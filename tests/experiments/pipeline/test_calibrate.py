@@ -64,7 +64,7 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
         (tmp_path / name).unlink()
     words = ("calibrate", pictures / "left", *CHESS, "--out", out, "--vector", "pdf")
     assert softaim(*words) == 2
-    assert "front.pdf: expected a new file, found one that is there; --force replaces it" in capsys.readouterr().err
+    assert "front.pdf: expected a new file, found an existing one; --force replaces it" in capsys.readouterr().err
 
 
 def test_the_picture_can_be_printed(pictures: Path, tmp_path: Path) -> None:

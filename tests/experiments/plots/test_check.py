@@ -25,7 +25,7 @@ def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
     low, high = body.get_ylim()
     assert low < 1e3 * done.rest[:, 1].min()
     assert high > 0.0
-    assert "7.4 mm apart at most (M)" in body.get_title(loc="left")
+    assert "largest difference 7.4 mm (M)" in body.get_title(loc="left")
     assert [label.get_text() for label in shares.get_yticklabels()] == ["M"]
 
 

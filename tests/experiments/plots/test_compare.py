@@ -37,7 +37,7 @@ def test_a_method_that_fails_leaves_the_scale_to_the_others():
     assert before < figure.axes[0].get_ylim()[1] < 1.1 * size_mm  # sigma 1 m all the time: up to the body's size
     beyond = ["beyond" in ax.get_title(loc="left") for ax in figure.axes]
     assert beyond == [False, False, True]
-    assert figure.axes[2].get_title(loc="left").endswith("; beyond the picture in 20 frames")
+    assert figure.axes[2].get_title(loc="left").endswith("; outside the plot in 20 frames")
 
 
 @pytest.mark.parametrize("with_truth", [True, False])
@@ -55,6 +55,6 @@ def test_each_method_has_what_is_known_of_it(with_truth):
     assert len(shown) == 1  # methods are told apart by their names, not by seven colours
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
-        "predicted root mean square error",
+        "predicted rms error",
         "observed error" if with_truth else "distance from the filter",
     ]

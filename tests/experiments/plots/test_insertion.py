@@ -53,9 +53,9 @@ def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
     """37 told as 95 % probable, of which 2 hit: beyond its interval; 3 told as 25 % are left out."""
     figure = reliability_figure(trials)
     ax = figure.axes[0]
-    assert [text.get_text() for text in ax.texts] == ["37", "3 in tenths of fewer than 5 left out"]
+    assert [text.get_text() for text in ax.texts] == ["37", "3 in bins of fewer than 5 left out"]
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval does not hold the prediction"]
+    assert labels == ["as predicted", "99 % interval excludes the prediction"]
 
 
 def test_advice_that_comes_true_holds_its_prediction(trials):

@@ -91,7 +91,7 @@ def test_errors_that_run_away_leave_the_scale_to_the_others(usual, far_m):
     for ax, before in zip(figure.axes, error_figure(usual).axes, strict=True):
         assert before.get_ylim()[1] <= ax.get_ylim()[1] <= 5.0 * before.get_ylim()[1]
         title = ax.get_title(loc="right")
-        assert title.startswith("beyond the picture: filter 60") == (not np.isnan(far_m))
+        assert title.startswith("outside the plot: filter 60") == (not np.isnan(far_m))
 
 
 def test_where_all_estimates_run_away_the_scale_is_the_bodys():

@@ -100,7 +100,7 @@ def test_a_lens_that_stands_nowhere_is_kept_and_no_camera(tmp_path: Path, kind: 
         (lens,) = scene.lenses
         assert (scene.cameras, lens.name, lens.size_px) == ((), "front", (640, 480))
         np.testing.assert_array_equal(lens.lens.distortion, LENS.distortion)
-    said = "camera: expected one, found 0; front has a lens but no place: rotation and translation_mm"
+    said = "camera: expected one, found 0; front has a lens but no pose: rotation and translation_mm"
     with pytest.raises(InputError, match=said):
         filmed_scene(path)
 

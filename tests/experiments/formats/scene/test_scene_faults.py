@@ -57,7 +57,7 @@ name = "M2" | name = "M1" | network.node[1].name: expected a name of its own, fo
 node = "M1"\nhue | node = "M9"\nhue | mark[0].node: no node named "M9"
 node = "M2"\nhue | node = "M1"\nhue | mark[1].node: expected one mark for a node, found a second one on "M1", after
     mark[0]
-node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (a mark tells of a free node), found the
+node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (marks belong on free nodes), found the
     anchor "In1"
 node = "M2"\nradius | node = "In1"\nradius | target.node: expected a free node (a hidden target), found the anchor
     "In1"

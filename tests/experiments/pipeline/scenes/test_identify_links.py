@@ -130,5 +130,5 @@ def test_tune_ends_with_the_best_that_its_time_allows(recording, identified, mon
     monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
     out = tmp_path / "scene.toml"
     assert softaim("tune", recording, "--scene", identified, "--minutes", "4", "--out", out) == 0
-    assert "The best within 4 minutes, by " in capsys.readouterr().out
+    assert "Best result within 4 minutes, with " in capsys.readouterr().out
     assert read_scene(out).settings != FilterSettings()
