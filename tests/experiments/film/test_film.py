@@ -107,7 +107,7 @@ def test_a_mark_of_another_diameter_than_stated_is_blamed_on_that(recording, tmp
     write_scene(replace(scene, marks=marks), tmp_path / "large.toml")
     assert softaim("track", recording, "--scene", tmp_path / "large.toml", "--out", tmp_path / "out", "--film") == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Mark M3: not found in 100 % of frames: wrong size: look at diameter_mm and the scale" in said
+    assert "Mark M3: not found in 100 % of frames: wrong size: check diameter_mm and the scale" in said
     reported = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]["marks"]["M3"]
     shares = {"found": 0.0, "refused": 0.0, "lost": 1.0, "reason_share": 1.0}
     assert reported == {"measured": True, "reason": Reason.SIZE, **shares}

@@ -107,7 +107,7 @@ def test_a_film_in_which_a_mark_is_missing_is_reported(film, tmp_path, capsys) -
         ([], "hue: expected --at U,V, or --scene scene.toml with a camera, found neither"),
         (
             ["--scene", "wide.toml"],
-            "scene: camera[0].size_px: expected [320, 240], as the frames have, found [640, 240]",
+            "scene: camera[0].size_px: expected [320, 240], like the frames, found [640, 240]",
         ),
     ],
 )

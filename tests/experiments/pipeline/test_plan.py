@@ -192,7 +192,7 @@ def test_the_next_best_are_other_ways(scene, plan_file):
             "obstacle[1].name: expected a name of its own, found that of obstacle[0]",
         ),
         ('kind = "rib"', 'kind = "bone"', "obstacle[0].kind: expected 'rib', 'vessel' or 'other'"),
-        ("to_mm = [130.0, 268.0]", "to_mm = [130.0, 108.0]", "entry: expected a stretch of skin outside the lesion"),
+        ("to_mm = [130.0, 268.0]", "to_mm = [130.0, 108.0]", "entry: expected a segment of skin outside the lesion"),
         ("version = 1", "version = 2", "version: expected 1, found 2"),
     ],
 )

@@ -164,7 +164,7 @@ def test_a_join_killed_before_its_end_or_after_can_be_done_again(tmp_path: Path)
     check_frames(folder, 60)
     assert join(folder) == 60
     assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
-    with pytest.raises(InputError, match=r"rec: expected segments/, as a recording that was killed leaves, found none"):
+    with pytest.raises(InputError, match=r"rec: expected segments/ of a killed recording, found none"):
         join(folder)
 
 
@@ -229,7 +229,7 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     check_frames(tmp_path / "rec", 40)
     # again: what is there is not written over
     assert softaim(*words) == 2
-    assert "rec: expected a new or an empty folder, found files in it; --force" in capfd.readouterr().err
+    assert "rec: expected a new or empty folder, found files in it; --force" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
     # nor is what is read
     film = tmp_path / "rec" / "video.mkv"

@@ -144,11 +144,11 @@ def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
 
 
 LACKS = {
-    "a moved camera or tracker cannot be noticed": lambda s: replace(s, reference=Reference()),
+    "a move of the camera or tracker cannot be detected": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
-    "how well the target's place in the tissue is known is not stated": lambda s: replace(
+    "how well the target's position in the tissue is known is not stated": lambda s: replace(
         s, target=Target("M2", 0.005)
     ),
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),

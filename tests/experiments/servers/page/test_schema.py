@@ -77,7 +77,7 @@ def test_that_a_moved_camera_cannot_be_noticed_is_noted_where_no_reference_mark_
     plain = read_scene(messages.GIVEN / "good_scene.toml")
     marked = replace(plain, cameras=(), reference=Reference((ReferenceMark("R", "In1"),)))
     notes = [scene_message(scene, "phantom", None, None)["notes"] for scene in (plain, marked)]
-    assert notes == [["a moved camera or tracker cannot be noticed: no reference marks"], []]
+    assert notes == [["a move of the camera or tracker cannot be detected: no reference marks"], []]
 
 
 @pytest.mark.parametrize("status", Status)
