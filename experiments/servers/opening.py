@@ -1,4 +1,4 @@
-"""Open the servers of a live run: where they listen, and the process that serves."""
+"""Open the servers of a live run: listening sockets, and the serving process."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from experiments.servers.link import Link
 
 @contextmanager
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
-    """The process that serves a page and OpenIGTLink, from now until the end; None where neither is wanted.
+    """The process that serves a page and OpenIGTLink, from now until the end; None if neither is requested.
 
-    page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or where that is free
-    Addresses go to standard error once clients are served. Raises InputError where one cannot be had.
+    page, openigtlink: HOST:PORT; by default the page is on loopback, at its default port or a free one
+    Addresses are printed on standard error once clients are served. Raises InputError if one is not available.
     """
     lacking = missing("live")
     if page is not None:
@@ -40,7 +40,7 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
     link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), notices)
     for one in (listener, igtl):
         if one is not None:
-            one.close()  # the process has its own
+            one.close()  # the process has its own copies
     try:
         yield link
     finally:

@@ -213,7 +213,7 @@ def _write(scene: Scene, path: Path) -> None:
     try:
         write_scene(scene, path)
     except InputError as error:
-        LOG.warning("%s; the run goes on without it", error)
+        LOG.warning("%s; the run continues without it", error)
 
 
 def as_written(scene: Scene) -> Scene:

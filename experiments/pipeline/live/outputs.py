@@ -70,7 +70,7 @@ class LiveTable:
 
     def _failed(self, error: OSError) -> None:
         self.fault = InputError.refused(self.path, "a table that can be written", error)
-        LOG.warning("%s; the run goes on without it", self.fault)
+        LOG.warning("%s; the run continues without it", self.fault)
 
     def close(self) -> None:
         """End the table."""

@@ -107,7 +107,7 @@ C,0 | C ,0 | row 4: name: expected a name that prints on one line, found
 0.005,,0, | -1,,0, | nodes.csv: row 4: mass_kg: expected more than 0, found -1
 0.005,,0, | 0.005,,red, | nodes.csv: row 4: hue_deg: expected 0 or more and less than 360
 0,yes,, | 0,yes,5, | nodes.csv: row 2: hue_deg: expected nothing for an anchor
-0,yes,, | 0,no,, | nodes.csv: row 2: fixed: expected yes or nothing, found "no"
+0,yes,, | 0,no,, | nodes.csv: row 2: fixed: expected yes or empty, found "no"
 120, | 120,yes | nodes.csv: row 6: target: expected one target, found a second one
 60,0.005,,0, | 60,5.0,,0, | nodes.csv: rest_length A-C: expected to rest
 """

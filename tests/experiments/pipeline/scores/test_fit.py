@@ -113,4 +113,4 @@ def test_a_verdict_counts_what_was_missed():
 def test_a_run_without_any_mark_is_said_to_be_the_models_alone():
     frames = estimates([None] * 20, status=Status.INITIALISING)
     reported = verdict(fit_of(frames), frames_by_status(frames))
-    assert reported.startswith("no marks were taken in after the start: the model alone estimates")
+    assert reported.startswith("no marks were used after the start: the estimate is a prediction by the model")

@@ -27,7 +27,7 @@ def test_errors_of_one_mark():
         (
             (0.9, 1.5),
             2.25,
-            "1.50 times the predicted (B): the error of the hidden target may be as large; sigma of the",
+            "1.50 times the predicted (B): the error of the hidden target may be as large; sigma of",
         ),
     ],
 )

@@ -109,7 +109,7 @@ def test_of_fifty_viewers_those_beyond_are_notified_and_the_others_see_all_go_on
     tell = Viewer.tell
     monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
     found = judged("50 viewers", tmp_path, monkeypatch, lambda _: said)
-    assert set(said) == {"to those beyond: 16 clients are connected already"}
+    assert set(said) == {"to those beyond: 16 clients are already connected"}
     assert found.noticed_ms is not None
     assert found.go_shown_while_faulty == 0
     assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
