@@ -27,19 +27,19 @@ class AbortWatch:
     def __init__(self) -> None:
         self._inside: bool | None = None
         self._go_s = -np.inf
-        self._told_go = self._early = self._aborts = False
+        self._followed_go = self._early = self._aborts = False
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
         """The advice to give now [s], given the rules' advice; its numbers stay unchanged."""
         inside = insertion.depth_m > 0.0
         if not inside:
-            self._inside, self._told_go, self._early, self._aborts = False, False, False, False
+            self._inside, self._followed_go, self._early, self._aborts = False, False, False, False
             self._go_s = now_s if guided.advice is Advice.GO else self._go_s
             return guided
         if self._inside is False:
-            self._told_go = now_s - self._go_s <= settings.abort_s
-            self._early = self._aborts = not self._told_go
+            self._followed_go = now_s - self._go_s <= settings.abort_s
+            self._early = self._aborts = not self._followed_go
             self._well_s, self._go_s = None, -np.inf
         self._inside = True
         if not self._holds(guided, settings):
@@ -51,7 +51,7 @@ class AbortWatch:
             if well_for_s < settings.abort_s:
                 return self._abort(guided, f"well again for {well_for_s:.1f} s, not yet for {settings.abort_s:g} s")
         self._early = self._aborts = False
-        self._told_go |= guided.advice is Advice.GO
+        self._followed_go |= guided.advice is Advice.GO
         return guided
 
     def _holds(self, guided: Guidance, settings: AdviceSettings) -> bool:
@@ -59,10 +59,10 @@ class AbortWatch:
             return False
         if guided.advice is Advice.GO:
             return True
-        if not self._told_go:
+        if not self._followed_go:
             return not self._early
         return not self._aborts and (guided.probability or 0.0) >= settings.abort * settings.go
 
     def _abort(self, guided: Guidance, reason: str) -> Guidance:
-        awaited = "GO" if self._told_go or self._early else "new advice"
+        awaited = "GO" if self._followed_go or self._early else "new advice"
         return replace(guided, advice=Advice.ABORT, reason=f"stop: draw back, or wait for {awaited}; {reason}")

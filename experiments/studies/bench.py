@@ -176,7 +176,7 @@ def bodies(n_frames: int = 40) -> dict[str, float]:
 
 
 def _grid_ms(side: int, n_frames: int) -> float:
-    """Of a cube of 6 cm of so many nodes a side that stands on its lowest layer, its surface marked."""
+    """The filter of a cube of 6 cm with this many nodes a side, on its lowest layer, with marks on its surface."""
     layer = np.arange(float(side))
     places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)

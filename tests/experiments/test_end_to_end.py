@@ -92,7 +92,7 @@ def test_the_same_seed_gives_the_same_recording(recording, tmp_path):
 
 @pytest.mark.slow
 def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
-    """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
+    """marks.csv by another program, frames.csv with estimates due when nothing was seen."""
     folder = tmp_path / "theirs"
     folder.mkdir()
     (folder / "scene.toml").write_text((recording / "scene.toml").read_text())

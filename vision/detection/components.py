@@ -159,7 +159,7 @@ class _Search:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
             if not centers:
                 return self._none(Reason.SHAPE, piece, hue_deg)
-        # Of a mark that the border cuts, as much again as is seen may lie outside.
+        # as much of a clipped mark as is seen may lie outside
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(

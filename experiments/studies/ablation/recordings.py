@@ -112,7 +112,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
 """By name, made from a seed."""
 
 LUNG = "lung"
-"""Of a folder of landmarks; it has no seed."""
+"""Name of the run for a folder of landmarks, which has no seed."""
 
 
 @lru_cache(maxsize=1)

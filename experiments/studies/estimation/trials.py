@@ -35,7 +35,7 @@ MISPLACED_M = (0.03, 0.15)
 
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Of a filter whose model is the true one, as scenes of simulated phantoms state."""
+"""Discrepancy of a filter with the true model, as in scenes of simulated phantoms."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,8 @@ class Viewer:
     for that much longer than the fastest.
 
     motion, target: the truth; n_measured: marks that the filter may use; pause_s: how slowly it shows a state [s]
-    State: the moments, by the film's own time; how that is told from the clock's; of the states from frames, when each
-    came and of which time it is [s]; how long the fastest was on its way [s]; the events that it was told of.
+    State: the moments, by the film's own time; the conversion from the clock's time; arrival and exposure time of
+    states from frames [s]; the least delay [s]; the events that it received.
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -49,7 +49,7 @@ class Viewer:
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Note what somebody else was told."""
+        """Add a report to another client."""
         self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:

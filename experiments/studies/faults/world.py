@@ -43,7 +43,7 @@ GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
 """Events that tell of no fault."""
 HUES_DEG = (0.0, 120.0, 240.0, 60.0)
-"""Of the marks: such as a user takes who wants them told apart."""
+"""Hues of the marks: well distinguishable ones."""
 
 
 def scenario_of(seed: int, duration_s: float) -> Scenario:
@@ -144,7 +144,7 @@ class Arrival:
 class ScriptedFrames(LiveFrames):
     """A live source whose reads come back when a script says so: `LiveFrames` without its thread.
 
-    State: the script's clock [s], the reads to come, the faults that nobody was told yet.
+    State: the script's clock [s], the reads to come, the faults not yet reported.
     """
 
     def __init__(self, arrivals: list[Arrival]) -> None:
@@ -181,7 +181,7 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _Read(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked; faults are kept to be told, too."""
+        """The events since the last call; faults are also kept for `reported`."""
         events = super().take_events()
         self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events

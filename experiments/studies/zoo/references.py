@@ -33,7 +33,8 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 def spline(body: Body, frames: Frames) -> Floats:
     """Hidden nodes by a spline through the seen ones and the anchors [m], (n_frames, n_hidden, dim).
 
-    Of a body in a line a cubic one along its length; else a thin-plate spline of the displacement from the drawn shape.
+    For a body in a line a cubic spline along its length; otherwise a thin-plate spline of the displacement from the
+    drawn shape.
     """
     network = body.network
     anchors = np.flatnonzero(network.fixed)

@@ -32,7 +32,7 @@ def right(phantom, frames):
 
 
 def means(phantom, frames):
-    """Of a filter that nobody tells a wrong name, (n_frames, 2)."""
+    """Means of a filter with the right names, (n_frames, 2)."""
     return np.array([one.mean for one in through(TissueFilter(phantom, HIDDEN, OUTER), frames)])
 
 

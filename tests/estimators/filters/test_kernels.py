@@ -86,7 +86,7 @@ def test_update_is_the_textbook_one(n, m):
 
 
 def test_update_with_no_measurement_at_all_changes_nothing():
-    """Of a measurement of length 0: K is (n, 0), the posterior is the prior, exactly."""
+    """For a measurement of length 0: K is (n, 0), the posterior is the prior, exactly."""
     rng = np.random.default_rng(1)
     x, P = rng.normal(size=4), definite(4, rng)
     P = (P + P.T) / 2

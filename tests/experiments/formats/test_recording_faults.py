@@ -1,4 +1,4 @@
-"""Every fault of a recording is told in one line: file, row, column, expected, found."""
+"""Every fault of a recording is reported in one line: file, row, column, expected, found."""
 
 from collections.abc import Callable
 from pathlib import Path

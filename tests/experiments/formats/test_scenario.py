@@ -1,4 +1,4 @@
-"""Scenario files: what ships, and every fault told in one line with file, key, expected, found."""
+"""Scenario files: what ships, and every fault reported in one line with file, key, expected, found."""
 
 from pathlib import Path
 

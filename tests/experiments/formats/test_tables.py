@@ -1,4 +1,4 @@
-"""CSV files: numbers come back exactly, and every fault is told with its row and column."""
+"""CSV files: numbers come back exactly, and every fault is reported with its row and column."""
 
 from pathlib import Path
 

@@ -156,7 +156,7 @@ def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, pa
     assert not (tmp_path / "out").exists()
 
 
-def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path):
+def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, path):
     """The truth 3 mm beside the needle's line: of tips of 2 mm an axis, 20,000 drawn, so many lie within 5 mm of it.
 
     Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of three seconds.
@@ -185,7 +185,7 @@ def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path)
     assert np.isfinite(table(done)["observed"]).sum() == known.sum()
 
 
-def test_without_a_truth_nothing_came_true(recording, path):
+def test_without_a_truth_nothing_is_observed(recording, path):
     path.write_text(LEAST)
     done = advise(read_recording(recording), read_needle(path, 0.005, 2))
     assert "observed" not in table(done)

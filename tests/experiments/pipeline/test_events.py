@@ -89,7 +89,7 @@ def rested(scene):
     ],
 )
 def test_steps_before_a_command_that_were_not_done_are_left_out(scene, made, command, left_out):
-    """Nor are those that were done before the network was changed by hand, or constants were found."""
+    """Nor are those that were done before the network was edited, or constants were found."""
     assert list(steps_left_out(made(scene), command)) == left_out
 
 

@@ -172,7 +172,7 @@ def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys)
 
 
 def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
-    """Marks at the rest of another network, without noise told of as 0.01 mm: to 0.01 mm; stiffness as it was."""
+    """Marks at the rest of another network, without noise and stated as 0.01 mm: to 0.01 mm; stiffness as it was."""
     scene = replace(scene_of(read_scenario("poked")), cameras=())
     true = rest_shape(reported(four_mass_phantom(), (0.1, 0.02)))
     shown = [(node, true[scene.network.index(node)]) for node in ("M1", "M2", "M3", "M4")]

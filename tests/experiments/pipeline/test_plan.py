@@ -92,7 +92,7 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
 
 @pytest.mark.parametrize("most_mm", [140.0, 20.0])
 def test_the_picture_can_be_printed(scene, plan_file, most_mm):
-    """Of a plan with a best path, and of one that allows none."""
+    """For a plan with a best path, and for one that allows none."""
     plan_file.write_text(PLAN.replace("max_length_mm = 140.0", f"max_length_mm = {most_mm}"))
     done = planned(scene, plan_file)
     assert done.plan.allowed.any() == (most_mm > 100.0)

@@ -120,9 +120,9 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capf
     finally:
         os.kill(program.pid, signal.SIGKILL)
         rest, _ = program.communicate()
-    n_handed_on = 76 + rest.count("\n")
+    n_delivered = 76 + rest.count("\n")
     times = read_frames(folder / "frames.csv", torn=True)
-    assert n_handed_on - 32 <= len(times) < n_handed_on
+    assert n_delivered - 32 <= len(times) < n_delivered
     np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
     assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
     check_frames(folder, len(times))

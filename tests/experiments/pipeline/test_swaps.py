@@ -1,4 +1,4 @@
-"""Names that were exchanged, from marks on the line to what a person is told."""
+"""Names that were exchanged, from marks on the line to the report."""
 
 import json
 from dataclasses import replace

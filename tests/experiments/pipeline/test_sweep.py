@@ -87,7 +87,7 @@ def test_the_summary_is_over_the_runs(done):
 
 
 def test_a_run_is_its_case_whatever_ran_before(tmp_path):
-    """And with its truth made anew, kept, and read from where it is kept."""
+    """And with its truth made again, kept, and read from the cache."""
     cases = cases_of(read_sweep(file(tmp_path)))
     first = swept_rows(cases[0])
     for case in cases[:0:-2]:

@@ -104,6 +104,6 @@ def test_a_miss_beyond_the_body_leaves_the_scale_to_the_others():
 
 
 def test_misses_of_a_well_aimed_needle_are_shown_by_the_lesion():
-    """Of a hundredth of a millimetre: twice the target's radius of 5 mm, not a picture of nothing but noise."""
+    """For a hundredth of a millimetre: twice the target's radius of 5 mm, not a picture of nothing but noise."""
     ax = advice_figure(advised([Advice.GO] * 100, np.full(100, 1e-5))).axes[1]
     assert ax.get_ylim() == (0.0, pytest.approx(10.0))

@@ -25,7 +25,7 @@ def with_other(usual, off_m):
 
 
 def test_a_method_that_fails_leaves_the_scale_to_the_others():
-    """Of a method 1 km off a third of the time the scale is that of the rest, and its frames are counted."""
+    """With a method 1 km off for a third of the time, the scale is that of the rest, and its frames are counted."""
     usual = made_track(phantom(), np.zeros((N, 2)), np.full(N, 1e-3))
     figure = comparison_figure(with_other(usual, np.where(np.arange(N) < N // 3, 1e3, 1e-3)))
     names = [ax.get_title(loc="left").split(":")[0] for ax in figure.axes]
@@ -52,7 +52,7 @@ def test_each_method_has_what_is_known_of_it(with_truth):
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert (titles[2] == f"{OTHER}: mean distance from the filter 1.41 mm") == (not with_truth)
     shown = {line.get_color() for ax in figure.axes for line in ax.lines}
-    assert len(shown) == 1  # methods are told apart by their names, not by seven colours
+    assert len(shown) == 1  # methods are distinguished by their names, not by seven colours
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
         "predicted rms error",

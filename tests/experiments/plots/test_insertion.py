@@ -1,4 +1,4 @@
-"""The pictures of insertions, of trials made by hand: what is drawn, what is only counted."""
+"""The plots of insertions, for constructed trials: what is drawn, what is only counted."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from tests.experiments.plots.printed import check_printed
 
 @pytest.fixture(scope="module")
 def trials():
-    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, told as 95 % probable, but 3 of them as 25 %.
+    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, predicted as 95 % probable, but 3 of them as 25 %.
 
     And of 20 insertions that advice gave 55 %, 11 that hit.
     """
@@ -50,7 +50,7 @@ def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
 
 
 def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
-    """37 told as 95 % probable, of which 2 hit: beyond its interval; 3 told as 25 % are left out."""
+    """37 predicted as 95 % probable, of which 2 hit: beyond its interval; 3 predicted as 25 % are left out."""
     figure = reliability_figure(trials)
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["37", "3 in bins of fewer than 5 left out"]

@@ -1,4 +1,4 @@
-"""Meshes of one's own: what the files say is what the network has, and faults are told by file, row and column."""
+"""User meshes: the network equals the files, and faults are reported by file, row and column."""
 
 from pathlib import Path
 

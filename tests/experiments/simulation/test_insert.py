@@ -139,7 +139,7 @@ def test_pokes_are_assumed_as_strong_as_the_scenario_has_them():
 def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_reported():
     """Covariance of its linear shift under 4,000 needles, each constant off by itself, to 6 % of its largest entry.
 
-    Of a uniform factor the variance drawn has a standard error of 1.4 %. One factor for all would be 55 % too much.
+    The drawn variance of a uniform factor has a standard error of 1.4 %. One factor for all would be 55 % too much.
     """
     world, rng = world_of(case("poked")), np.random.default_rng(3)
     axis, gives = np.array([-0.6, -0.8]), compliance(world.network, HIDDEN)

@@ -196,7 +196,7 @@ def test_advice_predicts_the_push_of_the_needle(scenario: Path, tmp_path: Path):
 
 
 def test_reliability():
-    """Two runs of two insertions, told 0.9, 0.7 and 0.5, 0.5, of which 1, 1 and 0, 1 hit: 0.65 told, 0.75 true.
+    """Two runs of two insertions, predicted 0.9, 0.7 and 0.5, 0.5; 1, 1 and 0, 1 hit: 0.65 predicted, 0.75 observed.
 
     Leaving out a run: differences of 0.0 and 0.2 about their mean, a jackknife of sqrt(1/2 · 2 · 0.1²) = 0.1.
     """

@@ -1,4 +1,4 @@
-"""What the engine costs: the figures by hand, and the columns that they are made from."""
+"""Cost of the engine: figures against known ones, and their columns."""
 
 import pytest
 

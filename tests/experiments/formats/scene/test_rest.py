@@ -96,7 +96,7 @@ def test_a_stiffness_that_is_only_wrong_is_taken(phantom: str, factor: float, re
 def test_bodies_that_turn_or_hang_are_taken() -> None:
     """A cable drawn level hangs by more than its own length away; without an anchor it hangs on its marks."""
     level = np.stack([0.1 * np.arange(6.0), np.zeros(6)], axis=1)
-    level[:, 1] = 1e-3 * np.arange(6.0) ** 2  # drawn by hand: not on a line
+    level[:, 1] = 1e-3 * np.arange(6.0) ** 2  # drawn inexactly: not on a line
     hanging = cable(level)
     check_rest(hanging)
     check_rest(replace(PHANTOMS["four-mass"], gravity=np.zeros(2)))

@@ -1,4 +1,4 @@
-"""Every fault of a scene.toml is told in one line: file, key, expected, found."""
+"""Every fault of a scene.toml is reported in one line: file, key, expected, found."""
 
 from pathlib import Path
 

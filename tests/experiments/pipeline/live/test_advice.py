@@ -90,7 +90,7 @@ def run(
 
 
 def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
-    """Frames told at their exposure: rows as `softaim advise` writes them, but for what tables make of the path.
+    """Frames at their exposure: rows as in `softaim advise`, except for the effect of tables on the path.
 
     Pokes come every 0.2 s here and turn springs: aims are some tenths of a millimetre apart, 95 of 100 within 1.5 mm,
     and of 105 frames 8 at most fall on the other side of a threshold.
@@ -188,7 +188,7 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
 
 
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
-    """Of a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
+    """For a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER)
     marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
@@ -270,7 +270,7 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
 
 
 def test_of_a_film_advice_has_its_own_times(tmp_path, recording, plan):
-    """The same frames 60 s later on the clock: when a needle is there is told as of the film itself."""
+    """The same frames 60 s later on the clock: a needle's arrival is in the film's own time."""
     with recording.open_frames() as film:
         frames = list(film)[:20]
     own, later = (

@@ -1,4 +1,4 @@
-"""What is said without truth, of estimates made by hand: bands from SciPy, words for each case."""
+"""Verdicts without truth, for constructed estimates: bands from SciPy, words for each case."""
 
 from dataclasses import replace
 

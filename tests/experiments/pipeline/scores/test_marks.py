@@ -1,4 +1,4 @@
-"""What became of each mark, counted by hand."""
+"""Results of each mark, against known counts."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What marks predicted as if hidden say of the target, by numbers worked out by hand."""
+"""Verdict of marks predicted as if hidden on the target, against known numbers."""
 
 import numpy as np
 import pytest

@@ -140,7 +140,7 @@ def test_the_quantiles_are_those_of_chi_square():
 
 
 def test_the_spread_holds_95_percent_of_the_estimate():
-    """Belief drawn at random, brought back by the inverse transform, is in the unit sphere in 95 of 100 cases."""
+    """Samples of the estimate, mapped back by the inverse transform, lie in the unit sphere in 95 of 100 cases."""
     matrix = spread_matrix(state(**IN_SPACE))
     drawn = np.random.default_rng(1).multivariate_normal(IN_SPACE["target_mm"], IN_SPACE["cov_mm2"], 40_000)
     back = np.linalg.solve(matrix[:3, :3], (drawn - matrix[:3, 3]).T)

@@ -272,7 +272,7 @@ async def test_a_slow_client_loses_old_moments_and_gets_the_newest():
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "::ffff:127.0.0.1", "192.0.2.7"])
 @awaited
 async def test_commands_are_taken_from_this_machine_alone(host: str, monkeypatch):
-    """The other end is taken to be where it says; one elsewhere is told, and stays."""
+    """The other end is taken to be where it says; one elsewhere gets an answer, and stays."""
     monkeypatch.setattr("experiments.servers.openigtlink.server._name", lambda _writer: host)
     feed, commands = feed_of()
     async with serving(feed) as port, connected(port) as client:

@@ -175,7 +175,7 @@ def test_the_picture_appears_and_the_words(browser: Any, shown: Fed) -> None:
 
 
 def test_a_picture_of_which_nothing_is_known_is_shown_alone(browser: Any, shown: Fed) -> None:
-    """As while a run is prepared, here one that began anew: frames count from nought, and no place is known."""
+    """As while a run is prepared, here one that started again: frames count from zero, and no position is known."""
     shown.silence(browser)
     nothing = {"picture": None, "target_mm": None, "status": "INITIALISING", "fault": "preparing"}
     shown.one.until(

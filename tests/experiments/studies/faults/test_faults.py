@@ -1,4 +1,4 @@
-"""Faults by a script's clock as `softaim faults` makes them, quickly, and their judge on moments made by hand."""
+"""Faults by a script's clock as `softaim faults` makes them, quickly, and their judge on constructed moments."""
 
 from dataclasses import fields, replace
 
@@ -138,7 +138,7 @@ def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_fram
 
 
 def test_a_camera_of_which_every_other_frame_is_lost_is_reported_within_three_of_its_frames_and_once():
-    """Two seconds of 180 pictures of 1/30 s, from the fourth on: of a film that is played nobody is told."""
+    """Two seconds of 180 pictures of 1/30 s, from the fourth on: nothing is reported for a film."""
     reported = {}
     for is_film in (False, True):
         frames, _ = played("dropped frames", 240)

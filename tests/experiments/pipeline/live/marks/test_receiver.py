@@ -157,7 +157,7 @@ def mark(node: str, x_mm: float, y_mm: float) -> str:
 
 
 def test_values_that_freeze_bring_no_marks_until_they_change(bench) -> None:
-    """The frame that first repeats is not handed on; those after it have no marks. Times, and so no BLOCKED, go on."""
+    """The frame that first repeats is not delivered; those after it have no marks. Times, and so no BLOCKED, go on."""
     found = []
     for k in range(40):
         bench.now = 100.0 + 0.1 * k
