@@ -237,7 +237,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
-    n, n_all = len(report["undetermined"]), len(report["constants"])
+    n, n_all = len(report["undetermined_combinations"]), len(report["constants"])
     table.caption = (
         f"{counted(report['passes'], 'pass', 'passes')}. Of {n_all} independent combinations the recording determines"
         f" {n_all - n}; {n} keep their prior uncertainty (--json lists them)."

@@ -232,7 +232,7 @@ def identification_report(found: IdentificationResult) -> dict[str, object]:
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
         "constants": [asdict(one) for one in constants(found)],
-        "undetermined": undetermined(found),
+        "undetermined_combinations": undetermined(found),
         "confounded": [asdict(pair) for pair in confounded(found)],
         "not_determined": not_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},

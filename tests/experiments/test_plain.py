@@ -31,6 +31,6 @@ def test_one_thing_is_in_the_singular(reported: str, expected: str) -> None:
 
 def test_a_change_that_rounds_to_nothing_has_no_minus() -> None:
     rows = [{"name": "M1", "value": 1.0, "standard_error": 0.1, "change": x, "kept": False} for x in (-4e-4, -6e-4)]
-    table = constants_table({"constants": rows, "undetermined": [], "passes": 1})
+    table = constants_table({"constants": rows, "undetermined_combinations": [], "passes": 1})
     assert list(table.columns[3].cells) == ["+0.0%", "-0.1%"]
     assert str(table.caption).startswith("1 pass. ")

@@ -101,8 +101,8 @@ def test_identify_reports_to_programs(calibrated):
     report = json.loads(calibrated[2])
     assert [row["name"] for row in report["constants"]][:2] == ["stiffness M1-M2", "stiffness M2-M4"]
     assert all(0.0 < row["standard_error"] < 0.6 for row in report["constants"])
-    assert 0 < len(report["undetermined"]) < 38
-    assert {"variance_left", "weights"} == set(report["undetermined"][0])
+    assert 0 < len(report["undetermined_combinations"]) < 38
+    assert {"variance_left", "weights"} == set(report["undetermined_combinations"][0])
     assert all(len(pair["constants"]) == 2 for pair in report["confounded"])
     kept = [row["name"] for row in report["constants"] if row["kept"]]
     assert kept == [name for names in report["not_determined"].values() for name in names]
