@@ -1,9 +1,9 @@
 """The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
 
-[paper] gives the topology (Fig. 3, Fig. 5) and states that constants are known, but not their values. The constants
-below define this phantom; they are not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs sturdy
-enough to stay the right way up under pokes of 10 m/s², and the "slightly friction" of the acrylic planes.
-`docs/decisions.md` has the reasons.
+[paper] gives the topology (Fig. 3, Fig. 5) and that constants are known, not their values. The constants below are the
+definition of this phantom, not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs sturdy enough to
+stay the right way up under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. `docs/decisions.md` has
+the reasons.
 """
 
 from __future__ import annotations
