@@ -23,7 +23,7 @@ ROOMS = sorted({path.parent.relative_to(ROOT).parts[:2] for path in SOURCE})
 
 WORDS = {
     "told": "reported, predicted, stated",
-    "came true": "observed",
+    "c(?:ame|omes?) true": "observed",
     "beliefs?": "estimate, prior, posterior",
     "believed?": "assumed, trusted",
     "carried": "supported, moved, contributed",

@@ -58,6 +58,6 @@ def _bars(calibration: Calibration, ax: Axes) -> None:
     ax.set_xticks(np.arange(0, n, every), calibration.images_used[::every], rotation=90, fontsize=SMALL_PT)
     ax.set(ylabel="rms residual [px]", xlim=(-0.7, n - 0.3))
     ax.set_title(
-        f"rms of each picture; dashed: all pictures, {calibration.reprojection_rms_px:.3f} px\n"
+        f"rms of each picture; dashed: all, {calibration.reprojection_rms_px:.3f} px\n"
         f"left out: {len(calibration.images_left_out)} pictures"
     )

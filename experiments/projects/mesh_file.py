@@ -89,7 +89,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
 def _yes(table: Table, column: str) -> NDArray[np.bool_]:
     entries = table.texts.get(column, [""] * table.n_rows)
     if column in table.texts:
-        table.check(column, np.array([entry in YES for entry in entries]), "yes or empty")
+        table.check(column, np.array([entry in YES for entry in entries]), "yes or no entry")
     return np.array([entry == "yes" for entry in entries])
 
 
@@ -103,10 +103,10 @@ def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
         except ValueError:
             hue = np.nan
         if not 0.0 <= hue < 360.0:
-            raise InputError.at(table.place(row, "hue_deg"), "0 or more and less than 360, or empty", shown(entry))
+            raise InputError.at(table.place(row, "hue_deg"), "0 or more and less than 360, or no entry", shown(entry))
         if fixed[row]:
             raise InputError.at(
-                table.place(row, "hue_deg"), "empty for an anchor, whose mark has no information", entry
+                table.place(row, "hue_deg"), "no entry for an anchor, whose mark has no information", entry
             )
         hues[name] = hue
     return hues
@@ -122,7 +122,7 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
         middle = positions[free].mean(axis=0)
         row = int(free[np.linalg.norm(positions[free] - middle, axis=1).round(9).argmin()])
     if fixed[row]:
-        raise InputError.at(table.place(row, "target"), "empty for an anchor, which does not move", "yes")
+        raise InputError.at(table.place(row, "target"), "no entry for an anchor, which does not move", "yes")
     return table.texts["name"][row]
 
 

@@ -49,7 +49,7 @@ def check_seconds(table: Table, column: str) -> None:
     later = table.place(int(np.argmax(times > times[0])), column)
     unit = likely_unit(usual, USUAL_S) or "another unit"
     expected = f"seconds, frames {SHORTEST_S:g} to {LONGEST_S:g} s apart"
-    raise InputError.at(later, expected, f"a median interval of {usual:.6g}: it seems to be {unit}")
+    raise InputError.at(later, expected, f"{usual:.6g} in the median: it seems to be {unit}")
 
 
 def check_within(table: Table, column: str, times_s: Floats) -> None:

@@ -1,4 +1,4 @@
-"""The steps of a new user on three phantoms, and whether the probabilities that come out of them come true.
+"""The steps of a new user on three phantoms, and the reliability of the resulting probabilities.
 
     python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; --page writes the tables
     python -m experiments.studies.own_phantom --out FOLDER --runs 2   # fewer recordings to insert into

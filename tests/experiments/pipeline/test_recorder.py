@@ -248,6 +248,6 @@ def test_a_scene_of_other_frames_is_one_line_and_nothing_is_made(
     # what a machine too busy to draw the phantom in time says of it comes before
     lines = [line for line in fault.splitlines() if not re.match(r"softaim: [\d.]+ s: (BLOCKED|RESUMED): ", line)]
     assert len(lines) == 1
-    assert "size_px: expected [640, 480], as the frames" in lines[0]
+    assert "size_px: expected [640, 480], like the frames" in lines[0]
     assert lines[0].startswith("softaim: ")
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]

@@ -35,7 +35,7 @@ def test_a_method_that_fails_leaves_the_scale_to_the_others():
     size_mm = 1e3 * np.linalg.norm(np.ptp(phantom().network.positions, axis=0))
     assert 5.0 < before < 20.0  # the open loop's 3 mm an axis
     assert before < figure.axes[0].get_ylim()[1] < 1.1 * size_mm  # sigma 1 m all the time: up to the body's size
-    beyond = ["beyond" in ax.get_title(loc="left") for ax in figure.axes]
+    beyond = ["outside" in ax.get_title(loc="left") for ax in figure.axes]
     assert beyond == [False, False, True]
     assert figure.axes[2].get_title(loc="left").endswith("; outside the plot in 20 frames")
 

@@ -58,11 +58,11 @@ def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
     assert labels == ["as predicted", "99 % interval excludes the prediction"]
 
 
-def test_advice_that_comes_true_holds_its_prediction(trials):
+def test_reliable_advice_contains_its_prediction(trials):
     figure = advised_figure(trials)
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["20"]
     assert ax.containers[0].lines[0].get_data()[0] == pytest.approx([0.55])
     assert ax.containers[0].lines[0].get_data()[1] == pytest.approx([0.55])
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval holds the prediction"]
+    assert labels == ["as predicted", "99 % interval contains the prediction"]

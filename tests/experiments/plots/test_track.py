@@ -108,7 +108,7 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
     # squared errors by the variance of 1 mm an axis; nearly no error is off at the other end
     errors = np.array([e.mean for e in usual.estimates("filter")]) - usual.truth
     away = np.delete((1e6 * errors**2).sum(axis=1), RAN_AWAY)
-    assert f"; {60 + int((away < low).sum())} frames beyond" in ax.get_title(loc="left")
+    assert f"; {60 + int((away < low).sum())} frames outside" in ax.get_title(loc="left")
 
 
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):

@@ -148,7 +148,7 @@ LACKS = {
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: films cannot be simulated or read": lambda s: replace(s, cameras=()),
-    "how well the target's position in the tissue is known is not stated": lambda s: replace(
+    "the accuracy of the target's position in the tissue is not stated": lambda s: replace(
         s, target=Target("M2", 0.005)
     ),
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),

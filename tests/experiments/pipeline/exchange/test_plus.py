@@ -125,7 +125,7 @@ def test_it_is_said_where_plus_cannot_read_so_many(
     assert "PLUS" not in caplog.text
     monkeypatch.setattr(plus, "WHOLE_READ_BYTES", n_bytes)
     sequence(files, "filmed")
-    assert "PLUS does not read sequences of 4 GiB or more, like these 3 pictures are" in caplog.text
+    assert "PLUS does not read sequences of 4 GiB or more, like these 3 pictures" in caplog.text
 
 
 def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_nothing_guides_before_the_forces_were_tested(scene):
 def test_a_spring_that_is_cut_from_the_start_never_guides(scene):
     found = faults(scene, cut(scene))
     assert None not in found
-    assert "a force on" in found[-1]
+    assert "a persistent force on" in found[-1]
 
 
 def test_what_was_tested_is_tested_again_after_a_reset(scene):
