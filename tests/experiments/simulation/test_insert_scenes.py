@@ -1,4 +1,4 @@
-"""Needles in scenes of one's own: where they enter, what the filter is given, and whether advice comes true."""
+"""Needles in user scenes: entries, the filter's scene, and the reliability of advice."""
 
 import json
 from dataclasses import replace
