@@ -79,7 +79,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Why each missing mark of the last frame was not found; empty without `explain`."""
+        """Why each missing mark of the last frame was not found; empty if not explained."""
         search = self._last
         if search is None or search.rejections is None:
             return ()
