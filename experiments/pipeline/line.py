@@ -36,11 +36,11 @@ from vision import PlaneCamera
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
-"""Most coordinates and velocities of free nodes, 100 nodes in space: the time for a frame grows with about the cube;
-commands refuse more; chosen."""
+"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a frame takes too long, about as their
+cube; the commands refuse more; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Default common error of fixes: an ultrasound probe's calibration; a scene may state it."""
+"""Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
