@@ -145,7 +145,7 @@ _NAMES_OF = {
     "experiments.formats.scene.target": ("Target",),
     "experiments.formats.scene.scene": ("Scene", "read_scene", "write_scene"),
 }
-"""The names of each module that are handed on."""
+"""The public names of each module."""
 
 _HOMES = {name: module for module, names in _NAMES_OF.items() for name in names}
 

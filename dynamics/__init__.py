@@ -19,13 +19,13 @@ Names to start with:
 from dynamics.equilibrium import (
     Oscillations,
     build_network,
-    carried,
     equilibrium_with_fixed,
     fit_rest_lengths,
     inverted_springs,
     oscillations,
     reaches,
     rest_shape,
+    supported,
 )
 from dynamics.forces import (
     KINDS,
@@ -134,7 +134,6 @@ __all__ = [
     "all_positions",
     "breast_phantom",
     "build_network",
-    "carried",
     "damping_matrix",
     "derivative",
     "distributed_force",
@@ -178,6 +177,7 @@ __all__ = [
     "stiffness_matrix",
     "straight_insertion",
     "strain_uncertainty",
+    "supported",
     "to_outside",
     "unpack",
 ]

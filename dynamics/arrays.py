@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 def made_again(record: DataclassInstance) -> tuple[Callable[..., Any], tuple[Any, ...]]:
     """For `__reduce__`: a pickled or copied record is made again from its fields.
 
-    So it is checked and its arrays cannot be written, as those of the first: an array comes out of a pickle writable,
-    and numba compiles its kernels again for arrays that are.
+    So it is checked, and its arrays are read-only again: an unpickled array is writable, and numba compiles its kernels
+    again for writable arrays.
     """
     return type(record), tuple(getattr(record, field.name) for field in fields(record) if field.init)

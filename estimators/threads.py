@@ -1,7 +1,7 @@
-"""One thread for linear algebra while a filter is at work: of matrices so small more threads only wait for each other.
+"""One thread for linear algebra while a filter runs: with such small matrices more threads only wait for each other.
 
-A program sets OPENBLAS_NUM_THREADS before NumPy is loaded; of whom uses the library NumPy and SciPy are loaded already.
-Their wheels bring OpenBLAS, which is asked here; another library's threads are its user's to set.
+A program sets OPENBLAS_NUM_THREADS before NumPy is loaded; for a user of the library NumPy and SciPy are already
+loaded. Their wheels include OpenBLAS, which is set here; the threads of other libraries are up to the user.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
-    """What sets the number of threads of each OpenBLAS that NumPy and SciPy brought, and what tells it."""
+    """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include."""
     found = []
     for package in (numpy, scipy):
         home = Path(package.__path__[0])
         folders = home.parent / f"{package.__name__}.libs", home / ".dylibs"
         for path in (one for folder in folders for one in folder.glob("*openblas*")):
             for ending in ("64_", ""):
-                with suppress(OSError, AttributeError):  # of other builds, which have other names
+                with suppress(OSError, AttributeError):  # other builds have other names
                     library = ctypes.CDLL(str(path))
                     put = getattr(library, f"scipy_openblas_set_num_threads{ending}")
                     found.append((put, getattr(library, f"scipy_openblas_get_num_threads{ending}")))

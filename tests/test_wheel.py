@@ -37,7 +37,7 @@ def test_a_wheel_of_all_files_has_no_faults(tmp_path: Path) -> None:
     assert faults(wheel(tmp_path / "one.whl", names), names) == []
 
 
-def test_what_is_missing_and_what_does_not_belong_is_told(tmp_path: Path) -> None:
+def test_what_is_missing_and_what_does_not_belong_is_reported(tmp_path: Path) -> None:
     found = faults(
         wheel(tmp_path / "one.whl", ["softaim.py", "tests/x.py"], entry=""), ["softaim.py", "vision/py.typed"]
     )

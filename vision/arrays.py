@@ -11,4 +11,4 @@ Image = NDArray[np.uint8]
 """A picture, (height, width, 3) in the order BGR, or (height, width)."""
 
 Picture = NDArray[Any]
-"""The same as OpenCV's stubs have it: of whole or of floating numbers."""
+"""The same with the types of OpenCV's stubs: integers or floating-point numbers."""

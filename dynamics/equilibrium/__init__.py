@@ -5,17 +5,17 @@ What may enter: what does not depend on time.
 
 from dynamics.equilibrium.build import build_network
 from dynamics.equilibrium.oscillations import Oscillations, oscillations
-from dynamics.equilibrium.rest import carried, equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape
+from dynamics.equilibrium.rest import equilibrium_with_fixed, fit_rest_lengths, reaches, rest_shape, supported
 from dynamics.equilibrium.reversal import inverted_springs
 
 __all__ = [
     "Oscillations",
     "build_network",
-    "carried",
     "equilibrium_with_fixed",
     "fit_rest_lengths",
     "inverted_springs",
     "oscillations",
     "reaches",
     "rest_shape",
+    "supported",
 ]

@@ -15,7 +15,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Distance of a node's rest from where it is drawn, by the longest spring, above which it does not rest there [1];
+"""Largest distance between a node at rest and as drawn, by the longest spring, for a network that rests as drawn [1];
 chosen: 0.01 mm of a spring of 100 mm. Rounding leaves 1e-14 in the phantoms of 4 to 60 masses."""
 
 
@@ -47,8 +47,8 @@ def build_network(
 
     Values of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
 
-    Raises NetworkError that names the edge, node or argument, what was expected and what was found; also where no rest
-    lengths near those drawn let the network rest there.
+    Raises NetworkError, which names the edge, node or argument, what was expected and what was found; also where no
+    rest lengths near the drawn ones let the network rest as drawn.
     """
     known = _places(names)
     x = _numbers("positions", positions)
@@ -79,7 +79,7 @@ def build_network(
         damping=_each("damping", damping, n_springs, "edges"),
         gravity=_numbers("gravity", gravity),
     )
-    # without an anchor a network carries no weight, and rests as drawn
+    # without an anchor the network has no weight, and rests as drawn
     if isinstance(rest_lengths, str) and rest_lengths == AT_REST and network.fixed.any() and network.gravity.any():
         return _at_rest(network)
     return network

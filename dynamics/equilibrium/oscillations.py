@@ -1,4 +1,4 @@
-"""Small oscillations of a network about its rest: how fast they are and how soon they die."""
+"""Small oscillations of a network about its rest: frequencies and decay times."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Rates by the fastest, and imaginary parts by their rate, below which they are rounding: the root of that of a double
-eigenvalue."""
+"""Rates relative to the fastest, and imaginary parts relative to their rate, below this are rounding errors: the square
+root of that of a double eigenvalue."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,9 +33,9 @@ class Oscillations:
 def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
     """The natural motions about a shape in which the network rests, positions of all nodes [m], (n_nodes, dim).
 
-    Dry friction is left out: it ends small motions, and does not damp them in proportion. Motions that nothing resists,
-    those of a network without anchors as a whole, are none of these. Source: [tisseur2001], by the first companion
-    form, which is the matrix of the state.
+    Dry friction is left out: it ends small motions, and does not damp them in proportion. Motions without resistance,
+    such as those of a whole network without anchors, are left out. Source: [tisseur2001], by the first companion form,
+    which is the matrix of the state.
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
     rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]

@@ -21,7 +21,7 @@ RESIDUAL = 1e-9
 
 
 RIGID = 1e-9
-"""Stiffness, by the largest, below which it is rounding: that against motion as a rigid body."""
+"""Stiffness relative to the largest, below which it is rounding: the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
 """Largest relative change of a rest length: beyond it springs leave the range for which the stability limit is made."""
@@ -34,8 +34,8 @@ CONVERGED = 1e-11
 """Largest change of a relative rest length in the last pass: a hundred times what rounding leaves of it."""
 
 
-def carried(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network, without its weight where it has no anchor: what carries it then acts on every node alike."""
+def supported(network: MassSpringNetwork) -> MassSpringNetwork:
+    """The network; without gravity where it has no anchor, because its support then acts on every node alike."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
@@ -43,11 +43,11 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
 
     force: a constant force on the free nodes [N], (n_free, dim), default none
-    A network without anchors is `carried`, and rests where it is drawn, but for its own shape.
+    A network without anchors is `supported`, and rests where it is drawn, but for its own shape.
     A mass-spring network has several rest shapes; the drawn one selects which. Raises NetworkError where
     the energy has no stable minimum to be found there.
     """
-    network = carried(network)
+    network = supported(network)
     shape, anchored = (len(network.free), network.dim), bool(network.fixed.any())
     constant = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
     loose = not anchored or _turns_about_the_vertical(network)
@@ -68,12 +68,12 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
         options={"gtol": 1e-12, "maxiter": 500, "initial_trust_radius": 0.01, "max_trust_radius": 0.1},
     )
     q = np.asarray(found.x)
-    for _ in range(3):  # Newton's last digits, which a trust region on the energy cannot see
+    for _ in range(3):  # Newton steps for the last digits, which a trust region on the energy cannot resolve
         K = stiffness_matrix(network, everywhere(q))
         stiffnesses = np.linalg.eigvalsh(K)
         if stiffnesses[0] <= (-RIGID * stiffnesses[-1] if loose else 0.0):
             raise NetworkError("rest shape: expected a stable equilibrium near the drawn shape, found none")
-        # what nothing resists is left as it is by the smallest step
+        # the minimum-norm step leaves motions without resistance unchanged
         q = q - (np.linalg.lstsq(K, gradient(q), rcond=RIGID)[0] if loose else np.linalg.solve(K, gradient(q)))
     scale = np.abs(network.stiffness * network.rest_lengths).max()
     left = np.abs(gradient(q)).max()
@@ -83,7 +83,7 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether nothing resists that: in space, all anchors on one line along gravity, as of a cable that hangs bent."""
+    """Whether a turn about the vertical meets no resistance: in space, all anchors on one line along gravity."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False
@@ -93,7 +93,7 @@ def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:
-    """A shape (n_nodes, dim) moved as a rigid body to where it is nearest to the drawn one. Source: [kabsch1976]."""
+    """A shape (n_nodes, dim) moved as a rigid body to fit the drawn one best. Source: [kabsch1976]."""
     middle = shape.mean(axis=0)
     left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -115,9 +115,9 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 
 
 def reaches(network: MassSpringNetwork) -> Floats:
-    """How far each node can be from the anchor that is nearest along springs at rest [m], (n_nodes,); 0 of an anchor.
+    """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: how far each can be from any other node.
+    Without anchors: the largest distance from any other node.
     """
     paths = path_lengths(network, network.rest_lengths)
     if network.fixed.any():
@@ -128,16 +128,16 @@ def reaches(network: MassSpringNetwork) -> Floats:
 def fit_rest_lengths(
     network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
 ) -> MassSpringNetwork:
-    """The network with rest lengths corrected so that it rests where the tissue was seen to rest, drawn there.
+    """The network drawn where the tissue was seen to rest, with rest lengths corrected so that it rests there.
 
     positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
     deviation of the rest lengths before.
 
     Gauss-Newton on the real forces f at the shape x, so that force laws need not be linear in the rest lengths: for the
-    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. Of all solutions, the smallest; with
-    noise, the most probable, f being wrong by K times the noise of x. Where laws are linear the first pass is exact.
-    Combinations of rest lengths without effect on the forces stay as they are. Raises NetworkError where a rest length
-    would have to change by half, where passes do not converge, or where there is no stable rest near x.
+    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest of all solutions; with
+    noise, the most probable one, where f has an error of K times the noise of x. With linear laws the first pass is
+    exact. Combinations of rest lengths without effect on the forces stay as they are. Raises NetworkError where a rest
+    length would have to change by half, where passes do not converge, or where there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

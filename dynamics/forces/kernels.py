@@ -1,6 +1,6 @@
 """Force laws, each written once as scalar functions, and the compiled loops over springs, nodes and time steps.
 
-A force law is a few functions of one spring or one node: the force, its potential and its derivatives, all by hand.
+A force law is a few functions of one spring or one node: the force, its potential and its derivatives, in closed form.
 They take numbers or arrays: compiled loops call them with numbers; energy, tangent matrices, stability limit, parameter
 forces and the plain NumPy version call them with arrays. `tests/dynamics/forces/test_laws.py` checks every law of LAWS
 against finite differences, as a scalar function and in each assembly.
@@ -8,10 +8,10 @@ against finite differences, as a scalar function and in each assembly.
     tension of a spring     T = k (l - l0) + c dl/dt        along the spring, dl/dt its rate [N]
     resistance of a node    R = drag + friction / sqrt(v.v + slip²)     force -R v [N s/m]
 
-Laws and loops share this file because numba's cache on disk notices a change of a kernel's own file only. Arrays of the
+Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays of the
 loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over neighbouring
-numbers and the compiler can take several states at a time. They copy number by number: an assignment to a slice takes
-seconds more to compile, with what it says of shapes that do not fit. Nothing here checks its input:
+numbers and the compiler can take several states at a time. They copy number by number: slice assignments, with their
+shape checks, take seconds longer to compile. The input is not checked here:
 `dynamics.forces.energy` and `dynamics.integration.stepping` do.
 """
 
@@ -31,7 +31,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]: numerical, for dry friction jumps at speed 0 and integrators and
+"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0, and integrators and
 filters need a slope there. `tests/dynamics/forces/test_laws.py`: half and twice move the phantom by less than 1 %."""
 
 SHORTEST = 1e-9
@@ -76,7 +76,7 @@ FIELDS = {kind: kind for kind in KINDS} | {"rest_length": "rest_lengths"}
 """The field of `MassSpringNetwork` that has the constants of a kind."""
 
 
-# Force laws of a spring of some length [m] that grows at some rate [m/s]; c: its SpringConstants.
+# Force laws of a spring, by its length [m] and the rate of that length [m/s]; c: its SpringConstants.
 
 
 @register_jitable(fastmath=FASTMATH)
@@ -112,7 +112,7 @@ def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants)
     )
 
 
-# Force laws of a node whose velocity has some square [m²/s²]; c: its NodeConstants.
+# Force laws of a node, by the square of its velocity [m²/s²]; c: its NodeConstants.
 
 
 @register_jitable(fastmath=FASTMATH)
@@ -136,18 +136,18 @@ def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConsta
     )
 
 
-# Force laws of a needle along itself; it slides at some speed past the tissue beside it [m/s].
+# Force laws along a needle, by its speed relative to the tissue beside it [m/s].
 
 
 @register_jitable
 def contact_force(dent: Numbers, stiffness: float) -> Numbers:
-    """Force of the tip on the skin that it dents [N]; dent [m], below 0 before they touch."""
+    """Force of the tip on the dented skin [N]; dent: depth [m], below 0 before contact."""
     return stiffness * np.maximum(0.0, dent)
 
 
 @register_jitable
 def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
-    """Cutting or friction [N], `most` where the needle slides much faster than the slip velocity."""
+    """Cutting or friction force [N]; it tends to `most` as the needle slides much faster than the slip velocity."""
     return most * slide / np.sqrt(slide * slide + slip * slip)
 
 
@@ -244,8 +244,8 @@ def state_rate(  # type: ignore[no-untyped-def]
 ):
     """d(state)/dt, (n_state,), under forces on the free nodes [N], (n_free, dim); inverse_mass: of these, (n_free,).
 
-    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, the anchors' v zero.
-    The fields of `Packed` come one by one: to hand over a tuple takes longer than all the forces of the phantom.
+    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors.
+    The fields of `Packed` are separate arguments: passing a tuple takes longer than all the forces of the phantom.
     """
     n_free, dim = outside.shape
     half = n_free * dim
@@ -315,7 +315,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add the entry of coordinates a and b of what acts between two nodes; i, j: their places, -1 of an anchor's."""
+    """Add entry (a, b) of the block between two nodes; i, j: their places, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -330,8 +330,8 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
     """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
 
     x, v: (n_nodes, dim, 1); place: of each node's first coordinate among the free ones, -1 of an anchor's
-    definite: whether the across-stiffness T / l of a spring that is shorter than at rest counts as none: both matrices
-    are then semidefinite, so that an implicit step damps what would buckle instead of letting it grow
+    definite: whether to drop the transverse stiffness T / l of a spring shorter than at rest: both matrices are then
+    semidefinite, so that an implicit step damps buckling instead of letting it grow
     """
     n_nodes, dim, _ = x.shape
     K[:], C[:] = 0.0, 0.0
@@ -377,7 +377,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as `runge_kutta` and `tangents` take them
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Differs from `tangents`: the stiffness is that of the motion, with dashpots that turn, and friction that falls.
+    Differs from `tangents`: exact derivatives, with the rotation of dashpots and the falling friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -434,14 +434,14 @@ TR_BDF2 = 2.0 - np.sqrt(2.0)
 """Share of a step that its first stage, of the trapezoidal rule, takes: both stages then have one matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Newton iterations of a stage, and at most where they do not contract; numerical: with two a link as stiff as 2e7 N/m
-swings as with four."""
+"""Newton iterations of a stage, and the most where they do not contract; numerical: with two, a link of 2e7 N/m swings
+as with four."""
 
 CONTRACTED = 0.5
-"""An iteration changes speeds by less than this share of the one before, or tangents made elsewhere do not serve."""
+"""Largest ratio of speed changes in successive iterations, above which tangents from another state are renewed."""
 
 STILL = 1e-12
-"""Change of a place in a stage, by the largest coordinate, below which an iteration's rest is rounding's."""
+"""Change of position in a stage, by the largest coordinate, below which the remainder is rounding."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -463,7 +463,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
     """Lower L with L L' = M + weight C + weight² K, the tangents of a state, which are written into K and C."""
-    tangents(x, v, p, place, np.bool_(True), K, C)  # no literal, so that it is compiled once
+    tangents(x, v, p, place, np.bool_(True), K, C)  # not a literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
         M[r, r] += masses[r]
@@ -474,8 +474,8 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
     """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    L: of tangents about there, see `_factorise`; renew: whether each iteration makes its own; those that follow one
-    which does not contract always do
+    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration makes its own; iterations
+    after one that does not contract always do
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -510,10 +510,9 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
 def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as `runge_kutta` has it; masses: of the free coordinates, (n_half,); renew: whether each of Newton's
-    iterations makes tangents of its own, or those at the start of a step serve for all. Of second order, and stable
-    with definite tangents however stiff springs are: two stages, the trapezoidal rule and the backward differentiation
-    formula.
+    outside: as in `runge_kutta`; masses: of the free coordinates, (n_half,); renew: whether each Newton iteration makes
+    its own tangents, or all use those at the start of the step. Second order; stable with definite tangents at any
+    stiffness. Two stages: the trapezoidal rule and the backward differentiation formula.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape

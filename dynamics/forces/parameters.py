@@ -25,10 +25,10 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
 LARGEST_LOG = float(np.log(np.finfo(float).max))
-"""Of a factor that a floating-point number can be [1]."""
+"""Largest logarithm of a factor that is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Share of a variance that is rounding's."""
+"""Share of a variance that is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +44,11 @@ class ParameterUncertainty:
     """How well constants are known, on a log scale.
 
     parameters: which
-    directions: [1], (n_directions, n_parameters): each row is what one standard deviation along one direction,
-        independent of the others, adds to the log of every constant; their covariance is directions' directions
+    directions: [1], (n_directions, n_parameters): each row is the change of the log of every constant by one standard
+    deviation of one independent direction; their covariance is directions' directions
 
-    Raises NetworkError for other shapes, for numbers that are not finite, and for a constant of which one standard
-    deviation is a factor that is not.
+    Raises NetworkError for other shapes, for numbers that are not finite, and where one standard deviation of a
+    constant is a factor that overflows.
     """
 
     parameters: tuple[Parameter, ...]
@@ -92,7 +92,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Every one of these constants known to so much by itself: relative deviations [1], one or (n_parameters,)."""
+    """Each constant uncertain by itself, by a relative standard deviation [1], one number or (n_parameters,)."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -101,13 +101,13 @@ def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> P
 def strain_uncertainty(
     network: MassSpringNetwork, sd: float, *, length: float = 1.0, n_directions: int = 12
 ) -> ParameterUncertainty:
-    """Rest lengths off by an unknown strain that varies smoothly over the body: what the springs leave out of it.
+    """Rest lengths with an error by an unknown strain that varies smoothly over the body.
 
     A symmetric strain tensor E(X), its components independent Gaussian fields, changes the length of a spring along n
     by the share n' E n, so that two springs have the covariance sd² exp(-d² / 2 l²) (n · n')², d between their middles.
     sd: of the strain along any direction [1]; length: l by the body's longest side [1]
-    n_directions: of that covariance at most, by pivoted Cholesky decomposition: each the strain of the spring that
-        those before leave the most uncertain
+    n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
+    the spring that the ones before leave most uncertain
 
     Source: [harbrecht2012].
     """
@@ -155,7 +155,7 @@ def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
 
 
 def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
-    """What it is, in SI."""
+    """Its value in SI units."""
     return float(getattr(network, FIELDS[parameter.kind])[parameter.index])
 
 
@@ -194,7 +194,7 @@ def parameter_forces(
 
 
 class ParameterForces:
-    """The function `parameter_forces` of states of one network, compiled: a filter calls it at every step."""
+    """The function `parameter_forces` for states of one network, compiled: a filter calls it at every step."""
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)

@@ -21,8 +21,8 @@ RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Lengths over rest lengths at which the stability limit searches for the stiffest shape: a stiffness that is monotone
-between them, as that of every law is so far, has its maximum at one of the ends."""
+"""Ratios of length to rest length at which the stability limit searches for the stiffest shape: a stiffness that is
+monotone between them, as in every present law, has its maximum at one of the ends."""
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
@@ -42,7 +42,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """Derivative of the resisting force by the free velocities, at rest [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: above 0, nodes have the resistance that is that of this speed, force over speed, not its derivative
+    speed_m_s: above 0, nodes have the secant resistance at this speed, force over speed, in place of the derivative
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -55,7 +55,7 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
     """Matrix A of d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
     positions: of all nodes at rest [m], (n_nodes, dim)
-    speed_m_s: of the nodes, for their resistance; see `damping_matrix`
+    speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
     n = len(inverse_mass)
@@ -67,7 +67,7 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 
 
 def stable_step(network: MassSpringNetwork) -> float:
-    """Longest step for which Runge-Kutta stays stable while springs are 0.5 to 1.5 times as long as at rest [s].
+    """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes a spring's tangent stiffness is at most k in size in every direction, k the largest dT/dl or T / l;
     the graph Laplacian weighted by k bounds the stiffness of all such shapes, and the same with dashpots. (Linear

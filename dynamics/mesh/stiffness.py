@@ -26,7 +26,7 @@ def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
 
 
 def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
-    """The patch of each element, (m,) int: about `size` neighbours of one region, where it has as many.
+    """The patch of each element, (m,) int: about `size` neighbours within one region, if the region has as many.
 
     Halved again and again across the widest direction of the elements' centres.
     """

@@ -25,7 +25,7 @@ FINEST_STEP = 1.0 / 1920.0
 `tests/dynamics/needle/test_steered.py` checks."""
 
 OF_STABLE = 0.25
-"""Longest step by the longest stable one: numerical, the fastest vibration is damped by 0.1 % a step."""
+"""Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % a step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +99,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step taken [s]: FINEST_STEP, less where springs or dashpots are so stiff that it would not be stable."""
+    """Longest step taken [s]: FINEST_STEP, or less where stiff springs or dashpots would make that unstable."""
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
 
 

@@ -28,7 +28,7 @@ class MassSpringNetwork:
 
     names: node names, unique, n_nodes of them
     positions: where each node is in the drawn shape, at rest [m], shape (n_nodes, dim), dim 2 or 3
-    masses: [kg], shape (n_nodes,), positive; an anchor's mass plays no part
+    masses: [kg], shape (n_nodes,), positive; an anchor's mass is not used
     fixed: True for an anchor, shape (n_nodes,)
     drag: viscous friction against the ground [N s/m], shape (n_nodes,)
     friction: Coulomb friction against the planes that hold the node [N], shape (n_nodes,)

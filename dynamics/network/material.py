@@ -11,7 +11,7 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""A body has no extent in a direction in which its nodes scatter by less than this share of the most [1]; choice."""
+"""A direction counts where nodes scatter by at least this share of the largest scatter [1]; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
@@ -28,8 +28,8 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 def material_coordinates(network: MassSpringNetwork) -> Floats:
     """Coordinates of all nodes in the body itself [m], (n_nodes, n), n up to the network's dimension.
 
-    Classical scaling: the points whose distances come nearest to the ways along the springs as drawn. A cable is a
-    line, n = 1, however bent it is drawn. Source: [torgerson1952].
+    Classical scaling: points whose distances fit the paths along the springs as drawn best. A cable is a line, n = 1,
+    even if it is drawn bent. Source: [torgerson1952].
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))

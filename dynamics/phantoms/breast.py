@@ -1,7 +1,7 @@
-"""A soft hemisphere on a chest wall, as of a breast: nodes on its skin and inside, springs of an elastic body.
+"""A soft hemisphere on a chest wall, like a breast: nodes on its skin and inside, springs like an elastic body.
 
-x right, y up, z away from the chest wall; gravity is down, as of somebody who stands. Every number below defines this
-phantom and is no setting.
+x right, y up, z away from the chest wall; gravity is down, as for a standing patient. Every number below defines this
+phantom; none is a setting.
 """
 
 from __future__ import annotations
@@ -14,26 +14,26 @@ from dynamics.phantoms.lattice import Phantom, elastic_body
 
 RADIUS_M = 0.060
 YOUNG_PA = 5e3
-"""Of fat and gland together, a few kPa [gefen2007]."""
+"""Young's modulus of fat and gland together, a few kPa [gefen2007]."""
 
 FEWEST, MOST = 6, 60
 SKIN_SHARE = 0.6
-"""Of the masses, those on the skin; the others are inside."""
+"""Share of the masses on the skin; the others are inside."""
 
 N_WALL = 8
-"""Anchors around the foot, beside one in its middle."""
+"""Anchors around the foot; one more is in its middle."""
 
 TARGET = (0.15, 0.1, 0.45)
-"""The target by the radius."""
+"""Position of the target, by the radius."""
 
 INNER = 0.55
-"""Distance of the other masses inside from the middle of the foot, by the radius."""
+"""Distance of the other inner masses from the middle of the foot, by the radius."""
 
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
 def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
-    """So many masses at rest under gravity, those on the skin outside, the target inside, of this Young's modulus [Pa].
+    """A breast at rest under gravity, with the skin as outer nodes and the target inside; young: Young's modulus [Pa].
 
     Raises NetworkError for fewer than 6 masses, more than 60, and a modulus at which it does not hold its shape.
     """

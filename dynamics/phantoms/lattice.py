@@ -14,14 +14,14 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Springs of a triangulation longer than so many times their median bridge hollows of the body and are left out [1]."""
+"""Springs of a triangulation longer than this many times their median bridge hollows and are left out [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
 """Thickness of a body in the plane."""
 
 DAMPING_S = 0.01
-"""Of a dashpot by its spring."""
+"""Damping of a dashpot by the stiffness of its spring."""
 
 GRAVITY_M_S2 = 9.81
 
@@ -30,7 +30,7 @@ GRAVITY_M_S2 = 9.81
 class Phantom:
     """A body to practise on: a network that rests where it is drawn.
 
-    target: name of the hidden node that is meant; outer: names of the free nodes on its outside, where marks can be
+    target: name of the hidden target node; outer: names of the free nodes on the outside, where marks can be
     groups: what each spring is of, one name for all that are alike, (n_springs,)
     """
 
@@ -62,9 +62,9 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
 
     positions: of the nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
     young: Young's modulus [Pa] of a body in space; of a sheet in the plane, that times its thickness [N/m]
-    By [vangelder1998] a spring of length l has k = E V / l², V of the simplices that it borders. Summed over springs,
-    k l² is n E V of the whole body, n the edges of a simplex; equal stiffnesses share that out alike. Stretched alike
-    in all directions it is as stiff as a body of that modulus and Poisson's ratio 1/4, a sheet of 1/3.
+    By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. Summed over
+    springs, k l² is n E V of the whole body, n the edges of a simplex; equal stiffnesses share that out alike.
+    Under uniform stretch it is as stiff as a body of that modulus and Poisson's ratio 1/4; a sheet, 1/3.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())
@@ -81,7 +81,7 @@ def elastic_body(
     damping: Floats | None = None,
     masses: Floats | None = None,
 ) -> MassSpringNetwork:
-    """A body that is elastic on the whole, at rest under gravity, in -y, where its nodes are drawn [m], (n_nodes, dim).
+    """A body, elastic on the whole, that rests under gravity, in -y, where its nodes are drawn [m], (n_nodes, dim).
 
     young: Young's modulus [Pa], in the plane of a sheet of `SHEET_M`
     springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
@@ -109,12 +109,12 @@ def elastic_body(
 
 
 def volume(positions: Floats) -> float:
-    """Of the convex hull of the nodes [m³]; its area in the plane [m²]. Raises NetworkError where it has none."""
+    """Volume of the convex hull of the nodes [m³], or area in the plane [m²]. Raises NetworkError where it has none."""
     return float(_hull(positions).volume)
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes at these positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
+    """Which nodes, by positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
 
     Raises NetworkError where the hull has no volume.
     """
@@ -124,7 +124,7 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 
 
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
-    """How far it is from a point inside the convex hull of the nodes out of it along a unit vector [m].
+    """Distance from a point inside the convex hull of the nodes to its surface along a unit vector [m].
 
     positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
     Raises NetworkError where the hull has no volume.

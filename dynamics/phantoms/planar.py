@@ -1,6 +1,6 @@
-"""A flat phantom like the paper's, of as many masses as one likes: staggered rows that stand on the floor.
+"""A flat phantom like the paper's, with any number of masses: staggered rows that stand on the floor.
 
-Every number below defines this phantom and is no setting.
+Every number below defines this phantom; none is a setting.
 """
 
 from __future__ import annotations
@@ -12,24 +12,24 @@ from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
-"""Between neighbours in a row; the next row stands half as far above, half a spacing aside."""
+"""Spacing of neighbours in a row; the next row is half as far above, shifted by half a spacing."""
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""By the number of masses: it sags by some 10 % of its spacing, whatever their number."""
+"""Stiffness by the number of masses: the phantom sags by some 10 % of its spacing at any number."""
 
 DAMPING_S = 0.0025
-"""Of a dashpot by its spring."""
+"""Damping of a dashpot by the stiffness of its spring."""
 
 DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Masses by the square of those in a row: so the phantom is about as high as wide."""
+"""Ratio of the number of masses to the square of those in a row: the phantom is about as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
-    """So many masses, 4 to 60, at rest under gravity, the innermost hidden; raises NetworkError for other numbers."""
+    """A flat phantom at rest under gravity, the innermost mass hidden; raises NetworkError beyond 4 to 60 masses."""
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
     masses, rim, wide = _rows(n_masses)

@@ -1,6 +1,6 @@
-"""Names of interchangeable marks: what it costs to exchange them in one frame, and which exchanges that leaves open.
+"""Names of interchangeable marks: the cost of each assignment in one frame, and the exchanges that it leaves plausible.
 
-Names are a tuple: by place among the interchangeable nodes, the place of the node that a mark of that name is on.
+Names are a tuple over the interchangeable nodes: for each, the place of the node that carries the mark of that name.
 """
 
 from __future__ import annotations
@@ -38,17 +38,17 @@ class InterchangeableMarks:
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
-        """By what the filter expects now, what it costs that the mark named after node j is on node i: (n, n).
+        """Cost of the mark named after node j being on node i, by the filter's present prediction: (n, n).
 
-        As -log of a density. Nothing for a mark that is not seen. starting: by where nodes may be at a start.
+        The cost is -log of a density; 0 for a mark that is not seen. starting: use the distribution at a start.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
         if not seen:
             return costs
         if starting:
-            beliefs = [tissue.expected_at_rest(node) for node in self.nodes]
-            means, covs = np.array([mean for mean, _ in beliefs]), np.array([cov for _, cov in beliefs])
+            expected = [tissue.expected_at_rest(node) for node in self.nodes]
+            means, covs = np.array([mean for mean, _ in expected]), np.array([cov for _, cov in expected])
         else:
             means, covs = tissue.expected_of(self.nodes)
         z, R = np.array([mark.position for mark in seen]), np.array([mark.total_cov for mark in seen])
@@ -56,7 +56,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Names that so many exchanges of two lead to from these, none worse by more than `worst` in this frame.
+        """Names at this many exchanges of two from these, none worse by more than `worst` in this frame.
 
         The best first, and no more than `most`.
         """
@@ -92,7 +92,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each on the node that its name stands for; on the one it is named after where names lack it."""
+    """The marks, each on the node that its name stands for; a mark that is not among the names keeps its node."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

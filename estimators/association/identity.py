@@ -18,9 +18,9 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 
 @dataclass(frozen=True, slots=True)
 class IdentitySwap:
-    """Marks that had been taken for each other, and are no longer.
+    """An exchange of marks that was found and undone.
 
-    time_s, since_s: when it was undone, and since when it had been so [s]; nodes: whose marks they are
+    time_s, since_s: when it was undone, and when it began [s]; nodes: the nodes of these marks
     """
 
     time_s: float
@@ -39,10 +39,10 @@ class AssociatedEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """Other names for the marks, and the state that the filter would have by them.
+    """Other names for the marks, and the filter's state under them.
 
-    ahead: log of how much more probable they are than the present names, negative as long as they are less
-    since_s: since when the names differ [s]
+    ahead: log odds of these names against the present names, negative while they are less probable
+    since_s: time since which the names differ [s]
     """
 
     names: Names
@@ -56,24 +56,23 @@ Hypotheses = dict[Names, Hypothesis]
 
 
 class AssociationFilter:
-    """Takes marks in, and adopts other names for interchangeable ones once these are decisively more probable.
+    """A filter that adopts other names for interchangeable marks once they are decisively more probable.
 
     A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
-    makes a rival: the filter as it was before, given the marks by those names, and followed from then on. Of two ways
-    to the same names the more probable is kept (Viterbi's algorithm). The probability of a rival is the product of the
-    likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly the
-    worse; when it is clearly the better, and TRACKING, the filter goes on as if it had been adopted from the start.
+    makes an alternative: a copy of the filter that takes the marks by those names from then on. Of two paths to the
+    same names the more probable is kept (Viterbi's algorithm). The probability of an alternative is the product of the
+    likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly
+    worse. When it is clearly better, and TRACKING, the filter goes on as if it had been adopted from the start.
 
-    Where there is no estimate yet, any names may be right: at a start, after a divergence, and when marks are refused.
-    Then the filter restarts by each of those that lie best about the rest shape; for the
-    tissue may be turned or displaced, that counts for no more than `settings.decisive`. One by the present names
-    restarts beside them, which they must beat as well: or else a filter of large covariance, which nothing refutes,
-    would win by that and not by its names.
+    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are refused. Then
+    the filter restarts under each of the names that fit the rest shape best. Since the tissue may be turned or
+    displaced, that fit counts for no more than `settings.decisive`. One filter also restarts under the present names,
+    and the others must beat it: otherwise a filter could win by its large covariance alone.
 
-    tissue: the filter; predict it, and then come here with the marks
+    tissue: the filter; predict it first, then call `update` here
     groups: of nodes whose marks are interchangeable; names are never exchanged between groups
-    State: node_of, the node of each mark that another gave a name to, if it is another one; rivals, and same_names, the
-    one beside them; swaps undone; when names may next be tried from a start, and the pause after that.
+    State: node_of, the node of each named mark, where it differs from the name; alternatives, and same_names, the
+    restart under the present names; swaps undone; when names may next be tried from a start, and the pause after that.
     """
 
     def __init__(
@@ -83,13 +82,13 @@ class AssociationFilter:
         self.settings = IdentitySettings() if settings is None else settings
         self.interchangeable = InterchangeableMarks(tissue, groups)
         self.node_of: dict[str, str] = {}
-        self.rivals: list[Hypothesis] = []
+        self.alternatives: list[Hypothesis] = []
         self.swaps: list[IdentitySwap] = []
         self.same_names: Hypothesis | None = None
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """Marks that another tracker named, on the nodes that they are on by the present names."""
+        """Marks of another tracker, moved to the nodes of the present names."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -102,15 +101,16 @@ class AssociationFilter:
         now = tissue.snapshot()
         same = [] if self.same_names is None else [self.same_names]
         fixed = [
-            self._predicted(one, estimate.time_s, lambda: tissue.fix(position, cov)) for one in (*self.rivals, *same)
+            self._predicted(one, estimate.time_s, lambda: tissue.fix(position, cov))
+            for one in (*self.alternatives, *same)
         ]
         tissue.restore(now)
         self.same_names = fixed[-1] if same else None
-        self.rivals = [one for one in fixed[: len(self.rivals)] if one is not None]
+        self.alternatives = [one for one in fixed[: len(self.alternatives)] if one is not None]
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Take in marks on the nodes that they are on by the present names, at the filter's time.
+        """Update with marks on the nodes of the present names, at the filter's time.
 
         Raises ValueError and CovarianceError as the filter does.
         """
@@ -120,9 +120,9 @@ class AssociationFilter:
         others = {} if starting else self._others(groups.own, groups.costs(tissue, marks), self.settings.decisive)
         estimate = tissue.update(marks)
         if starting:
-            self.rivals, self.same_names = [], None
+            self.alternatives, self.same_names = [], None
         try_all = starting or self._uncertain(estimate, marks)
-        if not others and not self.rivals and not try_all:
+        if not others and not self.alternatives and not try_all:
             return AssociatedEstimate(estimate, tuple(marks))
         present = Hypothesis(groups.own, 0.0, estimate.time_s, tissue.snapshot(), estimate)
         log_likelihood = tissue.log_likelihood
@@ -130,8 +130,10 @@ class AssociationFilter:
         start = replace(present, ahead=-log_likelihood, state=before)
         for names, n_changes in others.items():
             _keep(hypotheses, self._updated(self._changed(start, names, n_changes), marks))
-        for rival in self.rivals:
-            self._follow(hypotheses, replace(rival, ahead=rival.ahead - log_likelihood), estimate.time_s, marks)
+        for alternative in self.alternatives:
+            self._follow(
+                hypotheses, replace(alternative, ahead=alternative.ahead - log_likelihood), estimate.time_s, marks
+            )
         if self.same_names is not None:
             same = self._predicted(self.same_names, estimate.time_s)
             self.same_names = same and self._updated(replace(same, ahead=same.ahead - log_likelihood), marks)
@@ -143,15 +145,15 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Of all names tried from a start [s]; by then the wrong ones are ruled out."""
+        """Pause before names are tried from a start again [s]; by then the wrong ones are ruled out."""
         return 2.0 * self.tissue.settings.test_s
 
     def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
-    def _changed(self, rival: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """Other names by the state of a rival, after so many exchanges of two."""
-        return replace(rival, names=names, ahead=rival.ahead - n_changes * self.settings.exchange)
+    def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
+        """Other names from the state of an alternative, after this many exchanges of two."""
+        return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
         """Whether marks are refused, so that any names may be right, and it is time to try them."""
@@ -168,7 +170,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Start the filter starting by other names, as far ahead as the best is now, and by the same beside them."""
+        """Restart the filter under other names, as far ahead as the best is now, and under the present names."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive
@@ -180,15 +182,15 @@ class AssociationFilter:
             self.same_names = self._updated(nothing, marks)
 
     def _follow(
-        self, hypotheses: Hypotheses, rival: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
+        self, hypotheses: Hypotheses, alternative: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
     ) -> None:
-        """Update a rival with this frame, and add the names that are uncertain by its state."""
-        predicted = self._predicted(rival, time_s)
+        """Update an alternative with this frame, and add the names that are uncertain given its state."""
+        predicted = self._predicted(alternative, time_s)
         if predicted is None:
             return
         costs = self.interchangeable.costs(self.tissue, marks)
         _keep(hypotheses, self._updated(predicted, marks))
-        for names, n_changes in self._others(rival.names, costs, self.settings.decisive).items():
+        for names, n_changes in self._others(alternative.names, costs, self.settings.decisive).items():
             if names not in hypotheses:
                 _keep(
                     hypotheses,
@@ -196,29 +198,33 @@ class AssociationFilter:
                 )
 
     def _predicted(
-        self, rival: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
+        self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """The rival at a later time [s], and after what is done then; None where its filter cannot follow."""
-        self.tissue.restore(rival.state)
+        """The alternative predicted to a later time [s], after `then`; None where its filter fails."""
+        self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
             then()
         except (CovarianceError, np.linalg.LinAlgError):
             return None
-        return replace(rival, state=self.tissue.snapshot())
+        return replace(alternative, state=self.tissue.snapshot())
 
-    def _updated(self, rival: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The rival after it took the marks in by its names; None where its filter cannot."""
-        self.tissue.restore(rival.state)
+    def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
+        """The alternative updated with the marks under its names; None where its filter fails."""
+        self.tissue.restore(alternative.state)
         try:
-            estimate = self.tissue.update(renamed(marks, self.interchangeable.by_node(rival.names)))
+            estimate = self.tissue.update(renamed(marks, self.interchangeable.by_node(alternative.names)))
         except (CovarianceError, np.linalg.LinAlgError):
             return None
-        ahead = rival.ahead + self.tissue.log_likelihood
-        return replace(rival, ahead=ahead, state=self.tissue.snapshot(), estimate=estimate) if isfinite(ahead) else None
+        ahead = alternative.ahead + self.tissue.log_likelihood
+        return (
+            replace(alternative, ahead=ahead, state=self.tissue.snapshot(), estimate=estimate)
+            if isfinite(ahead)
+            else None
+        )
 
     def _decided(self, hypotheses: Hypotheses, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Adopt the best names if they are decisively so, and keep those that are not decisively worse."""
+        """Adopt the best names if they are decisively better, and keep those that are not decisively worse."""
         own, settings = self.interchangeable.own, self.settings
         best = _best(hypotheses)
         same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)
@@ -232,13 +238,13 @@ class AssociationFilter:
             for one in hypotheses.values()
             if one is not best and one.ahead >= worst and now_s - one.since_s <= settings.longest_s
         ]
-        self.rivals = sorted(kept, key=lambda one: -one.ahead)[: settings.max_hypotheses]
+        self.alternatives = sorted(kept, key=lambda one: -one.ahead)[: settings.max_hypotheses]
         swap = None
         if best.names != own:
             swap = IdentitySwap(now_s, best.since_s, tuple(node for node, other in nodes.items() if node != other))
             self.swaps.append(swap)
             self.node_of = {node: nodes[self.node_of.get(node, node)] for node in nodes}
-        if swap is not None or not self.rivals:
+        if swap is not None or not self.alternatives:
             self.same_names = None
         return AssociatedEstimate(best.estimate, renamed(marks, nodes), swap)
 
@@ -248,6 +254,6 @@ def _best(hypotheses: Hypotheses) -> Hypothesis:
 
 
 def _keep(hypotheses: Hypotheses, one: Hypothesis | None) -> None:
-    """Of two ways to the same names, the more probable."""
+    """Keep the more probable of two paths to the same names."""
     if one is not None and (one.names not in hypotheses or one.ahead > hypotheses[one.names].ahead):
         hypotheses[one.names] = one

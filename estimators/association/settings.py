@@ -12,10 +12,10 @@ class IdentitySettings:
 
     Other names are tried from a start when a mark is refused, and again no sooner than twice the filter's test_s later.
 
-    decisive: log of the odds at which names are ruled out, or adopted [1]; choice
-    exchange: log of the odds against one exchange of two names before any mark speaks for it [1]; choice
-    longest_s: names neither adopted nor ruled out are followed, and vain restarts put off, for so long [s]; choice
-    max_hypotheses: other names followed at a time [1]; source: all those of three interchangeable marks, 3! - 1
+    decisive: log odds at which names are ruled out or adopted [1]; choice
+    exchange: prior log odds against one exchange of two names [1]; choice
+    longest_s: for this long undecided names are followed, and restarts are put off after vain ones [s]; choice
+    max_hypotheses: number of alternatives at a time [1]; source: all for three interchangeable marks, 3! - 1
     """
 
     decisive: float = log(1e3)

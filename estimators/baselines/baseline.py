@@ -1,4 +1,4 @@
-"""Baseline: the part that all methods to compare with share, so that they differ by the method alone."""
+"""Baseline: what all compared methods share, so that they differ by the method alone."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from estimators.tissue.settings import FilterSettings
 
 
 class Baseline(ABC):
-    """A method to compare with; the filter that the project recommends is `TissueFilter`.
+    """A method for comparison; the project recommends `TissueFilter`.
 
-    It starts at rest, as uncertain as pokes of `settings.lost_s` make the tissue, and stays there until the first
-    marks. No mark is ever gated.
+    It starts at rest, with the covariance that pokes for `settings.lost_s` cause, and stays there until the first
+    marks. Marks are not gated.
 
     State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
     """
@@ -56,7 +56,7 @@ class Baseline(ABC):
         """Mean and covariance of the state, (n,), (n, n), which begins with the free coordinates."""
 
     def _poked(self) -> float | None:
-        """Probability that an outside force acts, None where the method has one mode only."""
+        """Probability that an external force acts; None where the method has a single mode."""
         return None
 
     def run(
@@ -66,7 +66,7 @@ class Baseline(ABC):
     ) -> Iterator[list[TargetEstimate]]:
         """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update.
 
-        advance: gets the share done.
+        advance: is called with the share done.
         """
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
@@ -81,7 +81,7 @@ class Baseline(ABC):
         if self.time_s is None:
             self._begin()
         elif self.seen_s is not None and time_s > self.time_s:
-            # over more a filter forgets the state, and no step through days is worth its time
+            # after a longer gap a filter forgets the state; steps through days would only cost time
             self._advance(min(time_s - self.time_s, self.settings.forget_s))
         self.time_s = time_s
 

@@ -18,11 +18,11 @@ N_MEMBERS = 200
 
 
 class EnsembleKalmanFilter(Baseline):
-    """The ensemble transform Kalman filter: one mode, the poked one, noise drawn at every step of at most 1/120 s.
+    """The ensemble transform Kalman filter: the poked mode only, noise drawn at each step of at most 1/120 s.
 
-    The update moves the ensemble to the Kalman update of its own mean and covariance, without drawn marks; no inflation
-    and no localisation. Source: [hunt2007], section 2.3, with the singular values of the marks' part in place of an
-    eigenvalue problem of the size of the ensemble.
+    The update moves the ensemble to the Kalman update of its own mean and covariance; no perturbed marks, no inflation,
+    no localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part in place of
+    an eigenvalue problem of the ensemble's size.
 
     State: members (n_members, dim_x), beside what `Baseline` has.
     """

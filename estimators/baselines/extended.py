@@ -24,7 +24,7 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 
 
 class ExtendedKalmanFilter(Baseline):
-    """The extended Kalman filter: one mode, the poked one, linearised again at every step of at most 1/120 s.
+    """The extended Kalman filter: the poked mode only, linearised again at each step of at most 1/120 s.
 
     Source: [barshalom2001], section 10.3; the update is Joseph's.
 

@@ -12,16 +12,16 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Of a longer time between two frames so much is simulated [s]: after it the filter forgets, too."""
+"""Most time that is simulated between two frames [s]; after it the filter forgets its state, too."""
 
 
 class OpenLoop:
     """The target by open-loop simulation, driven by the marks. Source: [paper], section III and Fig. 5.
 
-    Between two frames a measured mass moves in a straight line at constant speed: the paper leaves that open, and
-    without using later frames this serves the method best. A marked mass that was not seen is
-    integrated like the hidden ones, from where it was last, as the paper provides ("additional second-order
-    integration ... in case of losing of data"). The integrator is the classical Runge-Kutta one.
+    Between two frames a measured mass moves in a straight line at constant speed: the paper leaves that open, and this
+    serves the method best without using later frames. A marked mass that was not seen is integrated like the hidden
+    ones, from its last position, as in the paper ("additional second-order integration ... in case of losing of data").
+    The integrator is the classical Runge-Kutta one.
 
     State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
     """
@@ -36,7 +36,7 @@ class OpenLoop:
         self._free = set(network.free.tolist())
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Go on to this exposure time [s], the marked masses moving to where they were seen."""
+        """Simulate to this exposure time [s]; the marked masses move to where they were seen."""
         seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")

@@ -1,4 +1,4 @@
-"""A particle filter of the tissue, large enough to stand for the optimum."""
+"""A particle filter of the tissue, large enough to approximate the optimal filter."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ N_PARTICLES = 100
 """Size of the sample: with 100 histories kept the two modes are resolved over six intervals (2^6)."""
 
 BRANCH_S = 1.0 / 30.0
-"""Every particle has its successors about this often [s]; choice."""
+"""Interval between branchings of the particles [s]; choice."""
 
 
 class ParticleFilter(Baseline):
     """Particles of the history of the modes (calm, poked), each with an unscented filter of the state.
 
-    Rao-Blackwellised [doucet2000]: given when the tissue was poked the rest is nearly Gaussian. A particle filter of
-    the state itself leaves no particle alive: without pokes its 16 dimensions have hardly any noise. Every particle
-    has all its successors weighted, one for each mode; of these at most n_particles are kept, without bias or twins
+    Rao-Blackwellised [doucet2000]: given the times of pokes, the state is nearly Gaussian. A particle filter of
+    the state itself leaves no particle alive: without pokes its 16 dimensions have hardly any noise. Each particle
+    branches into one weighted successor for each mode; at most n_particles are kept, without bias or duplicates
     [fearnhead2003]. Modes last as long as `Disturbances` says.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
@@ -74,7 +74,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Every particle into its successors dt [s] later, one for each mode; before that down to the number kept."""
+        """Reduce the particles to the number kept, then branch each into one successor for each mode, dt [s] later."""
         self._thin()
         odds = small_expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
@@ -114,7 +114,7 @@ class ParticleFilter(Baseline):
 
 
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
-    """Which of these weights to keep, at most n, each once, and what they weigh then: unbiased, of least variance.
+    """Indices of at most n weights to keep, and their new weights: unbiased, with the least variance.
 
     Above a threshold c a weight is kept as it is; below, one of weight w is kept with probability w / c and weighs c.
     Source: [fearnhead2003].

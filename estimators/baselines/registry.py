@@ -1,4 +1,4 @@
-"""The table of methods to compare with, by name: what `softaim compare` runs beside the filter and the open loop.
+"""The table of compared methods, by name: `softaim compare` runs them beside the filter and the open loop.
 
 A new method: a file with its `Baseline`, and one line in METHODS.
 """
@@ -29,10 +29,10 @@ class UnknownMethodError(LookupError):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """What every method is given: the tissue, the target (a node or a point beside it), and the belief about forces.
+    """Input of every method: the tissue, the target (a node or a point beside it), and the prior of the forces.
 
     marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
-    seed: of methods that draw random numbers; fixes: direct sightings of the target, for a method that uses them
+    seed: for methods that draw random numbers; fixes: direct sightings of the target, for methods that use them
     """
 
     network: MassSpringNetwork
@@ -51,21 +51,21 @@ class TrackingProblem:
 
     @property
     def rng(self) -> np.random.Generator:
-        """A new generator at its seed: the same recording gives the same tables."""
+        """A new generator from the seed: the same recording gives the same tables."""
         return np.random.default_rng(self.seed)
 
 
 class Method(Protocol):
-    """A method at its beginning."""
+    """A method in its initial state."""
 
     def run(
         self,
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of all frames, (time [s], marks) in order, in blocks: as many at a time as become known together.
+        """Estimates of all frames, (time [s], marks) in order, in blocks that become known together.
 
-        A filter yields one a frame, a smoother those of all frames at the end. advance: gets the share done.
+        A filter yields one a frame, a smoother all of them at the end. advance: is called with the share done.
         """
 
 
@@ -82,7 +82,7 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
 
 
 def make_method(name: str, problem: TrackingProblem) -> Method:
-    """The method of this name at its beginning; raises UnknownMethodError."""
+    """The method of this name in its initial state; raises UnknownMethodError."""
     if name not in METHODS:
         raise UnknownMethodError(f'method: expected one of {", ".join(METHODS)}, found "{name}"')
     return METHODS[name](problem)

@@ -1,4 +1,4 @@
-"""The fixed-interval smoother, as a method to compare with: it uses the marks of all frames."""
+"""The fixed-interval smoother for comparison: it uses the marks of all frames."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """The filter forth and smoothed back; a lower bound on the error of what filters with the same model.
+    """The filter forwards and the smoother backwards: a lower bound on the error of filters with the same model.
 
     fixes: direct sightings of the target, used at their times
     State: tissue, the filter, before or after its frames.
@@ -42,6 +42,6 @@ class FixedIntervalSmoother:
     ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames, (time [s], marks) in order, in one block after the last.
 
-        advance: gets the share done.
+        advance: is called with the share done.
         """
         yield fixed_interval(self.tissue, frames, advance, fixes=self._fixes)

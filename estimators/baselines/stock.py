@@ -14,14 +14,14 @@ ALPHA, BETA = 0.1, 2.0
 
 
 class StockUnscented(Baseline):
-    """filterpy's UnscentedKalmanFilter, nothing changed: one mode, the poked one, and one prediction a frame.
+    """filterpy's UnscentedKalmanFilter, unchanged: the poked mode only, and one prediction a frame.
 
-    Every sigma point moves in steps of at most 1/120 s, but points are drawn, and noise is added, once a frame: that of
-    masses that fly freely from one frame to the next (`TissueModel.noise`), where the others add that of each step.
-    At 30 frames/s this costs little, from 10 frames/s down it is the difference; it is the point here.
+    Sigma points move in steps of at most 1/120 s, but points are drawn, and noise is added, once a frame: the noise of
+    masses that move freely between frames (`TissueModel.noise`), where the other methods add noise at each step. At 30
+    frames/s this costs little; from 10 frames/s down it makes the difference, which is the purpose here.
 
-    State: filter, filterpy's, beside what `Baseline` has; restarts: how often its covariance was no longer positive
-    definite, and it restarted from its first state.
+    State: filter, filterpy's, beside the state of `Baseline`; restarts: how often it restarted from its first state
+    because its covariance was no longer positive definite.
     """
 
     filter: filterpy.UnscentedKalmanFilter

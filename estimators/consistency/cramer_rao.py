@@ -1,4 +1,4 @@
-"""How well any filter can do: the posterior Cramér-Rao bound of a network, its unknown force and its marks."""
+"""The posterior Cramér-Rao bound of a network, its unknown force and its marks: a limit for any filter."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def posterior_bound(
     *,
     poked: Sequence[str] = (),
 ) -> Floats:
-    """Covariances below which no unbiased estimate of the states can be, (n_times, dim_x, dim_x), marks taken in.
+    """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
 
-    states: what is true, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
+    states: the true ones, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
     marks: for each time the nodes seen and the covariance of each mark [m²], (dim, dim); none where nothing is seen
     mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
     start_cov: before the first marks, (dim_x, dim_x)
 
-    The recursion of [tichavsky1998] for Gaussian noise, in the form of covariances, which a force on few states needs:
-    a Kalman filter whose transition matrices are those of the truth. The bound of one truth; that of many is the mean
-    of their informations, of which the mean of their covariances is an upper bound (Jensen), and here both are one:
-    the matrices hardly differ.
+    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, which a force on few states needs: a Kalman
+    filter with the transition matrices of the true states. This is the bound for one truth. The bound for many takes
+    the mean of their information matrices; the mean of their covariances is an upper bound of it (Jensen). Here the
+    matrices hardly differ, so that both agree.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -69,7 +69,7 @@ def posterior_bound(
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
     """Transition matrix and noise of a step of dt [s] from a state of the network (n_state,), each (dim_x, dim_x).
 
-    Of the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
+    For the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

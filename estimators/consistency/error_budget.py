@@ -1,8 +1,8 @@
-"""Errors of the target that no innovation shows, each as a covariance at rest: the error budget of an estimate.
+"""The error budget of an estimate: errors of the target that innovations do not show, each as a covariance at rest.
 
-An estimate that follows its marks puts the hidden nodes (h) where the model has them between the marked ones (m).
-An error s of the marks' places then moves them by -Khh^-1 Khm s, and a force g that the model leaves out by
-Khh^-1 gh, with K the stiffness at rest: static condensation.
+An estimate that follows its marks places the hidden nodes (h) by the model between the marked ones (m).
+An error s of the marks' positions then moves them by -Khh^-1 Khm s, and an unmodelled force g moves them by Khh^-1 gh,
+with K the stiffness at rest: static condensation.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from estimators.process.process_model import LOOSE
 class ErrorSource:
     """One source of error of the target.
 
-    name: in a few words; cov: of the target by it [m²], (dim, dim); considered: whether the filter's covariance has it
+    name: in a few words; cov: the target's covariance by it [m²], (dim, dim); considered: whether the filter's
+    covariance includes it
     variance: trace of cov [m²]
     """
 
@@ -41,10 +42,10 @@ class ErrorSource:
 
 
 class StaticResponse:
-    """How the target of a filter moves at rest where its estimate follows the marks of these nodes.
+    """The static response of a filter's target to errors, where its estimate follows the marks of these nodes.
 
     rest: where the body rests [m], (n_nodes, dim)
-    State: the hidden coordinates' stiffness, solved for what is asked.
+    State: the factorised stiffness of the hidden coordinates.
     """
 
     def __init__(self, tissue: TissueFilter, nodes: Sequence[str]) -> None:
@@ -67,6 +68,6 @@ class StaticResponse:
     def _moved(self, marked: Floats, forces: Floats) -> Floats:
         shifts = np.zeros((len(self._m) + len(self._h), forces.shape[1]))
         shifts[self._m] = marked
-        # where nothing resists a turn about the marks, nothing makes one
+        # a turn about the marks that meets no resistance is not excited either
         shifts[self._h] = np.linalg.lstsq(self._hidden, forces, rcond=LOOSE)[0]
         return self._target.linear(shifts)

@@ -18,7 +18,7 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeaveOneOutCheck:
-    """Error of the prediction of a mark by the filter that does not use it, in one frame.
+    """Prediction error for one mark in one frame, by the filter that does not use it.
 
     error: measured less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
     """
@@ -28,13 +28,13 @@ class LeaveOneOutCheck:
 
 
 class LeaveOneOut:
-    """A filter of the target, and for each marked node a filter that never gets its mark and predicts it.
+    """A filter of the target, and for each marked node a filter that predicts its mark without ever using it.
 
-    Where errors of withheld marks exceed their predicted covariance the model is wrong, for the target too: its
-    covariance is scaled by the maximum-likelihood factor of the predicted variance, 1 or more.
+    Where the errors of withheld marks exceed their predicted covariance, the model is wrong, also for the target: the
+    target's covariance is scaled by the maximum-likelihood factor on the predicted variance, 1 or more.
 
-    State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks, by node, of
-    the last frame.
+    State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks of the last
+    frame by node.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The same, of marks that the filter of the target has taken in already, and its estimate after them."""
+        """The same for marks that the filter of the target has already used, and its estimate after them."""
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
         self._time_s = estimate.time_s
@@ -92,10 +92,10 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """What an error of the calibration adds to the variance of its mark about a filter's target [m²], (dim, dim).
+    """What a calibration error adds to the variance of a mark about a filter's target [m²], (dim, dim).
 
-    Where the filter considers it, its own error comes from the same: columns C and the mark's F add
-    (C + F)(C + F)' - C C'.
+    Where the filter considers that error, both errors have the same cause: with the filter's columns C and the mark's F
+    it adds (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

@@ -23,13 +23,13 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
 
 
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
-    """Between which a chi-square variable of so many degrees of freedom lies with this probability, tails equal."""
+    """Interval of a chi-square variable with this many degrees of freedom at this probability, equal tails."""
     tail = 0.5 * (1.0 - share)
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
 
 def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, float]:
-    """Between which the mean of n independent chi-square variables lies with this probability.
+    """Interval of the mean of n independent chi-square variables at this probability.
 
     degrees: of freedom of each, or their mean where they differ
     """
@@ -38,7 +38,7 @@ def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, flo
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Part of the normalised squared errors, (n,), inside the region that ought to hold this share of them."""
+    """Share of the normalised squared errors, (n,), inside the region that should hold this share of them."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 

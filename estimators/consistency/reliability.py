@@ -12,11 +12,11 @@ from scipy.stats import beta
 
 @dataclass(frozen=True, slots=True)
 class ReliabilityBin:
-    """Predictions from low to high, such as 0.3 to 0.4, and what came of them.
+    """Predicted probabilities from low to high, such as 0.3 to 0.4, and the observed hits.
 
-    n: how many; mean: of what was predicted, None where n is 0; hits: how many came true
-    least, most: the interval of the true rate that the hits leave, Clopper and Pearson's [clopper1934]
-    inside: whether the mean lies in it; True where n is 0
+    n: number of predictions; mean: of the predictions, None where n is 0; hits: number of observed hits
+    least, most: confidence interval of the true rate, Clopper and Pearson's [clopper1934]
+    inside: whether the mean lies in that interval; True where n is 0
     """
 
     low: float
@@ -30,7 +30,7 @@ class ReliabilityBin:
 
 
 def clopper_pearson(hits: int, n: int, level: float = 0.99) -> tuple[float, float]:
-    """The rates that so many hits of n leave at this level; (0, 1) for n = 0."""
+    """Confidence interval of the rate, given hits of n, at this level; (0, 1) for n = 0."""
     if not 0 <= hits <= n or not 0.0 < level < 1.0:
         raise ValueError(f"clopper_pearson: expected 0 <= hits <= n, 0 < level < 1, found {hits}, {n}, {level}")
     tail = 0.5 * (1.0 - level)

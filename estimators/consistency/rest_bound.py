@@ -1,4 +1,4 @@
-"""How well any filter can know a body that rests: the posterior Cramér-Rao bound in the long run."""
+"""The steady-state posterior Cramér-Rao bound of a body at rest: a limit for any filter."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from dynamics import SLIP_VELOCITY, MassSpringNetwork, carried, rest_shape
+from dynamics import SLIP_VELOCITY, MassSpringNetwork, rest_shape, supported
 from estimators.arrays import Floats
 from estimators.filters.exponential import small_expm
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Where no long run is reached, as of a part that no mark sees, the bound is that of marks for so long [s]."""
+"""Where there is no steady state, as for a part that marks do not show, the bound after this time of marks is taken
+[s]."""
 
 SETTLED = 1e-6
-"""Relative change of the bound by twice as many frames below which it is that of the long run; numerical."""
+"""Relative change of the bound by twice as many frames below which it is steady; numerical."""
 
 STATIONARY_S = 60.0
-"""After so long under the same forces a body with friction moves as it goes on to; numerical."""
+"""Time after which a body with friction moves steadily under the same forces; numerical."""
 
 PASSES = 20
-"""Of a fixed-point iteration, each of which leaves a third or less of the change before; numerical."""
+"""Fixed-point iterations, each of which leaves a third or less of the change before; numerical."""
 
 
 def resting_bound(
@@ -33,15 +34,15 @@ def resting_bound(
     *,
     poked: Sequence[str] = (),
 ) -> Floats:
-    """Covariance below which no unbiased estimate of a body about its rest can be, (dim_x, dim_x), marks taken in.
+    """Lower bound on the covariance of any unbiased estimate of a body about its rest after marks, (dim_x, dim_x).
 
     marks: of the nodes seen in every frame, the covariance of each mark [m²], (dim, dim); interval_s: of the frames [s]
     mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
 
-    Of `posterior_bound` what its recursion comes to, by doubling: 2^k frames in k steps [anderson1978]. Constants are
-    exact; dry friction is a drag, by `friction_as_drag`. Raises NetworkError where nothing rests.
+    The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
+    exact; dry friction is a drag, by `friction_as_drag`. Raises NetworkError where there is no rest.
     """
-    body, rest = carried(network), rest_shape(network)
+    body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
     A, density = model.linearised(rest, mode)
     F, P = small_expm(A * interval_s), accumulated_noise(A, density, interval_s)

@@ -1,4 +1,4 @@
-"""How good Gaussian predictions are, error and covariance together: proper scores, PIT.
+"""Proper scores and PIT of Gaussian predictions: error and covariance together.
 
 Source: [gneiting2007].
 """
@@ -40,6 +40,6 @@ def energy_score(
 
 
 def pit_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
-    """Probability integral transform of normal predictions: uniform on (0, 1) where they are right."""
+    """Probability integral transform of normal predictions: uniform on (0, 1) for a right model."""
     z = (np.asarray(truths, dtype=float) - np.asarray(means, dtype=float)) / np.asarray(sds, dtype=float)
     return np.asarray(norm.cdf(z))

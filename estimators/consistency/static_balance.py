@@ -1,18 +1,18 @@
-"""The force that the marks ask for in the mean of a second: whether pokes, a breath and what is stated explain it.
+"""The mean force over a second that the marks require, and whether pokes, a breath and stated errors explain it.
 
-A filter explains whatever it sees by forces that come and go. Where a spring is cut or a mark was stuck on elsewhere,
-it follows the marks by a force that does not go, its innovations are as they should be, and the hidden target is
-elsewhere. In the mean of a second a body moves slowly: then the outside force f on the marked nodes is what the springs
-do not bear, in the mean of the frames,
+A filter explains what it sees by forces that come and go. After a spring is cut or a mark is moved, it follows the
+marks by a force that persists: its innovations look right, and the hidden target is elsewhere. Averaged over a second a
+body moves slowly: the external force f on the marked nodes is then what the springs do not balance, averaged over the
+frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
-follow them, and K the stiffness at rest, of marked (m) and hidden (h) nodes: static condensation. Near rest f is
-Kc (z - rest). Of a body that sways far Kc would take the turn of a spring for a change of its length. f is tested by
-chi-square against what it may be without a contradiction: pokes, which average away; one force on all nodes alike, by
-their mass, as of a breath or a tilt; errors of marks, of the camera's calibration and of the constants as far as they
-are stated or usual.
+follow them, and K the stiffness at rest of marked (m) and hidden (h) nodes: static condensation. Near rest f is Kc (z -
+rest). For a body that sways far, Kc would take the turn of a spring for a change of its length. A chi-square test
+compares f with its covariance if nothing contradicts the model: pokes, which average out; one force on all nodes in
+proportion to their mass, such as a breath or a tilt; stated or usual errors of marks, of the camera's calibration and
+of the constants.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from scipy.stats import chi2
 from dynamics import (
     MassSpringNetwork,
     ParameterUncertainty,
-    carried,
     node_forces,
     parameter_forces,
     rest_shape,
     stiffness_matrix,
+    supported,
 )
 from estimators.arrays import Floats
 from estimators.core.track import TissueFilter
@@ -42,12 +42,12 @@ from estimators.tissue.estimate import MarkMeasurement
 
 @dataclass(frozen=True, slots=True)
 class BalanceSettings:
-    """Over which time a force is averaged.
+    """The time over which a force is averaged.
 
-    mean_s: the time [s]; choice: pokes do not average away in half of it, and twice is what a fault that no frame shows
-        may take to be noticed
-    least_share: of that time that has to be seen, and of its frames that a mark has to be in [1]; choice
-    often: share of the time that a poke acts where pokes are about [1]; choice: 0.3 s of every 1.8 s
+    mean_s: the time [s]; choice: pokes do not average out in half of it, and twice is the longest delay for a fault
+    that no frame shows
+    least_share: least share of that time with frames, and of its frames with a given mark [1]; choice
+    often: share of the time for which a poke acts where there are pokes [1]; choice: 0.3 s of every 1.8 s
     """
 
     mean_s: float = 1.0
@@ -60,10 +60,10 @@ BALANCE = BalanceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """What the marks ask for in the mean.
+    """The mean force that the marks require.
 
-    nodes: marked nodes that were seen, k; force: outside force on them [N], (k, dim); cov: what it may be without a
-        contradiction [N²], (k dim, k dim)
+    nodes: the k marked nodes that were seen; force: external force on them [N], (k, dim); cov: its covariance if
+    nothing contradicts the model [N²], (k dim, k dim)
     """
 
     nodes: tuple[str, ...]
@@ -72,7 +72,7 @@ class Balance:
 
     @property
     def probability(self) -> float:
-        """Of a force as improbable as this one or more so, where nothing contradicts the model."""
+        """P-value: probability of a force at least as large, if nothing contradicts the model."""
         f = self.force.ravel()
         return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
 
@@ -82,10 +82,10 @@ Calibration = Callable[[Floats], Floats]
 
 
 class StaticBalance:
-    """The balance of a body before a filter, from its marks, frame by frame; None of a body that a hand may lead.
+    """The balance of a filter's body, from its marks, frame by frame; None for a body that may be led.
 
     uncertainty: of the constants; None: exact; calibration: of the camera; None: exact
-    State: the marks of the last frames; what is worked out for nodes that are seen together.
+    State: the marks of the last frames; cached factors for nodes that are seen together.
     """
 
     def __init__(
@@ -96,17 +96,17 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.network
-        # a hand that leads holds a body for as long as it likes, and links turn
+        # who leads a body may hold it for any time, and links turn
         self._of = None if tissue.may_be_led else tissue.settings.poked
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
         self._seen: dict[tuple[str, ...], _Condensed] = {}
-        self._carried, self._rest = carried(self._network), rest_shape(self._network)
+        self._supported, self._rest = supported(self._network), rest_shape(self._network)
         self._stiffness = stiffness_matrix(self._network, self._rest)
 
     @property
     def mean_s(self) -> float:
-        """The time over which forces are averaged [s]; 0 of a body that has no balance."""
+        """The time over which forces are averaged [s]; 0 for a body without a balance."""
         return 0.0 if self._of is None else self._settings.mean_s
 
     def forget(self) -> None:
@@ -114,7 +114,7 @@ class StaticBalance:
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after the marks that a frame at this time [s] gave; None as long as too little was seen."""
+        """The balance after the marks of a frame at this time [s]; None while too little was seen."""
         if self._of is None:
             return None
         s = self._settings
@@ -139,7 +139,7 @@ class StaticBalance:
         span_s = max(frames[-1].time_s - frames[0].time_s, of.lasting_s)
         averaged = self._settings.often * max(min(2.0 * of.lasting_s / span_s, 1.0), 1.0 / len(frames))
         cov = np.diag(averaged * poke**2 + np.repeat(network.friction[at], dim) ** 2)
-        for k, node in enumerate(nodes):  # what errs in all frames alike does not average away
+        for k, node in enumerate(nodes):  # an error that all frames share does not average out
             own = seen.stiffness[:, k * dim : (k + 1) * dim]
             cov += own @ frames[-1].marks[node].cov @ own.T
         directions = np.concatenate([alike, seen.forces, seen.stiffness @ seen.marks], axis=1)
@@ -147,7 +147,7 @@ class StaticBalance:
         return Balance(nodes, force, cov + directions @ directions.T)
 
     def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
-        """What the springs do not bear where a frame shows the nodes, hidden ones where they follow [N], (m,)."""
+        """The force that the springs do not balance, by the marks of a frame [N], (m,)."""
         if nodes not in frame.forces:
             network, seen = self._network, self._condensed(nodes)
             x = self._rest[network.free].ravel()
@@ -156,7 +156,7 @@ class StaticBalance:
             x[seen.h] -= seen.to_hidden.T @ away
             places = self._rest.copy()
             places[network.free] = x.reshape(-1, network.dim)
-            F = node_forces(self._carried, places, np.zeros_like(places))[network.free].ravel()
+            F = node_forces(self._supported, places, np.zeros_like(places))[network.free].ravel()
             frame.forces[nodes] = seen.to_hidden @ F[seen.h] - F[seen.m]
         return frame.forces[nodes]
 
@@ -173,7 +173,7 @@ class StaticBalance:
             marks = np.zeros((len(m), 0))
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
-            # where nothing resists a turn about the marks, wrong constants make none
+            # a turn about the marks that meets no resistance is not caused by wrong constants
             to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
             stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
             self._seen[nodes] = _Condensed(m, h, to_hidden, stiffness, forces[m] - to_hidden @ forces[h], marks)
@@ -182,7 +182,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """The marks of a frame by node; the forces that they ask for, worked out once for nodes that are seen together."""
+    """The marks of a frame by node; factors are computed once for nodes that are seen together."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -193,7 +193,7 @@ class _Frame:
 class _Condensed:
     """A body condensed to the m coordinates of nodes that are seen.
 
-    m, h: which coordinates these are, and those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
+    m, h: indices of these coordinates, and of those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
     stiffness: Kc [N/m], (m, m); forces: on them by one sd of each uncertain constant [N], (m, n)
     marks: their shift by one sd of each direction of the calibration [m], (m, k)
     """

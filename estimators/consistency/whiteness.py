@@ -1,4 +1,4 @@
-"""Are innovations white, as those of a filter with the right model are: autocorrelations and their tests."""
+"""Tests whether innovations are white, as for a filter with the right model: autocorrelations."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
 
 
 def portmanteau(series: ArrayLike, n_lags: int) -> float:
-    """Probability that a white series (n, m) would be so correlated with itself at the lags 1 to n_lags.
+    """P-value: probability that a white series (n, m) has such autocorrelations at the lags 1 to n_lags.
 
-    Of one coordinate Ljung and Box's test [ljung1978], of several Hosking's [hosking1980], which does not depend on
-    how they are scaled or turned. Raises ValueError as `autocorrelation` does.
+    Ljung and Box's test [ljung1978] for one coordinate; Hosking's [hosking1980] for several, which does not depend on
+    their scale or rotation. Raises ValueError as `autocorrelation` does.
     """
     z = _standardised(series, n_lags)
     n, m = z.shape
@@ -37,10 +37,10 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 
 
 def effective_count(series: ArrayLike) -> float:
-    """How many independent values would know the mean of a stationary series (n,) as well: n, or fewer; at least 1.
+    """Effective sample size of a stationary series (n,) for its mean: 1 to n.
 
     By the initial positive sequence of its autocovariances [geyer1992], section 3.3: sums of neighbouring ones are
-    added until one is not positive. Of a series that does not vary it is 1.
+    added until one is not positive. For a constant series it is 1.
     """
     x = np.asarray(series, dtype=float)
     n, away = len(x), x - x.mean()
@@ -61,5 +61,5 @@ def _standardised(series: ArrayLike, n_lags: int) -> Floats:
     z = z[:, None] if z.ndim == 1 else z
     if not 1 <= n_lags < len(z):
         raise ValueError(f"n_lags: expected 1 to {len(z) - 1}, found {n_lags}")
-    # about zero, which is where innovations ought to be: a bias is no whiteness
+    # about zero, the expected mean of innovations: a biased series is not white
     return np.asarray(z / np.sqrt((z**2).mean(axis=0)))

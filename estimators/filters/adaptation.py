@@ -1,4 +1,4 @@
-"""A factor on part of a covariance, learnt from innovations while running, within bounds."""
+"""A factor on part of a covariance, adapted to innovations while running, within bounds."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from estimators.arrays import Floats
 class VarianceScale:
     """The factor by which a variance is larger than stated, by maximum likelihood with forgetting.
 
-    Innovations have the covariance S = rest + scale part. Each moves log scale by its score over the Fisher information
-    of the last forget_s, so that an innovation in which the part plays no role moves nothing.
+    Innovations have the covariance S = rest + scale part. Each innovation moves log scale by its score over the Fisher
+    information of the last forget_s. An innovation that does not depend on the part does not move it.
     Source: [titterington1984].
 
-    bounds: of the scale, a factor on variances; start_information: how many independent coordinates the start, 1, is
-    worth
-    State: scale; information, of log scale, that is not forgotten yet.
+    bounds: of the scale, a factor on variances; start_information: weight of the start, 1, as a number of independent
+    coordinates
+    State: scale; information of log scale that is not forgotten yet.
     """
 
     def __init__(self, bounds: tuple[float, float], forget_s: float = 10.0, start_information: float = 10.0) -> None:
@@ -36,7 +36,7 @@ class VarianceScale:
         return self.learn_whitened(np.linalg.solve(root, innovation), share, dt)
 
     def learn_whitened(self, innovation: Floats, share: Floats, dt: float, moved: Floats | None = None) -> float:
-        """The same of a whitened innovation (m,) and of the share (m, m) of its covariance, 1, that the part has.
+        """The same for a whitened innovation (m,) and the part's share (m, m) of its unit covariance.
 
         moved: derivative of the whitened innovation itself by log scale, (m,), where it has one
         """
@@ -45,7 +45,7 @@ class VarianceScale:
         kept = float(np.exp(-dt / self.forget_s))
         gained = 0.5 * float(np.sum(share * share.T)) + float(shift @ shift)
         self.information = kept * self.information + (1.0 - kept) * self._start + gained
-        # a step of one in the logarithm at most: far from the maximum the score gives the direction, not the distance
+        # a step of at most one in the logarithm: far from the maximum the score gives the direction, not the distance
         step = float(np.clip(score / self.information, -1.0, 1.0))
         self.scale = float(np.clip(self.scale * np.exp(step), *self.bounds))
         return self.scale

@@ -1,4 +1,4 @@
-"""The exponential of small matrices, without waiting for anybody's threads."""
+"""The exponential of small matrices, without BLAS threads."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 TERMS = 18
-"""Of the Taylor series; with a norm of at most 1/2 the next would be below 1e-22."""
+"""Terms of the Taylor series; with a norm of at most 1/2 the next is below 1e-22."""
 
 
 def small_expm(A: Floats) -> Floats:

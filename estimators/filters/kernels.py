@@ -107,7 +107,7 @@ def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def symmetric_points_each(xs, Ps, scales):  # type: ignore[no-untyped-def]
-    """`symmetric_points` of each of several beliefs: (k, 2n + 1, n), and which P were positive definite, (k,)."""
+    """`symmetric_points` of each of several Gaussians: (k, 2n + 1, n), and which P were positive definite, (k,)."""
     k, n = xs.shape
     points = np.empty((k, 2 * n + 1, n))
     definite = np.empty(k, dtype=np.bool_)
@@ -142,7 +142,7 @@ def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def measured(P, H):  # type: ignore[no-untyped-def]
-    """H P (m, n) and H P H' (m, m); of many measurements by those states alone that H depends on."""
+    """H P (m, n) and H P H' (m, m); for many measurements only over the states that H depends on."""
     m, n = H.shape
     if m <= LOOPS:
         HP = H @ P
@@ -159,9 +159,9 @@ def measured(P, H):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _updated(x, P, y, R, H, HP, HPH, PH, innovation_cov):  # type: ignore[no-untyped-def]
-    """What `joseph_update` gives for an innovation y, its covariance, and that of state and innovation, PH (n, m).
+    """The result of `joseph_update` for an innovation y, its covariance, and its covariance with the state, PH (n, m).
 
-    HP (m, n), HPH (m, m): H P and H P H', of P without what is considered beside it
+    HP (m, n), HPH (m, m): H P and H P H' of P alone, without considered errors
     """
     S = 0.5 * (innovation_cov + innovation_cov.T)
     C, definite = chol_lower(S)
@@ -209,7 +209,7 @@ def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
-    """What each block of `width` measurements takes from the target's variance: tr G_i (S^-1_ii)^-1 G_i', (m / width,).
+    """Reduction of the target's variance by each block of `width` measurements: tr G_i (S^-1_ii)^-1 G_i', (m / width,).
 
     gain: of the target, (n, m); S_inv: inverse covariance of the innovation, (m, m)
     """
@@ -223,11 +223,11 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """The NIS that is left by the best shift of all blocks of `width` measurements alike, and by that of one block.
+    """The NIS left after the best common shift of all blocks of `width` measurements, and after that of one block.
 
-    y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each block
-    that is shifted, the best shift takes away w'H (H' S^-1 H)^-1 H'w: generalised least squares. That of one block is
-    to leave it out; of all blocks that is taken which leaves the least.
+    y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
+    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block is the
+    same as leaving it out; the block that leaves the least is taken.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -245,7 +245,7 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
-    """What it costs, as -log of a Gaussian density less its constant, that mark j is the one expected at i: (n, m).
+    """Cost of assigning mark j to the one expected at i, -log of a Gaussian density without its constant: (n, m).
 
     means (n, dim), covs (n, dim, dim): where each is expected; z (m, dim), R (m, dim, dim): where the marks are
     """
@@ -270,7 +270,7 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
-    """Whether some pair of marks costs no more than limit if their names are exchanged: costs (n, n), pairs (n, n).
+    """Whether exchanging the names of some pair of marks costs no more than limit: costs (n, n), pairs (n, n).
 
     A mark that is not seen costs nothing.
     """

@@ -12,7 +12,7 @@ from estimators.filters.kernels import joseph_update, moments, symmetric_points
 
 
 class CovarianceError(ArithmeticError):
-    """A covariance that is no longer positive definite; nothing is repaired in silence."""
+    """A covariance that is no longer positive definite; it is not repaired silently."""
 
 
 def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
@@ -27,7 +27,7 @@ def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
 class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y) and these differences.
 
-    - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and give rows back;
+    - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return rows;
     - a measurement may have any length: hx, H and R go with it;
     - the linear update is Joseph's form; P is symmetric to the last bit, and a P or S that is not positive
       definite raises CovarianceError;
@@ -79,7 +79,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
         """Take in z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
 
-        Of a linear measurement the unscented update is the Kalman update.
+        For a linear measurement the unscented update is the Kalman update.
         """
         x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:

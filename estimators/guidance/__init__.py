@@ -6,7 +6,7 @@ What may enter: what turns an estimate into advice on the needle; a rule of advi
 from estimators.guidance.abort import AbortWatch
 from estimators.guidance.advice import Advice, Guidance, Outlook, PathSource, advise, guide, path_times
 from estimators.guidance.breathing import Breath, Breathing, BreathingSettings
-from estimators.guidance.doubt import Doubt, DoubtSettings
+from estimators.guidance.contradiction import Contradiction, ContradictionSettings
 from estimators.guidance.hit_probability import Aim, best_aim, hit_probability
 from estimators.guidance.lesion import Lesion
 from estimators.guidance.needle import Hit, Insertion, Needle
@@ -43,8 +43,8 @@ __all__ = [
     "Breath",
     "Breathing",
     "BreathingSettings",
-    "Doubt",
-    "DoubtSettings",
+    "Contradiction",
+    "ContradictionSettings",
     "Guidance",
     "Hit",
     "Insertion",

@@ -1,4 +1,4 @@
-"""ABORT: the needle is inside the tissue, and what it was told no longer holds."""
+"""ABORT: the needle is inside the tissue, and the advice it followed no longer holds."""
 
 from __future__ import annotations
 
@@ -12,34 +12,34 @@ from estimators.guidance.settings import AdviceSettings
 
 
 class AbortWatch:
-    """Follows a needle from outside the tissue to inside and back, and turns advice into ABORT where it has to stop.
+    """Tracks whether a needle is inside the tissue, and turns advice into ABORT where it has to stop.
 
-    Outside, advice is as given. Inside, ABORT takes the place of NO_GUIDANCE; after GO, of any advice whose
-    probability of a hit is less than `AdviceSettings.abort` of `AdviceSettings.go`; and of any at first where the
-    needle was seen to go in without GO in the last `AdviceSettings.abort_s`. It ends when the needle is out, or when
-    there has been guidance for `AdviceSettings.abort_s`, after GO or such an entry one that is GO.
+    Outside the tissue advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. After GO it replaces any advice with a
+    hit probability below `AdviceSettings.abort` times `AdviceSettings.go`. It also replaces any advice at first if the
+    needle was seen to enter without GO in the last `AdviceSettings.abort_s`. It ends when the needle is out, or after
+    guidance for `AdviceSettings.abort_s`; after GO or an entry without GO that guidance must be GO.
 
-    State: whether the needle was inside, None before it was seen; when GO was last given outside [s]; whether it is
-    inside by a GO, or was given one there; whether it went in without one; whether ABORT is given; since when there is
-    again guidance to end it by [s], None while there is none.
+    State: whether the needle was inside, None before it was seen; when GO was last given outside [s]; whether it
+    entered by a GO or got one inside; whether it entered without one; whether ABORT is given; since when there is
+    guidance that may end it [s], None while there is none.
     """
 
     def __init__(self) -> None:
         self._inside: bool | None = None
         self._go_s = -np.inf
-        self._told_go = self._early = self._aborts = False
+        self._followed_go = self._early = self._aborts = False
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The advice to give now [s], of what the rules say of this needle; its numbers stay as they are."""
+        """The advice to give now [s], given the rules' advice; its numbers stay unchanged."""
         inside = insertion.depth_m > 0.0
         if not inside:
-            self._inside, self._told_go, self._early, self._aborts = False, False, False, False
+            self._inside, self._followed_go, self._early, self._aborts = False, False, False, False
             self._go_s = now_s if guided.advice is Advice.GO else self._go_s
             return guided
         if self._inside is False:
-            self._told_go = now_s - self._go_s <= settings.abort_s
-            self._early = self._aborts = not self._told_go
+            self._followed_go = now_s - self._go_s <= settings.abort_s
+            self._early = self._aborts = not self._followed_go
             self._well_s, self._go_s = None, -np.inf
         self._inside = True
         if not self._holds(guided, settings):
@@ -51,7 +51,7 @@ class AbortWatch:
             if well_for_s < settings.abort_s:
                 return self._abort(guided, f"well again for {well_for_s:.1f} s, not yet for {settings.abort_s:g} s")
         self._early = self._aborts = False
-        self._told_go |= guided.advice is Advice.GO
+        self._followed_go |= guided.advice is Advice.GO
         return guided
 
     def _holds(self, guided: Guidance, settings: AdviceSettings) -> bool:
@@ -59,10 +59,10 @@ class AbortWatch:
             return False
         if guided.advice is Advice.GO:
             return True
-        if not self._told_go:
+        if not self._followed_go:
             return not self._early
         return not self._aborts and (guided.probability or 0.0) >= settings.abort * settings.go
 
     def _abort(self, guided: Guidance, reason: str) -> Guidance:
-        awaited = "GO" if self._told_go or self._early else "new advice"
+        awaited = "GO" if self._followed_go or self._early else "new advice"
         return replace(guided, advice=Advice.ABORT, reason=f"stop: draw back, or wait for {awaited}; {reason}")

@@ -1,8 +1,8 @@
-"""Advice on the needle: go, wait, turn it, stop, or no guidance since the estimate is not healthy.
+"""Advice on the needle: go, wait, turn it, stop, or no guidance because the estimate is not healthy.
 
-All numbers come from one predicted path of the target, made once a frame (`estimators.guidance.path`): when the needle
-arrives, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them into
-advice.
+All numbers come from one predicted path of the target, made once a frame (`estimators.guidance.path`): the arrival time
+of the needle, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them
+into advice.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ class Advice(StrEnum):
     NO_GUIDANCE = "NO_GUIDANCE"
     """The estimate is not healthy: there is no advice on the needle."""
     ABORT = "ABORT"
-    """The needle is inside, and what it was told no longer holds: stop it. Given by `AbortWatch`, by no rule."""
+    """The needle is inside, and the advice it followed no longer holds: stop it. Given by `AbortWatch` only."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """Insertions along the present direction that begin at each of the times starts_s [s], (k,).
+    """Insertions along the present direction, one for each start time starts_s [s], (k,).
 
-    arrivals_s: when the notch is beside the target [s], inf where it does not arrive on the predicted path
-    probabilities: of a hit, 0 there; both (k,)
+    arrivals_s: time at which the notch is beside the target [s], inf where it does not arrive on the predicted path
+    probabilities: of a hit, 0 without arrival; both (k,)
     """
 
     starts_s: Floats
@@ -58,19 +58,19 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """The advice at one time; numbers that there are none of are None.
+    """The advice at one time; missing numbers are None.
 
-    advice, reason: what to do, and why in words; where the needle inserted now never arrives, numbers down to
-        turned_probability are None, and the best time, too, where it does not arrive from any start that was tried
-    arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, inserted now [s]
-    probability: of a hit, inserted now along the present direction
-    aim: where the target will be then [m], (dim,): what to bring the notch's middle to
+    advice, reason: what to do, and why in words; if a needle inserted now never arrives, the numbers down to
+    turned_probability are None; if it arrives from no start that was tried, the best time is None, too
+    arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, for an insertion now [s]
+    probability: of a hit, for an insertion now along the present direction
+    aim: predicted position of the target then [m], (dim,): where to bring the notch's middle
     cov: covariance of the target then [m²], (dim, dim)
-    lateral_m: by how much the needle's line misses the aim
-    depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
-    turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, the direction then
-        (dim,), and the probability of a hit from there
-    best_in_s, best_probability: the best time to begin along the present direction, from now [s]
+    lateral_m: distance of the aim from the needle's line
+    depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
+    turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
+    that (dim,), and the probability of a hit along that direction best_in_s, best_probability: the best time to begin
+    along the present direction, from now [s]
     outlook: all starts that were tried
     """
 
@@ -92,15 +92,14 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """The numbers that the rules of advice decide by: an insertion now, later, and after a turn.
+    """Input of the rules of advice: numbers of an insertion now, later, and after a turn.
 
-    probability: of a hit, inserted now along the present direction; 0 where the needle never arrives
-    arrives: whether it does, on the path of reach_s [s]
+    probability: of a hit, for an insertion now along the present direction; 0 where the needle never arrives
+    arrives: whether it arrives within the path's length reach_s [s]
     best_in_s, best_probability: the best time to begin, from now [s]
-    turn_rad, turned_probability: once turned to where the target will be
-    depth_m: by how much the tip has to go on [m]; below 0: to be drawn back
-    behind: whether no depth along the present direction brings the needle beside the target, for that lies behind the
-        entry
+    turn_rad, turned_probability: after a turn towards the target's predicted position
+    depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
+    behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
     """
 
     probability: float
@@ -168,11 +167,11 @@ RULES = (
         ),
     ),
 )
-"""The advice on a healthy estimate: that of the first rule that holds. Health comes before: `health_fault`."""
+"""The advice on a healthy estimate, by the first rule that holds. `health_fault` checks health before."""
 
 
 def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
-    """The advice and the reason of the first rule that holds; raises LookupError where none does."""
+    """Advice and reason of the first rule that holds; raises LookupError if none does."""
     for rule in rules:
         if rule.holds(prospect, settings):
             return rule.advice, rule.reason(prospect)
@@ -180,7 +179,7 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """What `guide` needs of a filter: the time of the last mark used, and the predicted path of the target."""
+    """What `guide` needs from a filter: the time of the last mark used, and the predicted path of the target."""
 
     @property
     def seen_s(self) -> float | None:
@@ -193,7 +192,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives at a target that rests."""
+    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives at a resting target."""
     until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
@@ -210,11 +209,11 @@ def guide(
     now_s: float | None = None,
     path_at: Callable[[Floats], TargetPath] | None = None,
 ) -> Guidance:
-    """Advice from a live filter and its last estimate; now_s: the estimate's own time if not given [s].
+    """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
 
-    The path is predicted only for a healthy estimate: it takes far longer than all the rest. path_at: gives it at these
-    times [s], (n,), or more of them; None: a `TissueFilter`'s by tables, which the first call makes and later ones use
-    again, as `softaim advise` has it; another source's `PathSource.predict_path`
+    The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns it at these
+    times [s], (n,), or at more; None: for a `TissueFilter` tables, which the first call makes and later ones use again,
+    as in `softaim advise`; for another source `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -241,7 +240,7 @@ def advise(
     settings: AdviceSettings | None = None,
     now_s: float | None = None,
 ) -> Guidance:
-    """Advice from a healthy estimate's path; now_s: the path's first time if not given [s].
+    """Advice from a healthy estimate's path; now_s: by default the path's first time [s].
 
     Raises ValueError where dimensions differ or the path does not reach from now to the horizon.
     """
@@ -267,7 +266,7 @@ def advise(
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
     reach_s = float(path.times_s[-1] - now_s)
-    if not np.isfinite(arrivals[0]):  # nor does a needle that begins later, and is behind this one
+    if not np.isfinite(arrivals[0]):  # a needle that starts later is behind this one, and does not arrive either
         what, reason = decide(Prospect(0.0, False, reach_s, 0.0, 0.0), settings)
         return Guidance(what, reason, outlook=outlook)
     beside = aims[0] - insertion.entry
@@ -309,7 +308,7 @@ def advise(
 
 
 def _percent(p: float) -> str:
-    """Rounded down: what is not certain is not shown as 100 %."""
+    """Rounded down, so that only certainty is shown as 100 %."""
     return f"{int(100.0 * p)} %"
 
 

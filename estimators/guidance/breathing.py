@@ -1,12 +1,13 @@
-"""A target that breathes: period and phase of its track, and its predicted path, from a filter's own estimates.
+"""A target that breathes: period and phase of its track, and its predicted path, from a filter's estimates.
 
 For each period of a grid the track is a constant and some harmonics, fitted by least squares with exponential
-forgetting. Periods are weighted by their likelihood, exp(-misfit / 2), and the prediction is the mixture of theirs.
-Errors of neighbouring frames are correlated: the misfit counts for as many independent errors as it contains.
+forgetting. Periods are weighted by their likelihood, exp(-misfit / 2); the prediction is the mixture over all periods.
+Errors of neighbouring frames are correlated: the misfit is scaled to the number of independent errors.
 
-A target may leave its breath: it shifts, is held, coughs. Each estimate is compared with the breath's prediction before
-it is added, and the probability that the breath holds follows by Bayes' rule, with a hazard of change and a new track
-once it is improbable [adams2007]. The other hypothesis: the target is off its breath by a random walk.
+A target may leave the breathing model: by a shift, a breath hold, a cough. Each estimate is compared with the model's
+prediction before it is added. The probability that the model holds follows by Bayes' rule, with a hazard of change;
+once it is improbable a new track begins [adams2007]. The other hypothesis: the target departs from the model by a
+random walk.
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Added to the information, that of a thousandth of a frame: keeps the fit defined from the first frame on.
+"""Added to the information, as much as a thousandth of a frame: it keeps the fit defined from the first frame on.
 Numerics: half or twice changes no figure of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
-    """Model of a breath.
+    """The breathing model.
 
     shortest_s, longest_s: range of the periods, 21 to 9 breaths a minute [s]; choice
-    n_periods: of the grid, evenly spaced in frequency; choice
+    n_periods: size of the grid, evenly spaced in frequency; choice
     harmonics: of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
-    alike_s: correlation time of the filter's errors: later ones count as independent [s]; choice
-    cycles: of the period that have to be in the track before a breath is reported; choice
+    alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
+    cycles: number of periods in the track before a breath is reported; choice
     explained: least share of the track's variance that a breath has to explain; choice
     lasting_s: mean time until a target leaves its breath [s]; choice
     forgotten: probability that the breath holds below which a new track begins; choice
@@ -78,11 +79,11 @@ class Breath:
 
 
 class Breathing:
-    """Predictor of a target that breathes, updated with a filter's estimates, frame by frame.
+    """Predictor of a breathing target, updated with a filter's estimates, frame by frame.
 
     State: sums over the track with exponential forgetting: information (n_periods, n, n), products with the track
     (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit;
-    the probability that the breath holds; how far the target may have walked off it [m], (dim,), and its covariance.
+    the probability that the model holds; the target's departure from it [m], (dim,), and its covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -131,7 +132,7 @@ class Breathing:
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
-        """The breath of the track so far; None where the track is too short or does not breathe."""
+        """The breath fitted to the track so far; None where the track is too short or not periodic."""
         s = self.settings
         span = self._last_s - self._first_s
         if span < s.cycles * s.shortest_s:
@@ -160,16 +161,16 @@ class Breathing:
         return means + self._origin, covs
 
     def holds(self, times_s: Floats) -> Floats:
-        """Probability that the breath holds at times [s] from the last estimate on, (k,); 0 where there is none."""
+        """Probability that the model holds at times [s] from the last estimate on, (k,); 0 without a breath."""
         if self.breath() is None:
             return np.zeros(len(times_s))
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
 
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
-        """Update the probability that the breath holds, and the walk off it; begin a new track where it is improbable.
+        """Update the probability that the model holds, and the departure from it; begin a new track if improbable.
 
-        The walk's variance grows by that of the track in a period, and a Kalman filter follows it. Estimates within
-        `alike_s` count as one for both hypotheses.
+        The departure is a random walk, whose variance grows by that of the track in a period, tracked by a Kalman
+        filter. Estimates within `alike_s` count as one under both hypotheses.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -213,11 +214,11 @@ class Breathing:
             total = self._squares - float(self._sum @ self._sum) / self._weight
             own = max(scatter2 - self._filter_variance / self._weight, 0.0)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
-            # the coefficients err by the whole misfit, the filter's part included; the target scatters by `own` only
+            # the coefficients' error includes the filter's part of the misfit; the target's own scatter is `own` only
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath
         return self._fit
 
 
 def _log_density(off: Floats, cov: Floats) -> float:
-    """Of a Gaussian without mean, but for a constant."""
+    """Log likelihood of a zero-mean Gaussian, up to a constant."""
     return -0.5 * float(off @ np.linalg.solve(cov, off) + np.linalg.slogdet(cov)[1])

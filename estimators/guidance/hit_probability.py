@@ -1,9 +1,9 @@
 """The probability that a needle samples a lesion, and where to aim so that it is highest.
 
-Target and tip are Gaussian and independent, so that what has to lie in the lesion, less the target, is Gaussian with
-the sum of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of
-a generalised chi-square variable [imhof1961]; `hit_kernels` computes it, and that of a core of some length, by one
-error function a line along the needle and Gauss-Legendre sums across it.
+Target and tip are Gaussian and independent, so that the sampling point relative to the target is Gaussian with the sum
+of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of a
+generalised chi-square variable [imhof1961]; `hit_kernels` computes it, also for a core of some length, by one error
+function for each line along the needle and Gauss-Legendre sums across it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """Where to bring the notch's middle, or the tip if that is to hit, [m] (dim,), and the probability of a hit."""
+    """The best position of the notch's middle, or of the tip if that is to hit, [m] (dim,), and its hit probability."""
 
     point: Floats
     probability: float
@@ -31,11 +31,11 @@ class Aim:
 def hit_probability(
     target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> float:
-    """Probability that what the needle samples with lies in the lesion, see `Hit`.
+    """Probability that the sampling part of the needle lies in the lesion, see `Hit`.
 
-    To 1e-5; of a core where the sum of covariances is dozens of times as wide one way as another, to 2e-4.
+    Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
 
-    axis: unit vector [1], (dim,), along the needle; of the tip's mean, the notch lies `needle.reach_m` back along it
+    axis: unit vector [1], (dim,), along the needle; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError where dimensions differ.
     """
     needle = Needle() if needle is None else needle
@@ -48,18 +48,18 @@ def hit_probability(
     each = hit_each(
         offsets.reshape(k, dim), covs.reshape(k, dim, dim), np.asarray(axis, dtype=float), lesion.to_ball, length, core
     )
-    # the sums of the kernels may come to more than one by their error
+    # numerical errors of the kernels may bring the sum above one
     return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
 
 
 def best_aim(
     target: GaussianMixture, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> Aim:
-    """The aim at which a hit is most probable: the tip's covariance [m²] (dim, dim) and the needle's axis stay.
+    """The aim at which a hit is most probable, with the tip's covariance [m²] (dim, dim) and the needle's axis fixed.
 
-    Of a single Gaussian it is the mean: the lesion, and the places of a core that is long enough, are convex and
-    symmetric about it [anderson1955]. Of a mixture, which may have several peaks, it is the best that an ascent finds
-    from each mean and from the mean of all.
+    For a single Gaussian it is the mean: the lesion, and the positions of a long enough core, are convex and symmetric
+    about it [anderson1955]. For a mixture, which may have several peaks, it is the best result of an ascent from each
+    mean and from the mean of all.
     """
     needle = Needle() if needle is None else needle
     axis = np.asarray(axis, dtype=float)

@@ -1,4 +1,4 @@
-"""Compiled integrals of a Gaussian over a lesion, and of a needle's way along a predicted path of the target.
+"""Compiled integrals of a Gaussian over a lesion, and insertions towards a predicted path of the target.
 
 Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it. A notch of
 length l has a core of at least L in the ball where |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and |y|² <= 1 - L²/4;
@@ -14,23 +14,23 @@ import numpy as np
 from numba import njit
 
 SIZES = (12, 20, 32, 64)
-"""Numbers of Gauss-Legendre nodes; the more the integrand changes over the interval, the more are taken."""
+"""Numbers of Gauss-Legendre nodes; an integrand that changes more over the interval gets more."""
 
 FIRST = np.cumsum((0, *SIZES))
 NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Standard deviations beyond which a Gaussian is taken for nothing: 8e-11 of it lies there."""
+"""Standard deviations beyond which a Gaussian is neglected: 8e-11 of it lies there."""
 
 
 STEEP, PARTS = 60.0, 15
-"""An interval over which the integrand changes by more standard deviations is cut, into no more parts than these."""
+"""An interval over which the integrand changes by more standard deviations is split, into this many parts at most."""
 
 
 @njit(cache=True, nogil=True)
 def _rule(span):  # type: ignore[no-untyped-def]
-    """Which of the rules is enough for an integrand that changes over so many standard deviations."""
+    """The quadrature rule for an integrand that changes over this many standard deviations."""
     if span < 4.0:
         return 0
     if span < 9.0:
@@ -109,7 +109,7 @@ def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def rotation_of(C, n):  # type: ignore[no-untyped-def]
-    """Rotation V with V' C V diagonal, of the leading n x n block of C, by Jacobi's sweeps; the rest stays."""
+    """Rotation V that makes V' C V diagonal in the leading n x n block of C, by Jacobi's sweeps; the rest stays."""
     A, V = C.copy(), np.eye(C.shape[0])
     for _ in range(20):
         off_diagonal = 0.0
@@ -163,7 +163,7 @@ def _frame(w):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _moved(F, m, C):  # type: ignore[no-untyped-def]
-    """F' m and F' C F, by loops: three coordinates are too few for LAPACK."""
+    """F' m and F' C F, by loops, which are faster than LAPACK for three coordinates."""
     d = m.shape[0]
     x, P, half = np.zeros(d), np.zeros((d, d)), np.zeros((d, d))
     for i in range(d):
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a notch has a core of at least `core` in the lesion; with length 0, that its middle lies there.
+    """Probability that a notch has at least `core` of its length in the lesion; of its middle with length 0.
 
     offset (d,), cov (d, d): the notch's middle less the target; axis (d,): unit vector along the needle;
     to_ball (d, d): the linear map of the lesion to the unit ball
@@ -308,15 +308,15 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
-    """What comes of an insertion that begins at each of these times.
+    """Result of an insertion that begins at each of these times.
 
-    Gives arrivals (k,), depths (k,), where the target is then, (k, d), and the probabilities of a hit, (k,).
+    Returns arrivals (k,), depths (k,), the target then, (k, d), and the probabilities of a hit, (k,).
 
     path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means from that of all
         (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle
     spread: variance of the tip in every direction, and by squared depth across the needle
-    aimed: the needle is first turned about its entry to where the target will be. Never arrived: inf, and p 0.
+    aimed: the needle is first turned about its entry to where the target will be. Without arrival: inf, and p 0.
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

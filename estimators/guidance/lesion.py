@@ -37,12 +37,12 @@ class Lesion:
 
     @property
     def dim(self) -> int:
-        """Of the space it lies in."""
+        """Dimension of its space."""
         return len(self.axes)
 
     @property
     def radius_m(self) -> float:
-        """Of a ball, its radius [m]; of an ellipsoid, that of the ball of its size."""
+        """The radius of a ball [m]; for an ellipsoid, that of a ball of its volume."""
         sizes = np.linalg.svd(self.axes, compute_uv=False)
         return float(sizes[0] if sizes[0] == sizes[-1] else np.exp(np.log(sizes).mean()))
 

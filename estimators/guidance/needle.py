@@ -1,4 +1,4 @@
-"""The needle: its notch, what counts as a hit, the uncertainty of its tip, its place and speed."""
+"""The needle: its notch, what counts as a hit, the uncertainty of its tip, its position and speed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine of a tracked needle with the stated direction by which its depth is told: of 60 degrees; choice."""
+"""Least cosine between a tracked needle and the stated direction for which its depth is known: 60 degrees; choice."""
 
 
 class Hit(StrEnum):
@@ -21,7 +21,7 @@ class Hit(StrEnum):
     NOTCH = "NOTCH"
     """The middle of the notch."""
     CORE = "CORE"
-    """A piece of the notch, hence of the core of tissue that it cuts, of at least core_m."""
+    """At least core_m of the notch, and so of the core of tissue that it cuts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Needle:
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """Length of what samples [m], 0 for a point, and how much of it must lie in the lesion [m]."""
+        """Length of the sampling part [m], 0 for a point, and how much of it must lie in the lesion [m]."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
@@ -76,7 +76,7 @@ class Needle:
         return self.tip_sd_m**2, self.bending_sd**2
 
     def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
-        """Covariance of the tip [m²], (dim, dim), so deep [m] along a unit vector (dim,)."""
+        """Covariance of the tip [m²], (dim, dim), at a depth [m] along a unit vector (dim,)."""
         every, across = self.spread
         dim = len(axis)
         return every * np.eye(dim) + across * depth_m**2 * (np.eye(dim) - np.outer(axis, axis))
@@ -84,7 +84,7 @@ class Needle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Insertion:
-    """A needle on its way.
+    """A needle and its insertion.
 
     entry: where it enters the tissue [m], (dim,)
     axis: unit vector along it, (dim,); any length is taken and made 1
@@ -112,11 +112,11 @@ class Insertion:
         object.__setattr__(self, "axis", axis / size)
 
     def tracked(self, tip: Floats, axis: Floats) -> Insertion:
-        """The needle where a tracker sees it: its tip [m], (dim,), and its direction, (dim,), of any length.
+        """The needle as a tracker sees it: its tip [m], (dim,), and its direction, (dim,), of any length.
 
-        The skin is the plane through this insertion's entry, square to its axis; a tip before it is not inside. A
-        needle that points away from the skin is taken to have gone in along its own line no farther than STEEP allows.
-        Raises ValueError for a direction without length.
+        The skin is the plane through this insertion's entry, perpendicular to its axis; a tip before it is outside. For
+        a needle at a flat angle to the skin the depth along its own line is limited by STEEP. Raises ValueError for a
+        direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

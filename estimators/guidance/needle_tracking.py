@@ -33,14 +33,14 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """When the tip reaches a depth, time_s [s], and one standard deviation of that, sd_s [s], to first order."""
+    """Time at which the tip reaches a depth, time_s [s], and its standard deviation, sd_s [s], to first order."""
 
     time_s: float
     sd_s: float
 
 
 class NeedleTracker:
-    """The tip of a needle that goes along a line.
+    """The tip of a needle that moves along a line.
 
     entry: where the line meets the skin [m], (dim,); direction: of the push, made to length 1, (dim,)
     State: time_s of the estimate, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
@@ -64,13 +64,13 @@ class NeedleTracker:
 
     @property
     def depth(self) -> tuple[float, float]:
-        """How far the tip is beyond the entry along the line [m], and one standard deviation of that [m]."""
+        """Depth of the tip beyond the entry along the line [m], and its standard deviation [m]."""
         d = self.direction
         return float((self.x[:-1] - self.entry) @ d), float(np.sqrt(d @ self.P[:-1, :-1] @ d))
 
     @property
     def speed(self) -> tuple[float, float]:
-        """Along the line [m/s], and one standard deviation of that [m/s]."""
+        """Speed along the line [m/s], and its standard deviation [m/s]."""
         return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
 
     def predict(self, time_s: float) -> None:
@@ -79,9 +79,9 @@ class NeedleTracker:
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
-        """Where the tip will be at a later time [m], (dim,), and its covariance [m²]; the state does not change.
+        """Predicted tip at a later time [m], (dim,), and its covariance [m²]; the state does not change.
 
-        Raises ValueError before the first measurement, and for a time that is past or not finite.
+        Raises ValueError before the first measurement, and for a time that is in the past or not finite.
         """
         if self.time_s is None:
             raise ValueError("tip_at: expected a measurement before, found none")
@@ -91,8 +91,8 @@ class NeedleTracker:
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
         """Update by a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
 
-        From a tracker or from a mark of its own hue. The first one starts the estimate. Raises ValueError for other
-        shapes, or without a time, and CovarianceError.
+        The position comes from a tracker or from a mark of its own hue. The first one starts the estimate. Raises
+        ValueError for other shapes, or without a time, and CovarianceError.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
         dim = len(self.entry)
@@ -112,7 +112,7 @@ class NeedleTracker:
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """When the tip will be at this depth [m]; None where it does not go there, or is already deeper.
+        """Time at which the tip reaches this depth [m]; None if it does not, or is already deeper.
 
         t = (depth - l) / s, and sd t = sd l(t) / s, where l(t) is the depth predicted for that time.
         """

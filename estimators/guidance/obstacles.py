@@ -1,4 +1,4 @@
-"""What a needle must not touch: balls and capsules, ribs and vessels, with a margin of safety."""
+"""Obstacles such as ribs and vessels: balls and capsules with a safety margin."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """All points within radius_m of a stretch: a capsule, such as a rib or a vessel; a ball where the ends are one.
+    """All points within radius_m of a segment: a capsule, such as a rib or a vessel; a ball if both ends are equal.
 
     start, end: ends of its axis [m], (dim,); margin_m: least distance of a needle from its surface [m]
     """
@@ -40,7 +40,7 @@ def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> O
 
 
 def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radius_m: float = 0.0) -> Floats:
-    """Room between needles and the margins of obstacles [m], (n, n_obstacles), below zero where it is not kept.
+    """Distance of needles from the margins of obstacles [m], (n, n_obstacles); negative inside a margin.
 
     starts, ends: of the needles [m], (n, dim); radius_m: of the needles [m]
     """
@@ -54,7 +54,7 @@ def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radi
 def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) -> Floats:
     """Least distance of each segment, starts to ends (n, dim), from one segment, start to end (dim,) [m], (n,).
 
-    Either the lines come closest between all four ends, or one of the ends is closest to the other segment.
+    The closest points lie inside both segments, or one of them is an end.
     """
     u, v, w = ends - starts, end - start, starts - start
     a, b, c = np.einsum("nd,nd->n", u, u), u @ v, v @ v

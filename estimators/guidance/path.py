@@ -1,8 +1,8 @@
-"""The predicted path of the target that advice rests on: by tables where they hold, else by the filter.
+"""The predicted path of the target that advice uses: from tables where they hold, else from the filter.
 
-Most of the time nobody pokes, and seldom somebody will before the needle arrives. One Gaussian that covers both is too
-wide for the first and too narrow for the second: of a tissue that stays quiet it gave 73 % for hits of which 96 % came
-true. So the path has two parts: nobody pokes until then, and all else.
+Mostly nobody pokes before the needle arrives; sometimes somebody does. One Gaussian for both is too wide for the first
+case and too narrow for the second: for quiet tissue it predicted 73 % hits and 96 % were observed. So the path is a
+mixture of two parts: no poke until then, and everything else.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
 
 CYCLE_S = 1.0 / 30.0
-"""Between two times of the tables [s]; choice."""
+"""Step between two times of the tables [s]; choice."""
 
 TURNED = 0.35
 """Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
-"""Probability of a part below which it is left out: rounding would be most of it; numerical."""
+"""Probability below which a part is left out, because rounding would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""The target may be so much further from the entry than at rest [m]; the tables reach that far ahead; chosen."""
+"""Largest distance of the target from the entry beyond that at rest [m], for the range of the tables; chosen."""
 
 MOST_S = 30.0
-"""The tables reach so far ahead at the most, however slow the needle is [s]; chosen."""
+"""Longest range of the tables, even for a slow needle [s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class PathParts:
 class TargetPath:
     """Predicted target: times [s], (k,), increasing, two or more; means [m] (k, dim); covs [m²] (k, dim, dim).
 
-    mixture: the same in parts, by which hits are judged; None: it is a Gaussian
+    mixture: the same as a mixture, used for hit probabilities; None: it is a Gaussian
     """
 
     times_s: Floats
@@ -77,11 +77,11 @@ class TargetPath:
                 )
 
     def widened(self, cov: Floats) -> TargetPath:
-        """The same path off by an unknown constant of this covariance [m²], (dim, dim)."""
+        """The same path with an unknown constant error of this covariance [m²], (dim, dim)."""
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
-        """The same path moved by a constant [m], (dim,), or a path (k, dim), known to a covariance [m²], (dim, dim)."""
+        """The path moved by a constant [m], (dim,), or by a path (k, dim), with a covariance [m²], (dim, dim)."""
         parts = self.mixture
         each = np.expand_dims(by, -2)
         mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
@@ -89,7 +89,7 @@ class TargetPath:
 
     @property
     def parts(self) -> tuple[Floats, Floats, Floats]:
-        """Weights (k, c), each part's mean from that of all [m] (k, c, dim), and covariances [m²] (k, c, dim, dim)."""
+        """Weights (k, c), means relative to the overall mean [m] (k, c, dim), and covariances [m²] (k, c, dim, dim)."""
         if self.mixture is None:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
@@ -97,7 +97,7 @@ class TargetPath:
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
-    """The path that is one of two, both at the same times: in their parts, with mean and covariance of all.
+    """The mixture of two paths at the same times, with its mean and covariance.
 
     probability: of the first at each time [1], (k,)
     """
@@ -115,24 +115,24 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
 
 
 def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
-    """How far ahead the path must be predicted [s]: for the last insertion tried, by the oldest estimate advised on."""
+    """Prediction range of the path [s]: for the last insertion tried, from the oldest estimate that is used."""
     rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time that the needle takes until what is to hit is so far from the entry [m]: [s], 0 where it is farther."""
+    """Time until the needle's sampling part is this far from the entry [m]: [s], 0 if it is farther already."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables of a filter's path as far ahead as this [s]; its posterior does not matter, its model does."""
+    """Tables of a filter's path over this range [s]; they depend on its model, not on its posterior."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
 def _times_until(ahead_s: float, cycle_s: float) -> int:
-    """How many times, cycle_s [s] apart from now on, reach so far ahead [s]."""
+    """Number of times, cycle_s [s] apart from now on, that cover this range [s]."""
     return int(np.ceil(ahead_s / cycle_s * (1.0 - SAME_STEP))) + 1
 
 
@@ -142,9 +142,9 @@ def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The path from the first of these times [s], (k,), or before, to the last: by tables as far as they hold.
+    """The path from the first of these times [s], (k,), or before, to the last: from tables where they hold.
 
-    Else by the filter itself, at these times.
+    Otherwise from the filter, at these times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -155,17 +155,17 @@ def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -
 
 
 _KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
-"""Tables of each filter that was asked for its path, as long as it lives."""
+"""Tables of each filter that was asked for its path, as long as the filter exists."""
 
 
 def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """As `path_near_rest`, by tables that are made where they are first needed, or reach farther, and kept."""
+    """As `path_near_rest`, from cached tables, which are made when first needed or when a longer range is."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
     if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
         if ahead_s > MOST_S:
             return TargetPath(times_s, *tissue.predict_path(times_s))
-        # a needle that moves asks for a little more each time
+        # a moving needle needs a little more each time
         tables = _KEPT[tissue] = path_tables(tissue, 1.25 * ahead_s)
     return path_near_rest(tables, tissue, times_s)
 
@@ -178,7 +178,7 @@ def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> Targe
 
 
 def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
-    """Whether no spring is turned by more than `TURNED` from its direction at rest."""
+    """Whether all springs are within `TURNED` of their directions at rest."""
     now = tissue.positions
     i, j = tissue.network.springs.T
     springs, at_rest = now[j] - now[i], tables.shape[j] - tables.shape[i]
@@ -187,7 +187,7 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
-    """A part of known weight (k,), mean (k, dim) and covariance (k, dim, dim), and what is left of the whole."""
+    """A part with weight (k,), mean (k, dim) and covariance (k, dim, dim), and the remainder of the whole."""
     others = 1.0 - weights
     weights = np.where(others < LEAST_PART, 1.0, np.where(weights < LEAST_PART, 0.0, weights))
     others = 1.0 - weights

@@ -1,9 +1,9 @@
 """Which way to put the needle: straight paths ranked by the probability that the tip ends in the lesion.
 
-The insertion itself pushes the target aside. That is foreseen as the tissue's linear answer to the needle's forces at
-arrival, u = C F: C the columns of the inverse stiffness matrix at rest that belong to the target [dimaio2003], F the
-cutting force at the tip and the full friction along the shaft, shared by the nodes as `dynamics.needle.loads` does.
-Each path aims at where the target will be then. Obstacles are taken where they are at rest.
+The insertion itself pushes the target aside. The push is predicted by the tissue's linear response to the needle's
+forces at arrival, u = C F: C the columns of the inverse stiffness matrix at rest that belong to the target
+[dimaio2003], F the cutting force at the tip and the full friction along the shaft, shared by the nodes as
+`dynamics.needle.loads` does. Each path aims at the target's position then. Obstacles are assumed at rest.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
-"""Fixed-point iterations of the aim under the path's own push, numerics: on the phantom 0.3 µm is left, and half or
+"""Fixed-point iterations of the aim under the path's own push; numerical: 0.3 µm is left on the phantom, and half or
 twice as many change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared, those that are shown; among equals more clearance comes first. On
+"""Decimals to which hit probabilities are compared, as shown; among equal ones more clearance ranks first. On
 the phantom the best path is the same with two to six."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """What is to be hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
+    """The lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
 
     mean: Floats
     cov: Floats
@@ -62,7 +62,7 @@ class PlannedNeedle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skin:
-    """Where the needle may go in: the box between two corners, whose sides may be nothing [m], (dim,).
+    """Where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
 
     normal: out of the tissue, made to length 1, (dim,); max_angle_rad: of the needle to it; max_length_m: in the tissue
     """
@@ -82,7 +82,7 @@ class Skin:
         object.__setattr__(self, "normal", self.normal / length)
 
     def entries(self, n: int) -> Floats:
-        """Some n points in it [m], (n, dim): along the straight line in the plane, on a grid of the box in space."""
+        """About n points in it [m], (n, dim): along the straight line in the plane, on a grid of the box in space."""
         if len(self.start) == 2:
             return self.start + np.linspace(0.0, 1.0, n)[:, None] * (self.end - self.start)
         sides = np.abs(self.end - self.start)
@@ -95,13 +95,13 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Paths and what is to be expected of each; rows as given, `order` ranks them.
+    """Paths and their predicted results; rows in the given order, `order` ranks them.
 
     entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
-    pushed: by how much the insertion moves the target [m], (n, dim)
+    pushed: shift of the target by the insertion [m], (n, dim)
     means, covs: of the target then [m], (n, dim), covs with the tip's error [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,); clearance: least room to an obstacle's margin [m], (n,)
-    angles: to the skin's normal [rad], (n,); reasons: why it is rejected, one tuple for each, empty where it is not
+    angles: to the skin's normal [rad], (n,); reasons: why each is rejected, a tuple, empty where it is allowed
     order: allowed paths from the best on, then rejected ones by their hits, (n,)
     """
 
@@ -120,7 +120,7 @@ class Plan:
 
     @property
     def allowed(self) -> NDArray[np.bool_]:
-        """Which paths are not rejected, (n,)."""
+        """Which paths are allowed, (n,)."""
         return np.array([not reasons for reasons in self.reasons], dtype=bool)
 
     @property
@@ -130,7 +130,7 @@ class Plan:
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """How the target moves by a force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
+    """Shift of the target by a force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -138,7 +138,7 @@ def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
 def needle_displacement(
     network: MassSpringNetwork, C: Floats, needle: PlannedNeedle, tips: ArrayLike, entries: ArrayLike
 ) -> Floats:
-    """By how much needles from entries to tips [m], (n, dim), move the target [m], (n, dim); C: its `compliance`."""
+    """Shift of the target [m], (n, dim), by needles from entries to tips [m], (n, dim); C: its `compliance`."""
     to, from_ = np.asarray(tips, dtype=float), np.asarray(entries, dtype=float)
     along = to - from_
     lengths = np.linalg.norm(along, axis=1)
@@ -159,9 +159,9 @@ def candidate_paths(
     entries: Floats,
     n_aims: int = 5,
 ) -> tuple[Floats, Floats]:
-    """Entries and tips [m], (n n_aims, dim): from each entry to where the target will be, and to points beside it.
+    """Entries and tips [m], (n n_aims, dim): from each entry to the predicted target, and to points beside it.
 
-    n_aims: odd; all but one aim up to 0.6 radii beside the centre, both ways in the plane, all around in space
+    n_aims: odd; all but one aim up to 0.6 radii beside the centre, to both sides in the plane, all around in space
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)
@@ -191,7 +191,7 @@ def plan(
     entries: Floats,
     tips: Floats,
 ) -> Plan:
-    """Straight paths from entries to tips [m], (n, dim), judged and ranked; `candidate_paths` makes some.
+    """Straight paths from entries to tips [m], (n, dim), evaluated and ranked; `candidate_paths` makes some.
 
     Raises ValueError for shapes that do not fit and for paths without length, NetworkError where there is no rest.
     """
@@ -202,7 +202,7 @@ def plan(
     directions = along / lengths[:, None]
     pushed = needle_displacement(network, compliance(network, target), needle, tips, entries)
     means = lesion.mean + pushed
-    # the forces have one factor of error: the target stays on the line along which it is pushed
+    # the forces have one common error factor: the target stays on the line of the push
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
     covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
     hits = ball_hits(tips - means, covs, lesion.radius_m)

@@ -1,4 +1,4 @@
-"""By how much an insertion pushes the target aside before the needle is there: advice aims at where it is then."""
+"""The push of an insertion on the target before the needle arrives: advice aims at the target's position then."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from estimators.process.target import TargetPoint, target_map
 class NeedlePush:
     """The push of a needle on the target of a network, to first order about its rest [dimaio2003].
 
-    Where the needle is inside already, the marks show what it has pushed until now. A body that nothing holds gives way
-    as a whole, which no static answer describes: there no push is predicted.
+    Where the needle is inside already, the marks show its push so far. A body without support moves as a whole, which a
+    static response does not describe: no push is predicted for it.
 
     target: a node's name or a point of the tissue; needle: its forces [N, N/m], their width [m] and relative error [1]
     """
@@ -28,11 +28,11 @@ class NeedlePush:
         if network.fixed.any() and (needle.cutting_N or needle.friction_N_m):
             try:
                 self._gives = compliance(network, target)
-            except np.linalg.LinAlgError:  # nothing resists some motion
+            except np.linalg.LinAlgError:  # some motion meets no resistance
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """What an insertion to the target at rest adds to the push of now [m], (dim,)."""
+        """Further push by an insertion to the target at rest [m], (dim,)."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)
@@ -43,6 +43,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """Where the target is once the needle is there: the path, moved, with what is not known of the forces."""
+        """The target's path at the needle's arrival: moved by the push, with the uncertainty of the forces."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

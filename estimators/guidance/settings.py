@@ -1,4 +1,4 @@
-"""Thresholds between the kinds of advice, and when an estimate is not fit to advise on a needle at all."""
+"""Thresholds between the kinds of advice, and limits of an estimate's fitness for advice."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from estimators.tissue.estimate import Status, TargetEstimate
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds between the kinds of advice, and how far ahead insertions are tried.
+    """Thresholds between the kinds of advice, and the range of insertions that are tried.
 
-    go: probability of a hit from which on to insert; choice
-    worth: by how much more probable a later hit must be to be waited for; choice
-    horizon_s: insertions are tried that begin up to so much later [s]; choice
+    go: least probability of a hit for GO; choice
+    worth: least gain in probability for which to wait; choice
+    horizon_s: insertions are tried that begin up to this much later [s]; choice
     step_s: between two starts that are tried [s]; choice
-    stale_s: age from which an estimate gives no guidance [s]; choice
-    coasting_s: time without any mark from which an estimate gives no guidance [s]; choice
+    stale_s: age above which an estimate gives no guidance [s]; choice
+    coasting_s: time without any mark above which an estimate gives no guidance [s]; choice
     overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
-    abort: a needle that is inside and was given GO has to stop where a hit is less than this part of go probable;
-        choice
-    abort_s: such a stop stays until there has been guidance for so long [s]; choice
+    abort: a needle inside after GO has to stop where the hit probability is below this share of go; choice
+    abort_s: such a stop stays until there has been guidance for this long [s]; choice
     """
 
     go: float = 0.9
@@ -47,7 +46,7 @@ class AdviceSettings:
 
 
 def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
-    """Reason in words why an estimate gives no guidance at this time [s]; None where it does.
+    """The reason why an estimate gives no guidance at this time [s]; None where it gives guidance.
 
     seen_s: time of the last mark used [s], None if never
     """
@@ -66,6 +65,6 @@ def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, s
             "the estimate is not finite",
         ),
         (unseen > settings.coasting_s, f"no mark was seen for {unseen:.2f} s, more than {settings.coasting_s:g} s"),
-        (estimate.model_only, "the marks tell next to nothing of the target: the model alone speaks"),
+        (estimate.model_only, "the marks contain almost no information on the target"),
     )
     return next((reason for holds, reason in faults if holds), None)

@@ -1,4 +1,4 @@
-"""The time and processes that an estimation from a recording may take, and what is raised where nothing comes of it."""
+"""The time and processes that an estimation from a recording may take, and its errors."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A map, such as that of a pool of processes: function and arguments can be pickled."""
+"""A map, such as a process pool's: function and arguments can be pickled."""
 
 UNLIMITED = float("inf")
-"""As many seconds as it takes."""
+"""No limit of the time."""
 
 
 class IdentificationError(ValueError):
@@ -18,7 +18,7 @@ class IdentificationError(ValueError):
 
 
 def too_short(limit: Budget) -> IdentificationError:
-    """The error of a time that is not enough for anything."""
+    """The error for a time that is too short for any result."""
     return IdentificationError(
         f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
     )
@@ -29,7 +29,7 @@ class OutOfTimeError(Exception):
 
 
 class Budget:
-    """Seconds that may be spent from now on.
+    """A time limit in seconds from now on.
 
     State: when it began, by a clock that never goes back.
     """
@@ -42,22 +42,22 @@ class Budget:
         self._began = clock()
 
     def part(self, share: float) -> Budget:
-        """A budget of a share of the time, begun when the whole was."""
+        """A budget of a share of the time, with the same start."""
         some = Budget(share * self.seconds, self._clock)
         some._began = self._began
         return some
 
     @property
     def spent_s(self) -> float:
-        """Seconds gone."""
+        """Elapsed seconds."""
         return self._clock() - self._began
 
     @property
     def share(self) -> float:
-        """Part of it that is gone, at most 1."""
+        """Elapsed share of the time, at most 1."""
         return min(1.0, self.spent_s / self.seconds)
 
     def check(self) -> None:
-        """Raise OutOfTimeError where it is over."""
+        """Raise OutOfTimeError if the time is over."""
         if self.spent_s > self.seconds:
             raise OutOfTimeError

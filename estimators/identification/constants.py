@@ -1,8 +1,8 @@
 """The constants of a network from a calibration recording in which the hidden mark is seen, too.
 
-Gauss-Newton on the innovations of hidden marks: the filter runs with constants taken as exact, beside the sensitivities
-of its error to each of them; its innovations y, of covariance S, are then noise and T theta, T their sensitivity to
-the constants, theta the errors of these. Source: [friedland1969].
+Gauss-Newton on the innovations of hidden marks: the filter takes the constants as exact and computes the sensitivity of
+its error to each of them. Its innovations y, of covariance S, are then noise plus T theta, with T their sensitivity to
+the constants and theta the errors of the constants. Source: [friedland1969].
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Starts are within this of the constants given, in logarithms: a third to three times; rest lengths, which are
-measured on a picture, to a tenth; choice."""
+"""Range of the starts about the given constants, in logarithms: a third to three times; a tenth for rest lengths, which
+are measured on a picture; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """From how many starts constants are searched, and what is kept of their covariance.
+    """Number of starts of the search, and how much of the covariance is kept.
 
-    kept: share of the target's variance by uncertain constants that the kept directions explain; choice
+    kept: share of the target's variance due to the constants that the kept directions explain; choice
     n_starts: points from which the constants are searched, the given ones first; choice
     """
 
@@ -59,18 +59,18 @@ class IdentificationResult:
     """Constants of a network estimated from a calibration recording, in groups of one factor each.
 
     network: with the constants found
-    groups, change: which, and the log of each group's factor, (n,); 0 of those that the recording does not determine
-    cov: covariance of these logs, (n, n), inflated as innovations are correlated and by what the search leaves open
+    groups, change: the groups, and the log of each group's factor, (n,); 0 where the recording does not determine it
+    cov: covariance of these logs, (n, n), inflated for correlated innovations and for what the search leaves open
     prior_sd: standard deviations of the logs before, (n,)
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
-    residuals: what is unexplained
+    residuals: the unexplained part
     log_likelihood: of the recording's hidden marks; before, with the constants given
-    target_error_m: median error of the target by its mark, which is not used [m]; before; None: not measured
-    n_starts, n_agreeing: starts that were followed, and how many of them led to these constants
+    target_error_m: median error of the target against its unused mark [m]; before; None: not measured
+    n_starts, n_agreeing: number of starts, and how many of them led to these constants
     n_frames: of the recording that were used
     in_time: False where the time was too short for all frames, starts and passes
-    n_limited: directions of the covariance that the prior limits: residuals would leave more than no data at all
+    n_limited: number of directions in which the prior limits the covariance, since residuals would exceed the prior
     """
 
     network: MassSpringNetwork
@@ -104,14 +104,14 @@ class IdentificationResult:
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Which groups keep the values given since the recording does not determine them, (n,)."""
+        """Which groups keep the given values, because the recording does not determine them, (n,)."""
         return np.asarray(self.change == 0.0)
 
     def identifiable(self) -> tuple[Floats, Floats]:
-        """Part of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
+        """Share of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
-        Directions are in the logs of the constants by their prior standard deviations. Where most is left, the
-        recording does not identify them: the Fisher information there is below that of the prior.
+        Directions are in the logs of the constants by their prior standard deviations. Directions with most of the
+        variance left are not identified: the Fisher information there is below that of the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -135,10 +135,10 @@ def identify_constants(
     """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
 
     frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
-    spring_groups: see `constant_groups`; budget: the time that it may take, then the best until then is returned
-    workers: `map` of this process, or that of a pool of processes, among which passes of the filter are shared out
-    `advance` gets the share done. Raises IdentificationError where the target is never seen or is the only marked node,
-    where the time is too short for anything, and where no constants leave the filter finite.
+    spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
+    workers: `map` of this process, or of a pool of processes that share the passes of the filter
+    `advance` is called with the share done. Raises IdentificationError where the target is never seen or is the only
+    marked node, where the time is too short for any result, and where the filter is finite under no constants.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
@@ -156,10 +156,10 @@ def identify_constants(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Found:
-    """Where the search ended: best of the starts, pass with the constants given, starts that were followed and agree.
+    """Result of the search: the best start, the pass with the given constants, number of starts, and how many agree.
 
     used: the frames
-    left_open: mean square of what the starts, and a last search that did not come to its end, leave open, (n, n)
+    left_open: mean square of the differences between starts, and of an unfinished last search, (n, n)
     """
 
     best: Optimum
@@ -173,9 +173,9 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """From several starts through a part of the frames, then through all: from the best, or from the constants given.
+    """Search from several starts with a part of the frames, then from the best with all frames.
 
-    From these where they are the more probable by all frames. Raises OutOfTimeError.
+    The last search starts from the given constants if all frames make them more probable. Raises OutOfTimeError.
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
@@ -205,7 +205,7 @@ def _searched(
     if len(screened) < len(used):
         try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
-            # what explains a part, begun in motion, may be less probable by the whole than what was given
+            # a fit to a part, which begins in motion, may be less probable on the whole than the given constants
             begins = most_probable([there, given])
             best, before = climbed(of_all, begins, problem.sd), given.found
             if not best.converged:
@@ -238,7 +238,7 @@ def _identified(
         with suppress(OutOfTimeError):
             as_kept = problem.at(theta, used) if theta.any() else found.before
             if as_kept.log_likelihood < found.before.log_likelihood:
-                # beside values as given, the others fit worse than as given
+                # with some constants as given, the others fit worse than with all as given
                 theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
             else:
                 after = as_kept
@@ -278,10 +278,10 @@ def principal_uncertainty(
     *,
     kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """The few directions of an uncertainty that explain its effect on the target when the target's mark is not seen.
+    """The few directions of an uncertainty that explain its effect on the target without the target's mark.
 
-    The same covariance turned to the axes of the target's variance along the frames; the smallest axes, together below
-    1 - `kept` of it, are left out.
+    The same covariance along the axes of the target's variance over the frames; the smallest axes, together below 1 -
+    `kept` of it, are left out.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target

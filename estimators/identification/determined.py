@@ -1,7 +1,7 @@
-"""Which constants a recording determines: the others keep the values given, and the uncertainty of these.
+"""Which constants a recording determines: the others keep their given values and uncertainty.
 
-The variance of a constant is that of the posterior, and what the search leaves open: how far apart ends of equal
-likelihood are, and how far a search has gone that did not come to an end.
+The variance of a constant is the posterior variance plus what the search leaves open: the distance between ends of
+equal likelihood, and the way of a search that did not finish.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from estimators.identification.residuals import within_prior
 from estimators.identification.search import Optimum
 
 MAX_VARIANCE_LEFT = 0.5
-"""Part of the prior variance left to a combination of constants above which it is undetermined: the recording says
-less of it than was known before; chosen."""
+"""Share of the prior variance of a combination of constants above which it is undetermined: the recording has less
+information on it than the prior; chosen."""
 
 LEAST_PART = 0.05
-"""Part of a constant's axis that lies in what is determined, below which it keeps its value; chosen: of twenty equal
-constants of which a recording determines the sum each has as much."""
+"""Share of a constant's axis in the determined combinations below which the constant keeps its value; chosen: the share
+of each of twenty equal constants whose sum is determined."""
 
 ALIKE = 0.1
-"""Log posterior of an innovation by which one end may lie below another and explain a recording as well: a model whose
-innovations are a fifth larger, or smaller, than stated is off by as much; chosen."""
+"""Difference of log posterior per innovation below which two ends explain a recording equally well: a model whose
+innovations are a fifth larger or smaller than stated differs by as much; chosen."""
 
 
 def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:
-    """Mean square of the way from the best end to all that explain the recording as well, (n, n), in prior units."""
+    """Mean square distance from the best end to all that explain the recording equally well, (n, n), in prior units."""
     n_innovations, times = float(best.found.dof.sum()), best.times
     ways = [one.theta - best.theta for one in ends if best.at(times) - one.at(times) <= ALIKE * n_innovations / times]
     return np.mean([np.outer(way, way) for way in ways], axis=0)
 
 
 def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, int]:
-    """Constants found, (n,), but as given, at 0, along all that is not determined; their covariance (n, n).
+    """Constants found, (n,), with undetermined combinations as given, at 0; their covariance (n, n).
 
-    In prior standard deviations; see `within_prior`. A constant that has next to no part in any determined combination
-    is kept itself; the others are the most probable ones where what is kept is as given. What was given up is in the
-    covariance. Last, in how many directions the prior limits that.
+    In prior standard deviations; see `within_prior`. A constant with almost no share in any determined combination
+    keeps its value; the others are the most probable ones under that condition. The covariance includes what was given
+    up. Last, the number of directions in which the prior limits it.
     """
     kept = (_determined(cov) ** 2).sum(axis=1) < LEAST_PART
     rest, at = ~kept, np.zeros_like(theta)

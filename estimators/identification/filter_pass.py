@@ -1,8 +1,8 @@
-"""One pass of the filter through a recording: how well it predicts the hidden marks, and its derivatives by constants.
+"""One pass of the filter through a recording: its prediction of the hidden marks, and the derivatives by constants.
 
-The filter takes in the marks of the marked nodes only, as it does when it tracks. The marks of all other nodes, the
-target's at least, are compared with what it predicts. Pushes on the marked nodes then matter little, whatever their
-prior; with all marks taken in, errors of that prior pass for errors of constants.
+The filter uses the marks of the marked nodes only, as in tracking. The marks of all other nodes, at least the target's,
+are compared with its predictions. Then the prior of pushes on the marked nodes matters little; if the filter used all
+marks, errors of that prior would look like errors of constants.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Discrepancy, by the body's extent, where the settings do not state one [1]; choice: among several the marks would
-choose a large one to explain wrong constants."""
+"""Discrepancy, by the body's extent, where the settings do not state one [1]; choice: a level chosen by the marks would
+be large, to explain wrong constants."""
 
 SMALL = 1e-3
-"""Share of a standard deviation of each constant that the filter considers: its gains are those of exact constants;
-numerical."""
+"""Share of a standard deviation of each constant that the filter considers, so small that its gains are those of exact
+constants; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pass:
-    """What the hidden marks of a recording contain about errors of the constants, in units of their directions.
+    """Information of a recording's hidden marks on the errors of the constants, in units of their directions.
 
     The log likelihood is composite: a sum over frames that are not independent of each other.
 
@@ -41,7 +41,7 @@ class Pass:
     information: its Fisher information, (n, n); log_likelihood: of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
     effect: sum of the squared shares of each direction in the target's error [m²], (n, n)
-    target_error_m: median error of the target by its mark [m], None where it has none
+    target_error_m: median error of the target against its mark [m], None without a mark
     """
 
     scores: Floats
@@ -54,12 +54,12 @@ class Pass:
 
     @property
     def gradient(self) -> Floats:
-        """Of the log likelihood, (n,)."""
+        """Gradient of the log likelihood, (n,)."""
         return np.asarray(self.scores.sum(axis=0))
 
 
 def failed_pass(n: int) -> Pass:
-    """Of constants under which the filter has no finite state: of no likelihood, and without information."""
+    """For constants under which the filter has no finite state: zero likelihood, and no information."""
     none = np.zeros((n, n))
     return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 
@@ -72,10 +72,10 @@ def pass_through(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    """The filter through the frames, constants taken as exact, beside the sensitivities to each direction.
+    """Run the filter through the frames, with constants taken as exact and sensitivities to each direction.
 
-    A constant that is considered has a covariance with the state: by its variance, it is the sensitivity of the
-    state's error to it. Source: [friedland1969]. nodes: those that may be poked, and the target. Raises OutOfTimeError.
+    A considered constant has a covariance with the state; divided by its variance, it is the sensitivity of the state's
+    error. Source: [friedland1969]. nodes: those that may be poked, and the target. Raises OutOfTimeError.
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

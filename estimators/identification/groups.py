@@ -1,4 +1,4 @@
-"""Groups of constants that have one factor in common: one stiffness for each tissue or kind of link."""
+"""Groups of constants with one common factor: one stiffness for each tissue or kind of link."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Springs that have constants of their own at most, where no groups are given: a recording of half a minute determines
-some twenty combinations, and each costs a column of the filter."""
+"""Most springs that have their own constants without given groups: a recording of half a minute determines some twenty
+combinations, and each costs a column of the filter."""
 
 LEAST_REST = 0.1
-"""Share of a rest length that is left at the least where a soft spring has to keep a large tension."""
+"""Least share of a rest length that is left where a soft spring has to keep a large tension."""
 
 SAME_DIGITS = 9
-"""Significant digits by which equal constants are one kind: those that a scene file keeps."""
+"""Significant digits to which constants of one kind are equal: those of a scene file."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind that are multiplied by one factor: their places among springs or nodes, and a name."""
+    """Constants of one kind with one common factor: their indices among springs or nodes, and a name."""
 
     kind: str
     places: tuple[int, ...]
@@ -48,7 +48,7 @@ class ConstantGroup:
 def constant_groups(
     network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
 ) -> tuple[ConstantGroup, ...]:
-    """The groups in which the positive constants of these kinds are estimated, kind by kind.
+    """The groups in which positive constants of these kinds are estimated, kind by kind.
 
     spring_groups: name of each spring's group, empty for a spring by itself, (n_springs,), or none at all
     Without any name, springs of equal constants are one kind where the network has more than `MOST_SINGLE` springs,
@@ -63,7 +63,7 @@ def constant_groups(
             names = _spring_names(network, spring_groups) if kind in OF_SPRINGS else _node_names(network, own)
             gathered: dict[str | int, list[Parameter]] = {}
             for one in own:
-                # a constant without a group is one by itself, whatever its name: two springs may join the same nodes
+                # a constant without a group forms its own: two springs may join the same nodes and have the same name
                 gathered.setdefault(names.get(one.index, one.index), []).append(one)
             groups += [
                 ConstantGroup(

@@ -1,4 +1,4 @@
-"""The constants sought in a recording, and the filter that goes through it with them."""
+"""The unknown constants of a recording, and passes of the filter through it."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Frames, the liveliest ones in a row, through which all starts are followed; the best goes through all frames. More
-cost time, with fewer half a swing of the phantom is left; choice."""
+"""Number of consecutive frames, those with most motion, for the search from all starts; the best start continues with
+all frames. More take longer, fewer hold half a swing of the phantom; choice."""
 
 PASSES_A_SEARCH = 6
-"""Of the filter, as expected for the progress and for how many frames the time allows for."""
+"""Expected passes of the filter, for the progress and the number of frames that the time allows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """What is sought in a recording: factors of groups of constants, as theta (n,), logs in prior standard deviations.
+    """The estimation problem of a recording: theta (n,), logs of the groups' factors in prior standard deviations.
 
     sd: prior standard deviation of each log, (n,); nodes: those that may be poked, and the target
     """
@@ -47,19 +47,19 @@ class Problem:
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
     def at(self, theta: Floats, frames: Frames) -> Pass:
-        """The filter through frames. Raises OutOfTimeError."""
+        """Run the filter through frames. Raises OutOfTimeError."""
         model = self.model(theta)
         prior = self.directions(model, np.diag(self.sd))
         return pass_through(model, prior, frames, self.nodes, self.settings, self.budget)
 
     def followed(self, frames: Frames, start: Floats) -> Optimum | None:
-        """What a start leads to; None where there is no time for a pass."""
+        """Result of the search from a start; None if there is no time for a pass."""
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """How many starts and which frames the time allows for: one start where with all of them few frames are left.
+        """Number of starts and the frames that the time allows: one start, if all of them would leave few frames.
 
-        Raises OutOfTimeError where there is none for that, either.
+        Raises OutOfTimeError if the time is too short for that, too.
         """
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)

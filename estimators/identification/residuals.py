@@ -11,7 +11,7 @@ from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
 LEVEL = 0.01
-"""Probability by which the residuals of a right model are called unexplained; choice."""
+"""Probability at which the residuals of a right model are reported as unexplained; choice."""
 
 ROUNDING = 1e-9
 """Share by which a variance may exceed that without data by rounding alone; numerical."""
@@ -21,10 +21,10 @@ ROUNDING = 1e-9
 class ResidualTest:
     """The innovations of the hidden marks at the constants found, tested.
 
-    size: mean square of the normalised innovations [1]; 1 of a right model, but for sampling
+    size: mean square of the normalised innovations [1]; 1 for a right model, up to sampling
     inflation: largest ratio of a standard error to one by independent frames, over all directions [1]
-    n, n_effective: innovations, and how many independent ones would determine the constants as well
-    explained: whether the size is no larger than sampling makes it
+    n, n_effective: number of innovations, and the effective number of independent ones
+    explained: whether the size is no larger than sampling allows
     """
 
     size: float
@@ -35,11 +35,11 @@ class ResidualTest:
 
 
 def times_counted(found: Pass) -> float:
-    """How many times over a composite log likelihood counts what frames tell, at least 1.
+    """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    The largest ratio, over directions, of the long-run covariance of the scores to the information that is claimed, a
-    prior of unit variance beside both. By that it is divided, as if so many frames were one. Source: [pauli2011].
-    Differs from it: the mean ratio there; one direction may be told by nothing but the model's errors.
+    The largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a prior
+    of unit variance added to both. The information is divided by it. Source: [pauli2011]. Differs from it, which takes
+    the mean ratio: the model's errors may be all the evidence for one direction.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -52,7 +52,7 @@ def times_counted(found: Pass) -> float:
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """Covariance of constants at the optimum by information and prior, (n, n), and the test of the residuals.
 
-    In prior standard deviations. The information is divided by how many times over it counts what frames tell.
+    In prior standard deviations. The information is divided by `times_counted`.
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
@@ -68,12 +68,12 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """A covariance of constants found at theta, (n,), no larger than without data, (n, n), and in how many directions.
+    """A covariance of constants at theta, (n,), limited to that without data, (n, n), and the number limited.
 
     cov: in prior standard deviations, (n, n)
-    What a search leaves open has no limit; the error of the constants has one. Of a point to which data
-    that tell nothing have led its mean square is B = 1 + theta theta', the prior's and the way there: of each direction
-    of [cov, B] the smaller one is kept.
+    What a search leaves open is unbounded, but the error of the constants is not. At a point reached by data without
+    information its mean square is B = 1 + theta theta', by the prior and the distance from it: for each direction of
+    [cov, B] the smaller one is kept.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)
@@ -82,7 +82,7 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     largest = float(ratios.max(initial=0.0))
     if largest <= 1.0 + ROUNDING:
         return cov, 0
-    # beside a variance so large one below its rounding is not known: nor is what data tell of that direction
+    # a variance below the rounding of a much larger one is unknown, and so is the data's information on that direction
     limited = (ratios > 1.0 + ROUNDING) | (ratios < len(theta) * np.finfo(float).eps * largest)
     turned = root @ axes
     return np.asarray((turned * np.where(limited, 1.0, ratios)) @ turned.T), int(limited.sum())

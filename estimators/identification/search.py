@@ -1,4 +1,4 @@
-"""The most probable constants from several starts: Gauss-Newton's method with a line search, within a time."""
+"""The most probable constants from several starts: Gauss-Newton's method with a line search, within a time limit."""
 
 from __future__ import annotations
 
@@ -14,34 +14,34 @@ from estimators.identification.filter_pass import Pass
 from estimators.identification.residuals import times_counted
 
 MOST_PASSES = 24
-"""Limit of the iteration: three to eight passes are usual, more where the constants given are far off; choice."""
+"""Limit of the iteration: three to eight passes are usual, more if the given constants are far off; choice."""
 
 CONVERGED = 0.2
 """Tolerance of the iteration in standard errors of a constant: it adds 2 % to the error at most."""
 
 AGREEING = 1.0
-"""Standard errors of a constant within which two starts have found the same: further apart they are two answers."""
+"""Standard errors of a constant within which two starts agree: further apart they are two solutions."""
 
 LONGEST_STEP = 4.0
-"""Factor on a step of Gauss and Newton's at most [1]; numerical."""
+"""Largest factor on a Gauss-Newton step [1]; numerical."""
 
 LONGEST_MOVE = 1.0
-"""Longest step of the logarithm of a constant, a factor of e: further the linear model of the step means nothing."""
+"""Longest step of the logarithm of a constant, a factor of e: the linear model of the step does not hold further."""
 
 START_SEED = 1
-"""Of the scrambled Sobol sequence of starts: the same recording gives the same constants."""
+"""Seed of the scrambled Sobol sequence of starts: the same recording gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""Pass through the recording at a point, (n,), in prior standard deviations."""
+"""A pass through the recording at a point, (n,), in prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
     """Where a search ended: theta (n,), in prior standard deviations, and the pass there.
 
-    at_start: the pass where it began; passes: how many in all
-    converged: whether the last step was below noise; in_time: whether it came to its end
-    times: how many times over the log likelihood counts what frames tell, see `times_counted` [1]
+    at_start: the pass at its start; passes: number of passes
+    converged: whether the last step was below noise; in_time: whether it finished
+    times: factor by which the log likelihood overstates the frames' information, see `times_counted` [1]
     """
 
     theta: Floats
@@ -58,7 +58,7 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """As `log_posterior`, the likelihood taken to count what frames tell so many times over [1]."""
+        """As `log_posterior`, with the likelihood divided by this factor [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
@@ -67,13 +67,13 @@ class Optimum:
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
-        """Whether another search has found the same within `AGREEING` standard errors of this one."""
+        """Whether another search agrees with this one within `AGREEING` standard errors."""
         sd = np.sqrt(np.diag(np.linalg.inv(self.precision)))
         return bool((np.abs(other.theta - self.theta) < AGREEING * sd).all())
 
 
 def starts(spread: Floats, n: int) -> Floats:
-    """So many points to start from, (n, n_constants): the origin, then Sobol's within -spread to spread."""
+    """The starting points, (n, n_constants): the origin, then Sobol points within -spread to spread."""
     if n == 1:
         return np.zeros((1, len(spread)))
     sobol = qmc.Sobol(len(spread), seed=START_SEED).random_base2(max(0, int(np.ceil(np.log2(n - 1)))))
@@ -87,13 +87,13 @@ def begun(at: At, start: Floats) -> Optimum:
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """That of the highest posterior, the first of several; composite likelihoods are counted as often."""
+    """The search with the highest posterior, the first of equal ones; composite likelihoods are scaled alike."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
 
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
-    """The maximum of the posterior that a start leads to; the best until then where the time is over.
+    """The maximum of the posterior from a start; the best point so far if the time is over.
 
     unit: standard deviation of the log of each constant by the prior, (n,). Raises OutOfTimeError before the first
     pass ends.
@@ -102,7 +102,7 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """As `gauss_newton`, of a search that has begun."""
+    """As `gauss_newton`, for a search that has begun."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
@@ -121,7 +121,8 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
                 step *= 0.5
             if tried.log_posterior < best.log_posterior:
                 return replace(best, passes=tried.passes, converged=step * away < CONVERGED)
-            # scores leave out what constants do to gains: where steps gain twice what they promise they are too short
+            # scores neglect the effect of constants on gains: steps that gain twice the predicted improvement are too
+            # short
             is_short = tried.log_posterior - best.log_posterior > float(move @ best.precision @ move)
             longest = min(2.0 * longest, LONGEST_STEP) if is_short else 1.0
             best = replace(tried, times=times_counted(tried.found))
@@ -139,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """What starts led to, the first first, up to one without time. Raises OutOfTimeError where that is the first."""
+    """Results of the starts in order, up to one without time. Raises OutOfTimeError if that is the first."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

@@ -1,4 +1,4 @@
-"""The level of the filter's discrepancy from a recording: how far a tissue departs from its model."""
+"""Estimation of the filter's discrepancy level from a recording: how far a tissue departs from its model."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ STRAINS = (0.002, 0.003, 0.01, 0.03)
 """Levels that are compared, by the body's extent [1]; choice."""
 
 UNSEEN = 0.003
-"""Smallest level of a model whose constants were guessed: marks do not show how well it predicts the target [1];
+"""Smallest level for a model with guessed constants, because marks do not show how well it predicts the target [1];
 measured: docs/filter.md."""
 
 REFUTED = 3.0
-"""Difference of log likelihood from which on a level is refuted by the best [1]; choice."""
+"""Difference of log likelihood to the best level above which a level is rejected [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +32,9 @@ class TuningResult:
     """The level of the discrepancy that was found.
 
     settings: with that level
-    names, values, log_sd: what was tuned, its value in the unit of its setting, and the standard error of the value's
-        logarithm [1], each (1,)
-    log_likelihood: of each mark given the others of its frame, summed, at that level, and with the level from before
+    names, values, log_sd: the tuned setting, its value in its unit, and the standard error of the value's logarithm
+    [1], each (1,)
+    log_likelihood: of each mark given the others of its frame, summed, at that level, and at the earlier level
     n_frames: of the recording that were used; in_time: False where the time was too short for all frames and passes
     """
 
@@ -50,7 +50,7 @@ class TuningResult:
 
 @dataclass(frozen=True, slots=True)
 class _Passes:
-    """Passes through frames: by level the log likelihood of each mark given the others of its frame."""
+    """Passes through frames: for each level the log likelihood of each mark given the others of its frame."""
 
     network: MassSpringNetwork
     nodes: tuple[Sequence[str], str]
@@ -87,16 +87,16 @@ def tune_strain(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Find the level of the discrepancy: the largest one that the marks do not refute.
+    """Find the level of the discrepancy: the largest one that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the others of its frame: the joint likelihood hardly asks
-    how well a hidden place follows from the marks. The standard error is that of the level's logarithm if all levels
-    are equally probable at first.
+    Levels are compared by the likelihood of each mark given the others of its frame: the joint likelihood hardly
+    depends on how well marks predict a hidden position. The standard error is that of the level's logarithm if all
+    levels are equally probable at first.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are measured; uncertainty: of the constants
-    budget: the time that it may take; workers: that passes are shared out to; `advance` gets the share done
+    budget: time limit; workers: processes that share the passes; `advance` is called with the share done
     is_identified: whether the constants were found from the tissue; levels below `UNSEEN` are compared only then
-    Raises IdentificationError where the time is too short for anything.
+    Raises IdentificationError where the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
     strains = [strain for strain in STRAINS if is_identified or strain >= UNSEEN]
@@ -126,7 +126,7 @@ def tune_strain(
 
 
 def _log_sd(places: Floats, logs: Floats) -> float:
-    """Standard deviation of a logarithm, by the log likelihoods of its values, each of equal width."""
+    """Standard deviation of a logarithm, from the log likelihoods of its evenly spaced values."""
     weights = np.exp(logs - logs.max())
     weights /= weights.sum()
     width = np.ptp(places) / (len(places) - 1)

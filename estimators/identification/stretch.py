@@ -1,4 +1,4 @@
-"""Which frames of a recording are used where the time does not do for all: the liveliest ones in a row."""
+"""Which frames of a recording are used if the time is too short for all: consecutive ones with most motion."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from estimators.identification.budget import Budget, OutOfTimeError
 from estimators.identification.filter_pass import Frames
 
 LEAST_FRAMES = 10
-"""Frames with fewer of which no constant or noise level is estimated."""
+"""Fewest frames for an estimate of constants or noise levels."""
 
 PROBED = 3
-"""Frames through which a pass is timed, after as many in which compiled code is loaded."""
+"""Number of frames over which a pass is timed, after as many that load compiled code."""
 
 TIMED = 3
-"""Passes that are timed; numerical: what else the machine or the interpreter does meanwhile takes longer than a few
-frames, and a fit that counts it as theirs gives up though there is time."""
+"""Number of timed passes; numerical: interruptions by the machine or the interpreter take longer than a few frames, and
+a fit that counts them gives up although there is time."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
-    """The frames from the first on that has marks."""
+    """The frames from the first one with marks on."""
     return frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
 
 
 def liveliest(frames: Frames, n: int) -> Frames:
-    """The n frames in a row in which the marks move the most, by the sum of their squared steps."""
+    """The n consecutive frames in which the marks move most, by the sum of their squared steps."""
     if n >= len(frames):
         return frames
     if n < 1:
@@ -40,14 +40,14 @@ def liveliest(frames: Frames, n: int) -> Frames:
             last[mark.node] = mark.position
     total = np.concatenate([[0.0], np.cumsum(steps)])
     moving = total[n:] - total[:-n]
-    # a filter starts from marks
+    # a filter starts with marks
     moving[[not marks for _, marks in frames[: len(moving)]]] = -1.0
     first = int(np.argmax(moving))
     return frames[first : first + n]
 
 
 def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budget) -> float:
-    """Time that a pass takes for each frame [s], by the quickest of a few; 0 where the time is unlimited."""
+    """Time of a pass for each frame [s], the quickest of a few; 0 if the time is unlimited."""
     if not np.isfinite(budget.seconds):
         return 0.0
     some = frames[:PROBED]
@@ -61,9 +61,10 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """The frames, or the liveliest in a row for which the time allows so many passes of frame_s [s] a frame.
+    """The frames, or the consecutive ones with most motion that the time allows for this many passes.
 
-    reserved_s: of the time, for something else. Raises OutOfTimeError where these are fewer than `LEAST_FRAMES`.
+    frame_s: time of a pass for each frame [s]; reserved_s: time reserved for something else [s]. Raises OutOfTimeError
+    for fewer than `LEAST_FRAMES` frames.
     """
     if frame_s <= 0.0:
         return frames

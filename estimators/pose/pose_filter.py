@@ -19,13 +19,13 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR_RAD = 5, 1e-3
-"""Of an update, until the turn changes by less than this [rad]: what is left is half its square; numerical."""
+"""An update iterates until the turn changes by less than this [rad]: the remainder is half its square; numerical."""
 
 START_S = 1.0
-"""Before the first frame a camera may have been moved as often as in this time [s]; choice."""
+"""Time before the first frame in which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Reference marks of which one may be found wrong: two that contradict each other do not say which is."""
+"""Fewest reference marks of which one can be found wrong: of two, either may be wrong."""
 
 
 SURE = 10.0
@@ -36,8 +36,8 @@ SURE = 10.0
 class CameraMove:
     """A change of the pose that is reported.
 
-    time_s: when [s]; distance_m: by which the middle of the reference marks seems moved [m]; angle_rad: by which they
-    seem turned [rad]
+    time_s: when [s]; distance_m: apparent shift of the middle of the reference marks [m]; angle_rad: their apparent
+    turn [rad]
     """
 
     time_s: float
@@ -51,7 +51,7 @@ class PoseEstimate:
 
     motion: the rigid motion from where points are to where they are seen
     cov: of its change, turns [rad] and translations [m], (n, n)
-    columns: by what one standard deviation of each error of the calibration changes it [rad, m], (n, n_calibration)
+    columns: its change by one standard deviation of each error of the calibration [rad, m], (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -66,9 +66,9 @@ class PoseEstimate:
         return MarkMeasurement(mark.node, place, _symmetric(turned @ mark.cov @ turned.T), shared)
 
     def seen_shared(self, seen_m: Floats, shared: Floats | None) -> Floats:
-        """Shift of a mark seen at a place [m], (dim,), by one sd of each error [m], (dim, n_calibration + n).
+        """Shift of a mark at a position [m], (dim,), by one sd of each error [m], (dim, n_calibration + n).
 
-        shared: by those of the calibration alone, (dim, n_calibration); those of the pose come last
+        shared: shift by the errors of the calibration, (dim, n_calibration); those of the pose come last
         """
         J = self.motion.change_of(seen_m[None])[0]
         own = np.zeros((len(seen_m), self.columns.shape[1])) if shared is None else shared
@@ -79,7 +79,7 @@ class PoseEstimate:
 class _Hypothesis:
     """A Gaussian of the motion and its rates: cov P (2 n, 2 n), columns (2 n, n_calibration); rate (n,); log weight.
 
-    wrong: names of the reference marks that it takes for something else in this frame
+    wrong: names of the reference marks that it rejects in this frame
     """
 
     motion: RigidMotion
@@ -93,9 +93,11 @@ class _Hypothesis:
 class PoseFilter:
     """Estimates the pose error, frame by frame.
 
-    places: of the reference marks [m], by name, (dim,) each; n_calibration: directions of `shared` of the marks it gets
+    places: of the reference marks [m], by name, (dim,) each; n_calibration: number of directions in `shared` of its
+    marks
     State: time_s, None before the first frame; hypotheses, the most probable first; when a mark was last seen; the
-    motion that was last reported; moves: reports not taken yet; wrong: names of the marks not used in the last frame.
+    motion that was last reported; moves: reports that were not fetched yet; wrong: names of the marks not used in the
+    last frame.
     """
 
     def __init__(
@@ -132,7 +134,7 @@ class PoseFilter:
 
     @property
     def after_move(self) -> PoseEstimate:
-        """As `estimate`, had the camera just been moved at once."""
+        """As `estimate`, under the hypothesis that the camera was just moved."""
         first, n = self._hypotheses[0], self.n
         return PoseEstimate(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
 
@@ -160,7 +162,7 @@ class PoseFilter:
         ]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
-        """Take in the reference marks that were seen at the state's time; what is to be reported, None if nothing."""
+        """Update with the reference marks seen at the state's time; returns a move to report, or None."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         self.wrong = frozenset()
@@ -182,13 +184,13 @@ class PoseFilter:
         return self._report(jumped=order[0] > 0)
 
     def _moved(self, P: Floats) -> Floats:
-        """The covariance of a pose that was moved: its drift begins again."""
+        """The covariance after a move of the pose: its drift restarts."""
         n = self.n
         pose = P[:n, :n] + np.diag(self._moved_var)
         return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
 
     def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
-        """A hypothesis after marks, without those that are more probably something else."""
+        """A hypothesis updated with marks, without those that are more probably something else."""
         s, dim = self.settings, len(marks[0].position)
         found, nis = self._with(one, marks)
         used = list(marks)
@@ -205,7 +207,7 @@ class PoseFilter:
         return found
 
     def _with(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> tuple[_Hypothesis, float]:
-        """A hypothesis after these marks, and their normalised innovation squared."""
+        """A hypothesis updated with these marks, and their normalised innovation squared."""
         n, places = self.n, np.array([self.places[mark.node] for mark in marks])
         z = np.array([mark.position for mark in marks])
         dim, C = z.shape[1], one.columns
@@ -241,7 +243,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """The change since the last report, where a camera was moved at once or has drifted far."""
+        """The change since the last report, if the camera was moved or has drifted far."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

@@ -35,15 +35,15 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The motion that moves nothing; centre: of later turns [m], (dim,)."""
+        """The identity; centre: of later turns [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:
-        """Where it moves points [m], (k, dim)."""
+        """The images of points [m], (k, dim)."""
         return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
 
     def back(self, points_m: Floats) -> Floats:
-        """The points that it moves here [m], (k, dim)."""
+        """The points with these images [m], (k, dim)."""
         return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
 
     def change_of(self, moved_m: Floats) -> Floats:
@@ -63,7 +63,7 @@ class RigidMotion:
         return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
 
     def change_to(self, other: RigidMotion) -> Floats:
-        """The change that makes it the other one, (n,); exact in the plane, in space for turns of less than a half."""
+        """The change from this motion to another, (n,); exact in the plane, in space for turns of less than a half."""
         turn = other.rotation @ self.rotation.T
         skew = 0.5 * (turn - turn.T)
         axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])

@@ -13,11 +13,11 @@ class PoseSettings:
     rate_m_s, rate_rad_s: of the speed of a drift [m/s], [rad/s]; lasting_s: its correlation time [s]; choice
     moved_m, moved_rad: of the change where the camera is moved at once [m], [rad]; moved_each_s: mean time between two
         such moves [s]; choice
-    wrong_share: of the reference marks that are taken for another thing [1]; wrong_m: how far from its place such a
-        one is seen [m]; choice
-    gate: normalised innovation squared by degree of freedom above which one of the marks may be wrong [1]; choice
-    n_hypotheses: number of hypotheses at most; least: probability below which one is given up [1]; choice
-    drifted_m, drifted_rad: change since the last report that is reported [m], [rad]; choice
+    wrong_share: share of reference marks that are confused with something else [1]; wrong_m: their distance from the
+    true position [m]; choice
+    gate: normalised innovation squared by degrees of freedom above which one of the marks may be wrong [1]; choice
+    n_hypotheses: most hypotheses; least: probability below which one is dropped [1]; choice
+    drifted_m, drifted_rad: change since the last report above which the drift is reported [m], [rad]; choice
     """
 
     start_m: float = 1e-3

@@ -1,4 +1,4 @@
-"""Frames that come late or out of order, taken in where they belong: a bounded history and replay."""
+"""Frames that come late or out of order, fused at their own times: a bounded history and replay."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class _Kept:
 
 
 class Replay:
-    """A filter that takes frames in any order, as long as none is later than its history is long.
+    """A filter that takes frames in any order, as long as none is later than the history reaches back.
 
-    Each event is fused at its own exposure time: the filter goes back to just before it and takes in again what came
-    after. The result is that of the same events in order, to the last bit.
+    Each event is fused at its own exposure time: the filter goes back to just before it and repeats the later events.
+    The result equals that of the same events in order, to the last bit.
 
     horizon_s: how far back events are kept [s]
     State: the filter; the events of the last horizon_s with the filter's state before each; late: how many events
@@ -49,14 +49,14 @@ class Replay:
         self._kept: list[_Kept] = []
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The newest estimate after the marks exposed at this time [s]; None where they came too late.
+        """The newest estimate after marks exposed at this time [s]; None if they came too late.
 
         Raises ValueError as the filter does.
         """
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """The newest estimate after a fix of the target exposed at this time [s]; None where it came too late.
+        """The newest estimate after a fix of the target exposed at this time [s]; None if it came too late.
 
         Its position [m], (dim,), and covariance [m²], (dim, dim).
         """

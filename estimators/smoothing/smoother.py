@@ -1,4 +1,4 @@
-"""Fixed-interval and fixed-lag smoothing: the target at a time, given the marks that came later, too.
+"""Fixed-interval and fixed-lag smoothing: the target at a time, given earlier and later marks.
 
 Rauch, Tung and Striebel's pass back over the moments of the filter's mixture: all modes share the transition, so the
 mixture moves as one Gaussian with its mean and covariance. Source: [rauch1965].
@@ -40,17 +40,17 @@ class Step:
 
 
 class ForwardPass:
-    """A filter on its way through frames, with what a smoother needs of each. State: the filter."""
+    """A filter that records, for each frame, what a smoother needs. State: the filter."""
 
     def __init__(self, tissue: TissueFilter) -> None:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """The filter's estimate at this exposure time [s], and what led to it; raises ValueError as the filter does."""
+        """The filter's estimate at this time [s], and the moves to it; raises ValueError as the filter does."""
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """The same of a direct sighting of the target."""
+        """The same for a direct sighting of the target."""
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 
@@ -62,11 +62,11 @@ class ForwardPass:
             estimate = update()
         finally:
             before.trace = None
-        own = self.tissue.filter  # another one where it began again
+        own = self.tissue.filter  # another one after a restart
         return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
-        """Mean (dim,) [m] and covariance [m²] of the target at each step, the last first, given all of them."""
+        """Mean (dim,) [m] and covariance [m²] of the target at each step given all steps, the last first."""
         target = self.tissue.target
         rows = self.tissue.rows_of(target)
         for mean, cov in smooth(steps, self.tissue.process.considered):
@@ -82,12 +82,12 @@ def fixed_interval(
 ) -> list[TargetEstimate]:
     """The target at each frame, given the marks of all frames: (time [s], marks) in order, and all fixes.
 
-    advance: gets the share done, half of it forth, half back. fixes: used at their times; one before the first marks
-    or after the last frame is not.
+    advance: is called with the share done, half of it forwards, half backwards. fixes: used at their times; those
+    before the first marks or after the last frame are not used.
     """
     passage, taken = ForwardPass(tissue), list(frames)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
-    passed: list[tuple[TargetEstimate | None, Step]] = []  # no estimate is asked for at a fix
+    passed: list[tuple[TargetEstimate | None, Step]] = []  # there is no output at a fix
     for k, (time_s, marks) in enumerate(taken, start=1):
         while waiting and waiting[0][0] <= time_s:
             fix = waiting.popleft()
@@ -133,14 +133,14 @@ class FixedLag:
 
 
 def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tuple[Floats, Floats]]:
-    """Mean (n,) and covariance (n, n) of the state at each step, given all of them; the last first, as they come.
+    """Mean (n,) and covariance (n, n) of the state at each step given all steps; yields the last first.
 
     considered: states that no observation corrects
     """
     mean, cov = np.empty(0), np.empty(0)
     moves: Sequence[Move] = ()
     for one in steps:
-        if not moves:  # nothing later, or nothing that depends on this
+        if not moves:  # nothing later depends on this step
             mean, cov = one.mean, one.cov
         for move in reversed(moves):
             mean, cov = smoothed_before(mean, cov, move, considered)

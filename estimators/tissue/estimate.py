@@ -1,4 +1,4 @@
-"""What a filter takes in and gives out: marks, estimates of the target, Gaussian mixtures."""
+"""Input and output of a filter: marks, estimates of the target, Gaussian mixtures."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ from estimators.arrays import Floats
 from estimators.filters.kernels import is_gaussian
 
 ROUNDING = 1e-9
-"""By how much a stated covariance may be asymmetric, by its largest entry: rounding of a product J C J'."""
+"""Largest asymmetry of a stated covariance by its largest entry: rounding of a product J C J'."""
 
 
 class Status(StrEnum):
-    """How far an estimate may be relied upon."""
+    """How far an estimate is reliable."""
 
     INITIALISING = "INITIALISING"
-    """No marks yet, or the first ones: where the tissue is, but not yet how it moves, or in which of many shapes."""
+    """No marks yet, or only the first ones: they show a position, but not yet the velocity or which of many shapes it
+    is."""
     TRACKING = "TRACKING"
-    """Marks were taken in with this frame."""
+    """This frame's marks were used."""
     COASTING = "COASTING"
-    """No mark was taken in: the model alone, for less than the time after which the target counts as lost."""
+    """No mark was used: prediction alone, for less than the time after which the target counts as lost."""
     LOST = "LOST"
-    """No mark for longer than that."""
+    """No mark was used for longer than that."""
     DIVERGED = "DIVERGED"
-    """The marks contradicted the belief: it was given up, and the new one has not stood the test yet."""
+    """The marks contradicted the estimate: the filter restarted, and the new estimate is not confirmed yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkMeasurement:
-    """One mark seen.
+    """One measured mark.
 
-    node: that it sits on; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
-    shared: what errors that all marks of a frame share, those of the camera's calibration, move it by: by one standard
-        deviation of each independent one [m], (dim, n_shared)
-    Arrays are copied and cannot be written, so that what was checked stays so.
+    node: node that bears the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
+    shared: shift by one standard deviation of each independent error that all marks of a frame share, such as those of
+    the camera's calibration [m], (dim, n_shared) Arrays are copied and cannot be written, so that what was checked
+    stays so.
     """
 
     node: str
@@ -50,7 +51,7 @@ class MarkMeasurement:
 
     @property
     def total_cov(self) -> Floats:
-        """Of its own errors and of those that it shares [m²], (dim, dim)."""
+        """Covariance of its own and its shared errors [m²], (dim, dim)."""
         return self.cov if self.shared is None else self.cov + self.shared @ self.shared.T
 
     def __post_init__(self) -> None:
@@ -75,7 +76,7 @@ class MarkMeasurement:
 
 
 def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple[Floats, Floats]:
-    """Copies of a measured position (dim,) and its covariance (dim, dim); ValueError where they cannot be that.
+    """Copies of a measured position (dim,) and its covariance (dim, dim); raises ValueError where they are invalid.
 
     what: the name of the measurement in messages
     """
@@ -94,10 +95,10 @@ def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class CommonShift:
-    """What one shift of all marks of a frame explains of their innovations, of those that the gate rejected, too.
+    """How well one common shift of all marks of a frame, rejected ones included, explains their innovations.
 
-    n_marks: how many there are; nis: normalised innovation squared that is left by the best such shift
-    nis_of_one: what is left by the best shift of any one of them, which is to leave it out
+    n_marks: number of marks; nis: normalised innovation squared left after the best such shift
+    nis_of_one: the same after the best shift of any one mark, which is to leave it out
     """
 
     n_marks: int
@@ -107,20 +108,20 @@ class CommonShift:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetEstimate:
-    """Gaussian belief about the target at one exposure time.
+    """Gaussian estimate of the target at one exposure time.
 
     time_s: exposure time of the frame [s]
     mean, cov: position of the target [m], (dim,), and its covariance [m²], (dim, dim); cov is None where a method
         gives none
     status: see `Status`
-    marks_used: marks taken in with this frame
+    marks_used: number of marks used in this frame
     nis: normalised innovation squared of those marks, None where there were none or the method gives none
-    poked: probability that an outside force acts, None where the method gives none
-    model_only: whether the marks contribute next to nothing and the model alone speaks
-    gain: part of the open loop's variance of the target that the filter takes away, at most 1; below 0 where the
-        filter, which allows for pokes and wrong constants, is the more uncertain of the two
-    information_share: by node, how much larger the target's variance would be had that mark been left out of this frame
-    shift: what one shift of all marks of this frame explains, None without marks and of those that a start is made by
+    poked: probability that an external force acts, None where the method gives none
+    model_only: whether the marks contribute next to nothing, so that the estimate is a prediction by the model
+    gain: share of the open loop's variance of the target that the filter removes, at most 1; below 0 where the filter,
+    which allows for pokes and wrong constants, is more uncertain than the open loop
+    information_share: by node, how much larger the target's variance would be without that mark in this frame
+    shift: how well one common shift of all marks explains them; None without marks, and for the marks of a start
     """
 
     time_s: float
@@ -148,11 +149,11 @@ class GaussianMixture:
         k, dim = self.means.shape
         if self.weights.shape != (k,) or self.covs.shape != (k, dim, dim):
             raise ValueError(
-                f"belief: expected shapes {(k,)}, {(k, dim)} and {(k, dim, dim)}, "
+                f"mixture: expected shapes {(k,)}, {(k, dim)} and {(k, dim, dim)}, "
                 f"found {self.weights.shape}, {self.means.shape} and {self.covs.shape}"
             )
         if not (np.all(self.weights >= 0.0) and abs(self.weights.sum() - 1.0) < 1e-9):
-            raise ValueError(f"belief weights: expected 0 or more that sum to 1, found {self.weights}")
+            raise ValueError(f"mixture weights: expected 0 or more that sum to 1, found {self.weights}")
 
     @classmethod
     def gaussian(cls, mean: Floats, cov: Floats) -> GaussianMixture:

@@ -1,4 +1,4 @@
-"""What was seen beyond the gate, and whether it is seen there again: an outlier seldom comes twice to one place."""
+"""Measurements beyond the gate, and whether they repeat: an outlier seldom comes to the same place twice."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlying:
-    """What was last seen beyond the gate: a mark or a fix.
+    """The last measurement beyond the gate: a mark or a fix.
 
-    since_s, last_s: since when it has been seen there without a break, and when last [s]
+    since_s, last_s: when it was first seen there without a break since, and when last [s]
     position, cov: of the last one [m], (dim,), [m²], (dim, dim)
     """
 
@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether what was seen now lies within the gate of what was seen then, moved by an impulse meanwhile."""
+    """Whether the present measurement lies within the gate about the earlier one, with an impulse between them."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

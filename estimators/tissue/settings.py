@@ -1,4 +1,4 @@
-"""What the filter of the tissue assumes about forces that it cannot see, and where its tests stand."""
+"""The filter's assumptions about unknown forces, and the thresholds of its tests."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from estimators.process.process_model import FixBias, ForceMode
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """What the filter assumes about forces that it cannot see, and where its tests stand.
+    """The filter's assumptions about unknown forces, and the thresholds of its tests.
 
     poked: forces of a poke; source: fields of `ForceMode`
-    led_nodes: marked nodes that are led all the time, as fast as it may be; source: the scene
-    discrepancy: standard deviation of what the model leaves out, by the body's extent; None: the marks choose it [1];
-        source: the scene
-    sigma_points: whether the motion is linearised by sigma points, the unscented way, in place of its tangent; source:
-        the caller
-    fix_bias: the error that fixes of the target have in common; None where none are to come; source: the scene
-    outlier_odds: of a mark to be anywhere in the tissue's reach [1]; choice
+    led_nodes: marked nodes that are led all the time, at any speed; source: the scene
+    discrepancy: standard deviation of the model's error, by the body's extent; None: chosen by the marks [1]; source:
+    the scene
+    sigma_points: whether the motion is linearised by sigma points in place of its tangent; source: the caller
+    fix_bias: the common error of fixes of the target; None without fixes; source: the scene
+    outlier_odds: odds that a mark is anywhere in the tissue's reach [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
     impulse_m_s: a node's velocity may change by this at once [m/s]; choice
-    impulse_s: for so long, then the springs have it back; marks are expected that far away [s]; choice
-    confirm_s: marks that began, or that lie beyond the gate, count after so long [s]; choice
+    impulse_s: time for which it moves at this speed before the springs pull it back; bounds where marks are expected
+    [s]; choice
+    confirm_s: marks of a start, or beyond the gate, count after this time [s]; choice
     lost_s: without marks for longer the target is LOST [s]; choice
-    forget_s: over more than this without marks, or than lost_s, the state is forgotten [s]; choice
+    forget_s: after more than this or lost_s without marks the state is forgotten [s]; choice
     test_s: innovations of this time are tested together for divergence [s]; choice
-    test_sigmas: standard deviations of a normal variable at which they have diverged [1]; choice
-    model_only_share: share of the variance without marks above which the model alone speaks [1]; choice
+    test_sigmas: threshold of that test, in standard deviations of a normal variable [1]; choice
+    model_only_share: share of the variance without marks above which the estimate counts as `model_only` [1]; choice
     """
 
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)

@@ -1,4 +1,4 @@
-"""A call of a filter that raises leaves its state as it was."""
+"""A filter's call that raises leaves its state unchanged."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from estimators.threads import one_blas_thread
 
 
 class Restorable(Protocol):
-    """What can be set back to a state that it had."""
+    """What can be restored to an earlier state."""
 
     def snapshot(self) -> Any:
         """The whole state now."""
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 def all_or_nothing(
     method: Callable[Concatenate[Owner, Arguments], Result],
 ) -> Callable[Concatenate[Owner, Arguments], Result]:
-    """The method, in one thread, but a call of it that raises leaves the state as it was."""
+    """The method, in one thread; a call that raises leaves the state unchanged."""
 
     @wraps(method)
     def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

@@ -63,20 +63,20 @@ COMMANDS = (
     bench,
     faults,
 )
-"""In the order in which help lists them."""
+"""The commands in the order of the help."""
 
 REFUSALS = frozenset({errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR})
-"""What an operating system may say to a name that a person gave, wherever it is asked."""
+"""Errors of an operating system about a name that a person gave."""
 
 INTERRUPTED = 130
-"""Exit code after Ctrl-C, as shells have it."""
+"""Exit code after Ctrl-C, as in shells."""
 
 app = typer.Typer(
     name="softaim",
-    help="Where a hidden target in moving soft tissue is, and how sure of it one may be.",
+    help="Estimate the position of a hidden target in moving soft tissue, with its uncertainty.",
     invoke_without_command=True,
     pretty_exceptions_enable=False,
-    rich_markup_mode=None,  # rich would take as long to load as all else
+    rich_markup_mode=None,  # rich takes as long to load as everything else
 )
 for command in COMMANDS:
     app.command(short_help=(command.__doc__ or "").split("\n", maxsplit=1)[0])(subcommand(command))
@@ -87,7 +87,7 @@ def softaim(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and end.")] = False,
 ) -> None:
-    """Where a hidden target in moving soft tissue is, and how sure of it one may be."""
+    """Estimate the position of a hidden target in moving soft tissue, with its uncertainty."""
     if version:
         from experiments.version import version as installed
 
@@ -120,7 +120,7 @@ def main() -> None:
 
 
 def _words() -> str:
-    """The program and the subcommand that was called, if there is one of that name."""
+    """The program and the called subcommand, if it exists."""
     names = {command.__name__.replace("_", "-") for command in COMMANDS}
     return " ".join(["softaim", *(word for word in sys.argv[1:2] if word in names)])
 
@@ -131,7 +131,7 @@ def _end(text: str, code: int) -> NoReturn:
 
 
 def is_bad_input(fault: Exception) -> bool:
-    """Whether what was given is at fault and not the program."""
+    """Whether the input is at fault and not the program."""
     from dynamics import NetworkError
     from experiments.errors import InputError
     from vision import CalibrationError, HueError, SourceError

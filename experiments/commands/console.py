@@ -17,7 +17,7 @@ Row = Mapping[str, Any]
 
 
 def _table(title: str, *heads: str | list[str]) -> Table:
-    """A table with these columns of numbers; a head in a list is that of words, which stand to the left."""
+    """A table with these columns of numbers; a head in a list marks a left-aligned column of words."""
     table = Table(title=title)
     for head in heads:
         table.add_column(*head, justify="left") if isinstance(head, list) else table.add_column(head, justify="right")
@@ -25,10 +25,10 @@ def _table(title: str, *heads: str | list[str]) -> Table:
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """One row a method: errors where the truth is known, else sigma and NIS; frames, speed."""
+    """One row for each method: errors if the truth is known, else sigma and NIS; frames, speed."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
-    title = "Error of the hidden target" if known else "The hidden target; its truth is not known"
+    title = "Error of the hidden target" if known else "The hidden target; truth not known"
     table = _table(title, ["method"], *columns, "frames", "lost", "ms/frame")
     for method, row in figures.items():
         table.add_row(
@@ -59,24 +59,24 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
     "sigma an axis [mm]": lambda row: _number(row.get("sigma_mm"), ".2f"),
     "at most": lambda row: _number(row.get("sigma_most_mm"), ".2f"),
     "mean NIS": lambda row: _number(row.get("mean_nis"), ".2f"),
-    "its 95 % band": _band,
+    "95 % band of NIS": _band,
 }
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """What the filter says of itself, from its object in summary.json: statuses, verdict, sources of variance."""
+    """The filter's own report, from its object in summary.json: statuses, verdict, sources of variance."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
     lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
     if ours.get("variance_shares"):
-        lines.append(f"Of the target's variance for advice: {shares_words(ours['variance_shares'])}")
+        lines.append(f"Shares of the target's variance for advice: {shares_words(ours['variance_shares'])}")
     return lines
 
 
 def withheld_table(ours: Row) -> Table:
-    """One row a mark: how it was predicted by a filter that never gets it, from the filter's object in summary.json."""
-    heads = ("frames", "mean error [mm]", "mean NEES", "by what was predicted")
+    """One row for each mark: its prediction by a filter without it, from the filter's object in summary.json."""
+    heads = ("frames", "mean error [mm]", "mean NEES", "error / predicted")
     table = _table("Marks predicted as if hidden", ["mark"], *heads)
     for node, one in ours["check_marks"].items():
         nees = f"{one['mean_nees']:.2f}"
@@ -90,7 +90,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """One row a mark, from the filter's object in summary.json: share of frames found, refused, lost, and why."""
+    """One row for each mark, from the filter's object in summary.json: frames found, refused, lost, and why."""
     table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
     for node, row in ours["marks"].items():
         shares = [f"{row[key]:.1%}" for key in ("found", "refused", "lost")]
@@ -100,9 +100,9 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """One row a kind of mark: share of the picture that its keys take in, by the marks' own size; frames amiss."""
+    """One row for each kind of mark: share of the picture that its keys select, by the marks' size; faulty frames."""
     heads = ("of the picture", "least", "most", "by the marks' size", "too few", "flooded")
-    table = _table(f"What the keys take in, of {counted(n_frames, 'frame')}", ["marks"], ["keys"], *heads)
+    table = _table(f"Pixels that the keys select, in {counted(n_frames, 'frame')}", ["marks"], ["keys"], *heads)
     for row in kinds:
         shares = [f"{row[key]:.2%}" for key in ("share_median", "share_least", "share_most")]
         amiss = [f"{row[key]:.1%}" for key in ("frames_too_few", "frames_flooded")]
@@ -111,25 +111,25 @@ def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
 
 
 def advice_line(counts: Mapping[str, int]) -> str:
-    """How many frames had which advice."""
+    """Number of frames by advice."""
     frames = sum(counts.values())
     return f"{counted(frames, 'frame')}: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
 def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
-    """What was told of hits and what came true; None where no truth is known."""
+    """Predicted and observed hits; None if the truth is not known."""
     parts = []
-    for name, key in (("of all frames", ""), ("of those with GO", "go_")):
-        told, true, n = (figures[f"{key}{one}"] for one in ("told", "came_true", "insertions"))
-        if told is not None:
-            parts.append(f"{name} {told:.1%} told, {true:.1%} true ({n})")
-    return f"Hits, {'; '.join(parts)}" if parts else None
+    for name, key in (("all frames", ""), ("frames with GO", "go_")):
+        predicted, observed, n = (figures[f"{key}{one}"] for one in ("predicted", "observed", "insertions"))
+        if predicted is not None:
+            parts.append(f"{name}: predicted {predicted:.1%}, observed {observed:.1%} ({n})")
+    return f"Hits in {'; '.join(parts)}" if parts else None
 
 
 def plan_table(report: Mapping[str, Any]) -> Table:
-    """The best path of a plan and the next best, from plan.json."""
+    """The best paths of a plan, from plan.json."""
     title = f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed"
-    heads = ("", "entry [mm]", "depth [mm]", "angle", "hit", "room [mm]", "pushes the target [mm]")
+    heads = ("", "entry [mm]", "depth [mm]", "angle", "hit", "clearance [mm]", "push on target [mm]")
     table = _table(title, *heads)
     for rank, path in enumerate([report["best"], *report["next_best"]], start=1):
         table.add_row(
@@ -145,9 +145,9 @@ def plan_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_table(report: Mapping[str, Any]) -> Table:
-    """One row a policy, from summary.json: hits with their interval, misses, time, insertions."""
+    """One row for each policy, from summary.json: hits with their interval, misses, time, insertions."""
     title = f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
-    heads = ("hits", "95 % interval", "told", "miss [mm]", "s to a hit", "insertions", "never there")
+    heads = ("hits", "95 % interval", "predicted", "miss [mm]", "time to a hit [s]", "insertions", "never arrived")
     table = _table(title, ["policy"], *heads)
     for policy, row in report.items():
         if isinstance(row, Mapping) and "hit_rate" in row:
@@ -155,7 +155,7 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
                 policy,
                 f"{row['hit_rate']:.1%}",
                 f"{row['hit_rate_low']:.1%} to {row['hit_rate_high']:.1%}",
-                _number(row["told"], ".1%"),
+                _number(row["predicted"], ".1%"),
                 _number(row["miss_mm"], ".2f"),
                 _number(row["seconds_to_hit"], ".2f"),
                 f"{row['insertions']:.2f}",
@@ -165,26 +165,27 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_lines(report: Mapping[str, Any]) -> list[str]:
-    """What `softaim advise` states of hits in the same worlds and what came true, from summary.json."""
+    """Predicted and observed hits of `softaim advise` in the same worlds, from summary.json."""
     of, lines = report["advise"], []
     if not any(of["advice"].values()):
         return []
     for words, key in (("at any time", ""), ("on GO", "go_")):
-        told, true = of[f"{key}told"], of[f"{key}came_true"]
-        if told is None:
+        predicted, observed = of[f"{key}predicted"], of[f"{key}observed"]
+        if predicted is None:
             lines.append(f"Advice {words}: no insertions")
             continue
         off, sd = 100.0 * of[f"{key}difference"], of[f"{key}difference_sd"]
         spread = "" if sd is None else f" ± {196.0 * sd:.1f}"
         lines.append(
-            f"Advice {words}: {counted(of[f'{key}insertions'], 'insertion')}, told {told:.1%}, true {true:.1%} "
-            f"({of[f'{key}came_true_low']:.1%} to {of[f'{key}came_true_high']:.1%}), {off:+z.1f}{spread} points"
+            f"Advice {words}: {counted(of[f'{key}insertions'], 'insertion')}, predicted {predicted:.1%}, "
+            f"observed {observed:.1%} ({of[f'{key}observed_low']:.1%} to {of[f'{key}observed_high']:.1%}), "
+            f"difference {off:+z.1f}{spread} points"
         )
     return lines
 
 
 def demo_table(figures: Figures) -> Table:
-    """Mean absolute error ± SD, method by scenario, next to the paper's own figures."""
+    """Mean absolute error ± SD, method by scenario, with the paper's figures."""
     from experiments.studies.demo import PAPER_MM, heads
 
     table = _table("Mean absolute error ± SD of the hidden mass [mm]", ["method"], *heads())
@@ -202,7 +203,7 @@ def demo_table(figures: Figures) -> Table:
 
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
-    """The summary of a sweep: a row for each combination and method, its heads first."""
+    """The summary of a sweep: the heads, then a row for each combination and method."""
     broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
     table = _table("Error of the hidden target, over runs", *([one] if one == "method" else one for one in broken))
     for row in cells[1:]:
@@ -222,7 +223,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
 
 
 def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
-    """One row a figure."""
+    """One row for each figure."""
     table = _table("Benchmarks (medians of one run)", ["benchmark"], ["figure"], "value")
     for name, figures in report.items():
         for key, value in figures.items():
@@ -231,32 +232,32 @@ def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """One row a constant: value and standard error; in the caption how many the recording does not determine."""
+    """One row for each constant: value and standard error; the caption has the number of undetermined ones."""
     table = _table("Constants found", ["constant"], "value [SI]", "standard error", "change")
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
-    n, n_all = len(report["not_told"]), len(report["constants"])
+    n, n_all = len(report["undetermined_combinations"]), len(report["constants"])
     table.caption = (
         f"{counted(report['passes'], 'pass', 'passes')}. Of {n_all} independent combinations the recording determines"
-        f" {n_all - n}; {n} stay as well known as before (--json names them)."
+        f" {n_all - n}; {n} keep their prior uncertainty (--json lists them)."
     )
     return table
 
 
 def levels_table(report: Mapping[str, Any]) -> Table:
-    """One row a noise level: value and standard error."""
+    """One row for each noise level: value and standard error."""
     units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
     table = _table("Noise levels found", ["level"], "value", ["unit"], "standard error")
     for name, row in report["levels"].items():
         table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
     gained = report["log_likelihood"] - report["log_likelihood_before"]
-    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the levels before."
+    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the earlier levels."
     return table
 
 
 def calibration_table(done: Calibration) -> Table:
-    """One row a constant of the lens: value and standard error."""
+    """One row for each constant of the lens: value and standard error."""
     title = f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px"
     table = _table(title, ["constant"], "value", "standard error")
     values = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion]
@@ -268,7 +269,7 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """How well the pictures fit, which were left out, and what a pixel is on the plane."""
+    """The fit of the pictures, which were left out, and the size of a pixel on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [

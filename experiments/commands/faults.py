@@ -1,4 +1,4 @@
-"""Faults of a command line, reported in one line as those of files are."""
+"""Faults of a command line, reported in one line like those of files."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FORMS = (
     (r"No such command '(?P<word>[^']*)'(?P<guess>.*)", "expected a command of `softaim --help`, found {word}{guess}"),
     (r"Got unexpected extra argument(?:s|\(s\))? \((?P<word>.*)\)", "expected no more arguments, found {word}"),
 )
-"""What typer says, and what is said in its place."""
+"""Messages of typer, and their replacements."""
 
 EXPECTED = (
     (r"(?:Value error, )?'.*' is not one of (.*)", r"one of \1"),
@@ -28,7 +28,7 @@ EXPECTED = (
     (r".*greater than (\S+)", r"more than \1"),
     (r".*less than (\S+)", r"less than \1"),
 )
-"""What typer says of a value, and what was expected of it."""
+"""Messages of typer about a value, and the expected value."""
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
@@ -51,7 +51,7 @@ def _expected(why: str) -> str:
 
 
 def _value(arguments: Sequence[str], option: str) -> str:
-    """The value that an option was given, in quotes."""
+    """The value of an option, in quotes."""
     for word, following in zip(arguments, [*arguments[1:], ""], strict=True):
         if word == option:
             return shown(following)
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """What the operating system says to a name, which may be as long as a page."""
+    """The operating system's message about a name, which may be very long."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

@@ -1,6 +1,6 @@
-"""docs/commands.md: every command with its arguments and options, as its help has them.
+"""docs/commands.md: every command with its arguments and options, from its help.
 
-`python -m experiments.commands.page` writes it; with --check it says whether it is what the code is.
+`python -m experiments.commands.page` writes it; with --check it reports whether it is up to date.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 
 
 def sections() -> Iterator[str]:
-    """A section for each command: what it does, how it is called, its arguments and options."""
+    """A section for each command: purpose, usage, arguments and options."""
     group: Any = typer.main.get_command(app)
     for name, command in group.commands.items():
         context = command.make_context(name, [], resilient_parsing=True)
@@ -39,7 +39,7 @@ def _row(one: Any, context: Any) -> str:
 
 
 def page(text: str) -> str:
-    """The page with the sections of the commands as they are."""
+    """The page with the present sections of the commands."""
     return replaced(text, {"commands": "\n".join(sections())})
 
 

@@ -1,6 +1,6 @@
-"""One run of a subcommand: what it reports, how far it is, and what it writes, with its provenance.
+"""One run of a subcommand: its reports, progress and output, with provenance.
 
-What all subcommands have in common is added here: --json, --verbose, softaim.log and provenance.json.
+Adds what all subcommands have in common: --json, --verbose, softaim.log and provenance.json.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What a subcommand answers: a record for programs (--json), and what prints the same for people.
+    """The result of a subcommand: a record for programs (--json), and a function that prints it for people.
 
-    fault: that is raised after this was printed, for what was done in part
+    fault: raised after this was printed, if the work was done in part
     """
 
     record: Mapping[str, Any]
@@ -50,9 +50,9 @@ class Run:
     """A run of a subcommand.
 
     arguments: of the command line, without passwords; log: all that was reported
-    given: what options that stood there were given, by option; a flag itself
-    State: what is open until its end; the bar of progress, once there is one; the scene, what was left out on it and
-    what that means, and whether that was reported.
+    given: values of the given options, by option; for a flag the flag itself
+    State: resources open until its end; the progress bar, once there is one; the scene, the steps left out on it and
+    their consequence, and whether that was reported.
     """
 
     command: str
@@ -67,7 +67,7 @@ class Run:
     _reported: bool = True
 
     def stage(self, name: str) -> Advance:
-        """Begin a stage of the work, whose share done goes to the function that comes back."""
+        """Begin a stage of the work; returns a function to call with the share done."""
         from experiments.log import LOG
 
         if self._stage is None:
@@ -83,7 +83,7 @@ class Run:
         return done
 
     def only_with(self, other: str, *options: str) -> None:
-        """Raise InputError where one of the options was given without the other, without which it has no effect."""
+        """Raise InputError if one of the options was given without another that it needs."""
         from experiments.errors import InputError
 
         for option in options if other not in self.given else ():
@@ -91,7 +91,7 @@ class Run:
                 raise InputError.at(option, f"{other} beside it", "none")
 
     def not_with(self, other: str, *options: str) -> None:
-        """Raise InputError where one of the options was given beside another that leaves it without effect."""
+        """Raise InputError if one of the options was given with another that disables it."""
         from experiments.errors import InputError, shown
 
         for option in options if other in self.given else ():
@@ -99,9 +99,9 @@ class Run:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Note the scene of this run, and which steps were not done on it before this one: see `begun`.
+        """Set the scene of this run, and the steps that were not done on it before: see `begun`.
 
-        Raises InputError where a step that makes a filter would take too long for its network.
+        Raises InputError if a filter of its network would be too slow for this step.
         """
         from experiments.log import LOG
         from experiments.pipeline.events import scene_line, steps_left_out
@@ -116,7 +116,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that were left out, once: input that turns out bad is one line alone."""
+        """Report the steps that were left out, once; for bad input the error is the only line."""
         from experiments.log import LOG
 
         if not self._reported:
@@ -128,9 +128,9 @@ class Run:
     def folder(
         self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = (), growing: bool = False
     ) -> Iterator[Path]:
-        """A folder to write into, as `output_folder`, that has the run's provenance and log at the end.
+        """A folder to write into, as `output_folder`, with the run's provenance and log at the end.
 
-        inputs: files and folders that are read, None for one that is not given; growing: as `growing_folder`, instead
+        inputs: files and folders that are read, None for one that is not given; growing: as `growing_folder`
         """
         from experiments.errors import InputError
         from experiments.formats.outputs import growing_folder, output_folder
@@ -141,14 +141,14 @@ class Run:
             try:
                 yield folder
             except BaseException:
-                with suppress(InputError, OSError):  # such as that somebody took the folder away
+                with suppress(InputError, OSError):  # for example, the folder was removed
                     if growing and any(folder.iterdir()):
                         self.finish(folder, path, inputs)
                 raise
             self.finish(folder, path, inputs)
 
     def finish(self, folder: Path, named: Path, inputs: Sequence[Path | None] = ()) -> None:
-        """Write the run's provenance and log to a folder that exists and will be, or is, `named`."""
+        """Write the run's provenance and log to an existing folder with the final name `named`."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
         from experiments.log import LOG
@@ -168,9 +168,9 @@ class Run:
         inputs: Sequence[Path | None] = (),
         kept: Sequence[str] = (),
     ) -> None:
-        """Write a scene on which this step was done with a recording, its provenance beside it. Raises InputError.
+        """Write the scene after this step, with its provenance beside it. Raises InputError.
 
-        kept: constants that the step left as they were
+        kept: constants that the step did not change
         """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import scene_text, with_step
@@ -189,7 +189,7 @@ class Run:
 
     @contextmanager
     def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
-        """A file to write bit by bit, as `streamed_file`, that has the run's provenance beside it at the end.
+        """A file to write incrementally, as `streamed_file`, with the run's provenance beside it at the end.
 
         inputs: files and folders that are read, None for one that is not given. Raises InputError.
         """
@@ -211,7 +211,7 @@ class Run:
         from experiments.formats.provenance import Provenance, input_of, now, provenance_text
 
         began = datetime.fromtimestamp(self.began, UTC)
-        # what is neither is a device, an address or the name of something shipped
+        # anything else is a device, an address or the name of something shipped
         read = tuple(input_of(one) for one in inputs if one is not None and (one.is_file() or one.is_dir()))
         return provenance_text(
             Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, tuple(self._left_out))
@@ -219,7 +219,7 @@ class Run:
 
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
-    """The function as typer calls it: it gets its `run`, --json and --verbose are added, and its answer is printed."""
+    """The function for typer: with a `run` argument, --json and --verbose added, and its answer printed."""
     import typer
 
     name = command.__name__.replace("_", "-")
@@ -237,7 +237,7 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
         with _logged(name, verbose, given) as run:
             if "run" in signature.parameters:
                 options["run"] = run
-            # where JSON is wanted, nothing else is on standard output, whoever prints it
+            # with --json standard output has nothing but the object, whoever prints
             with redirect_stdout(sys.stderr if as_json else sys.stdout):
                 answer = command(**options)
         if answer is None:
@@ -259,7 +259,7 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
 
 
 def _given(context: typer.Context) -> dict[str, str]:
-    """What arguments and options on the command line were given, by name; of a flag, its name."""
+    """Values of the given arguments and options, by name; for a flag its name."""
     given: dict[str, str] = {}
     for one in context.command.params:
         source, value = context.get_parameter_source(one.name or ""), context.params.get(one.name or "")
@@ -273,7 +273,7 @@ def _given(context: typer.Context) -> dict[str, str]:
 
 
 def _check_names(given: Mapping[str, str]) -> None:
-    """Raise InputError for what is not UTF-8, the current folder among it: not all that is used can take such names."""
+    """Raise InputError for names that are not UTF-8, the current folder included: some libraries fail on them."""
     from experiments.errors import InputError
 
     with suppress(OSError):
@@ -307,5 +307,5 @@ def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]
 
 
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
-    """Arguments without the passwords that addresses of streams may hold."""
+    """Arguments without passwords in addresses of streams."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)

@@ -9,17 +9,17 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 FIRST_S = 10.0
-"""Time after which a run that is not on a terminal says how far it is, again after twice as long, and so on [s]: who
-reads a file wants few lines; chosen."""
+"""Time of the first progress line of a run that is not on a terminal, doubled for each further one [s]: log files need
+few lines; chosen."""
 
 Stage = Callable[[str], Callable[[float], None]]
 
 
 @contextmanager
 def progress() -> Iterator[Stage]:
-    """How far a run is, on standard error: stage(name) returns a function of the share done.
+    """Progress of a run, on standard error: stage(name) returns a function of the share done.
 
-    A bar on a terminal, elsewhere a line now and then.
+    A bar on a terminal, occasional lines elsewhere.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -46,7 +46,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """As `progress`, a line after so long [s], after twice as long, and so on, though the work stands still."""
+    """As `progress`, with lines after this time [s], twice the time, and so on, also while the work stalls."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 
@@ -81,7 +81,7 @@ def print_table(table: object) -> None:
 
 
 def print_lines(lines: Sequence[tuple[str, str]]) -> None:
-    """Print sentences to standard output, each after its subject, wrapped beside it."""
+    """Print sentences to standard output, each beside its subject."""
     from rich.console import Console
     from rich.table import Table
 

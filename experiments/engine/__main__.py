@@ -1,6 +1,6 @@
-"""Repeat one run that failed, from the record that its study left: `python -m experiments.engine FAILURE.json`.
+"""Repeat one failed run from its record: `python -m experiments.engine FAILURE.json`.
 
-Prints what it returns; what it raises is shown in full, with exit code 1.
+Prints its result; an exception is shown in full, with exit code 1.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from experiments.errors import InputError, read_text
 
 
 def repeat(path: Path) -> object:
-    """What the run of a record returns. Raises InputError for a file that is no record, and what the run raises."""
+    """The result of a record's run. Raises InputError for a file that is not a record, and the run's exceptions."""
     try:
         record = json.loads(read_text(path))
         work, case = named_work(record["work"]), record["case"]
@@ -26,7 +26,7 @@ def repeat(path: Path) -> object:
 
 
 def main() -> None:
-    """Repeat the run that is named."""
+    """Repeat the named run."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("record", type=Path)
     try:

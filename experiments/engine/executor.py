@@ -1,7 +1,7 @@
-"""Runs as they finish: in this process, or by Dask in batches of bounded time, dead workers replaced.
+"""Yields results as runs finish: in this process, or by Dask in batches of bounded time, with dead workers replaced.
 
-A batch ends after BATCH_S, whatever is left of it; what is left is sent again. A batch whose workers die is done run by
-run, nothing else beside it, at the end; a run whose workers then die again is a failure.
+A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, its runs are done one by one
+and alone at the end; a run whose workers then die again is a failure.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 BATCH_S = 1.0
-"""How long a batch takes [s]: to send and gather one costs some 10 ms, a hundredth of it; chosen."""
+"""Time of a batch [s]: sending and gathering one costs some 10 ms, a hundredth of it; chosen."""
 
 AHEAD = 2
 """Batches sent for each worker: one is done while the next one waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
-"""How often the workers of a cluster are counted [s]: they come and go."""
+"""Interval at which the workers of a cluster are counted [s]."""
 
-DIED = "KilledWorker: the worker processes of this run died in all tries, for want of memory or by a fault of its code"
+DIED = "KilledWorker: the worker processes of this run died in all tries, out of memory or by a fault of its code"
 
 
 class RunsFailedError(Exception):
@@ -39,7 +39,7 @@ class RunsFailedError(Exception):
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
-    """What came of each job, as they finish; a job and its result can be pickled, if not done in this process."""
+    """Outcomes of the jobs as they finish; outside this process jobs and results must be picklable."""
     if workers.own_process:
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
@@ -82,9 +82,9 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 
 
 class _Sending:
-    """Jobs on their way: those waiting, those to be done alone, and the batches that are sent.
+    """Pending jobs: waiting ones, ones to be done alone, and sent batches.
 
-    local: without workers it ends after a time; a cluster may get its workers later
+    local: ends after a time without workers; a cluster may get its workers later
     """
 
     def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
@@ -96,7 +96,7 @@ class _Sending:
         self.n_threads, self.counted, self.had_workers = 1, -math.inf, time.monotonic()
 
     def runs(self) -> Iterator[Run]:
-        """What came of each job, as the batches arrive."""
+        """Outcomes of the jobs, as the batches arrive."""
         while self.waiting or self.alone or self.sent:
             self.count_workers()
             while self.waiting and len(self.sent) < AHEAD * self.n_threads:
@@ -118,7 +118,7 @@ class _Sending:
                 self.count_workers()
 
     def count_workers(self) -> None:
-        """Take notice of workers that came or went. Raises InputError where there is none for long."""
+        """Update the number of workers. Raises InputError after a long time without any."""
         now = time.monotonic()
         if now - self.counted <= COUNTED_EACH_S:
             return
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The runs of a batch that came back; what it left is put where it waits again."""
+        """The outcomes of a returned batch; its remaining runs wait again."""
         from distributed import CancelledError, KilledWorker
 
         try:

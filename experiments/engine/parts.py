@@ -1,4 +1,4 @@
-"""Rows of runs kept in Parquet files that are each written whole, so that a kill costs the last seconds only."""
+"""Rows of runs in Parquet files that are each written whole, so that a kill loses only the last seconds."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 KEPT = "kept"
-"""The folder of the parts, in that of a study."""
+"""The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""A part is written when the last is so old [s], and as old as this share of the time since the first: after a day
-some thousand parts; chosen."""
+"""A part is written this time after the last [s], and after this share of the time since the first: some thousand parts
+in a day; chosen."""
 
 
 class Parts:
-    """Rows that wait for the next part.
+    """Rows waiting for the next part.
 
     folder: of the parts; rows: not yet written; began, written: when the first came and the last part was written [s]
     """
@@ -34,14 +34,14 @@ class Parts:
         self.began = self.written = time.monotonic()
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Keep the rows of a run, in a part with those that come soon after."""
+        """Add the rows of a run to the next part."""
         self.rows.extend(rows)
         now = time.monotonic()
         if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
             self.write()
 
     def write(self) -> None:
-        """Write the rows that wait; none where there are none."""
+        """Write the waiting rows, if there are any."""
         if self.rows:
             self.folder.mkdir(parents=True, exist_ok=True)
             write_whole(self.folder / f"{secrets.token_hex(8)}.parquet", parquet(table_of(self.rows)))
@@ -49,7 +49,7 @@ class Parts:
 
 
 def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Rows as a table, their columns in the order in which they come; a value that a row has not is null."""
+    """Rows as a table, columns in order of appearance; missing values are null."""
     import pyarrow as pa
 
     columns = dict.fromkeys(name for row in rows for name in row)
@@ -69,7 +69,7 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def read_parts(folder: Path) -> pa.Table | None:
-    """The rows of all parts, whole numbers as real ones where another part has these; None where there is no part."""
+    """The rows of all parts, with integers as floats where another part has floats; None without parts."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

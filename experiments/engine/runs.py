@@ -1,4 +1,4 @@
-"""One run of a study: a function on a job, what came of it, the key it is kept by and its record if it failed."""
+"""One run of a study: a function on a job, its outcome, its key and its record if it failed."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 Case = Mapping[str, Any]
-"""A run's own record, of what JSON can hold: its seed and its parameters."""
+"""A run's own record in JSON types: its seed and its parameters."""
 
 Work = Callable[[Any], Any]
-"""What a run does: a function of a module, or a `functools.partial` of one with keywords that change no result."""
+"""The work of a run: a function of a module, or a `functools.partial` of one with keywords that do not change
+results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
@@ -28,9 +29,9 @@ KEY_DIGITS = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What came of one job.
+    """The outcome of one job.
 
-    index: of the job; seconds: of the function alone, its last try; result: what it returned, None where it failed
+    index: of the job; seconds: time of the function in its last try; result: its return value, None where it failed
     failure: last line of the traceback, None where there was none; trace: all of it
     """
 
@@ -42,7 +43,7 @@ class Run:
 
 
 def perform(work: Work, index: int, job: object) -> Run:
-    """The function on one job; whatever it raises, except an interrupt, becomes a failure."""
+    """Run the function on one job; any exception except an interrupt becomes a failure."""
     began = time.perf_counter()
     try:
         result = work(job)
@@ -58,7 +59,7 @@ def last_line(fault: BaseException) -> str:
 
 
 def importable(work: Work) -> Work:
-    """The same function by the name under which other processes import it. Raises ValueError where there is none.
+    """The same function under its importable name. Raises ValueError if there is none.
 
     A study run by `python -m` is `__main__` in its own process only.
     """
@@ -82,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """The module that has to be imported for a function, that of the innermost work where one is given another."""
+    """The module to import for a function; for nested work the innermost one's."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)
@@ -97,7 +98,7 @@ def named_work(name: str) -> Work:
 
 
 def program() -> str:
-    """A digest of the source of the four packages: results of two states of the program are told apart by it."""
+    """A digest of the source of the four packages, which identifies the program's state in results."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)

@@ -1,4 +1,4 @@
-"""Other cores for the passes of one estimation: processes that begin only where that saves time."""
+"""Other cores for the passes of one estimation: processes that start only if that saves time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """A map, such as that of a pool of processes."""
 
 WORTH_S = 4.0
-"""Time that several calls took here [s], beyond which the next are shared out: a process needs two seconds to begin."""
+"""Time of several calls here [s] above which further ones are shared: a process needs two seconds to start."""
 
 
 NEEDED = "estimators"
-"""What a process that begins ahead imports: most of what takes it two seconds."""
+"""What a process imports when it starts ahead: most of its two seconds."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The answers in the order of the items: the pool works from the first on, this process from the last.
+    """The results in the order of the items: the pool works from the first on, this process from the last.
 
-    What a process that was killed leaves undone is done here.
+    Work that a killed process leaves is done here.
     """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
@@ -50,10 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map that works in this process, and from calls that took `WORTH_S` on in one for each other core, too.
+    """A map in this process, and for calls of `WORTH_S` or more also in one process for each other core.
 
-    n_cores: as many as there are, by default. Functions and arguments must be such that pickle takes them.
-    ahead: those processes begin now, while this one does something else, and take part from the first call on
+    n_cores: by default all. Functions and arguments must be picklable.
+    ahead: the processes start now, while this one does something else, and take part from the first call on
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

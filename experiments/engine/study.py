@@ -1,8 +1,8 @@
-"""A study: one function on many cases, its runs kept as they finish, and continued where it was ended.
+"""A study: one function on many cases; runs are kept as they finish, and an interrupted study can be continued.
 
-The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: the case's own
-numbers and texts, the result's, and those of OWN; `failures/`, a file for each run that failed, and `kept/`, all runs
-that were ever done in it.
+The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: numbers and texts
+of the case, of the result, and those of OWN; `failures/`, a file for each failed run; and `kept/`, all runs ever done
+in it.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 RUNS = "runs.parquet"
 FAILURES = "failures"
 OWN = ("seconds", "failure", "command", "program", "key")
-"""Columns of the engine: what a run took, its failure and the command that repeats it, digest of the source, key."""
+"""Columns of the engine: time of a run, its failure and the command that repeats it, digest of the source, key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """The runs of a study.
 
-    table: as in runs.parquet; n_runs, n_done: of the study, and how many of them were done now
+    table: as in runs.parquet; n_runs, n_done: runs of the study, and how many of them are new
     failures: one line for each run that failed, with the command that repeats it
     """
 
@@ -63,11 +63,11 @@ def run_study(
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
-    """Do the runs that the folder does not have yet, failed ones again, and write its table.
+    """Do the missing and the failed runs of the folder, and write its table.
 
-    work: gives one mapping of columns, or a list of them, of numbers, texts, booleans, lists of numbers
-    cases: mappings that JSON can hold, no two alike; numbers and texts at their top are columns
-    advance: gets the share done
+    work: returns one mapping of columns, or a list of them, with numbers, texts, booleans, lists of numbers
+    cases: different mappings of JSON types; their top-level numbers and texts become columns
+    advance: is called with the share done
 
     Raises InputError for a missing extra or scheduler, ValueError for two cases alike.
     """
@@ -77,7 +77,7 @@ def run_study(
     keys = [key_of(shared, case) for case in cases]
     if len(set(keys)) < len(keys):
         again = next(case for k, case in enumerate(cases) if keys[k] in keys[:k])
-        raise ValueError(f"cases: expected no two alike, found {again} twice")
+        raise ValueError(f"cases: expected different ones, found {again} twice")
     known = read_parts(folder / KEPT)
     done = set() if known is None else set(_keys_done(known))
     left = [k for k, key in enumerate(keys) if key not in done]
@@ -98,7 +98,7 @@ def run_study(
     write_whole(folder / RUNS, parquet(table))
     frame = table.to_pandas()
     if len(frame) and set(frame.get("program", [""])) != {source}:
-        sys.stderr.write(f"{folder}: runs of another state of the program are in it; a new folder has none\n")
+        sys.stderr.write(f"{folder}: it has runs of another state of the program; use a new folder\n")
     failed = frame[frame["failure"].notna()] if len(frame) else frame
     lines = [f"{row.failure}; repeat: {row.command}" for row in failed.itertuples()]
     return Study(frame, len(keys), len(left), tuple(lines))
@@ -118,7 +118,7 @@ def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
 
 
 def columns_of(case: Case) -> dict[str, Any]:
-    """The numbers and texts at the top of a case."""
+    """The top-level numbers and texts of a case."""
     return {name: value for name, value in case.items() if isinstance(value, str | int | float)}
 
 
@@ -131,7 +131,7 @@ def _columns(table: pa.Table, *names: str) -> list[list[Any]]:
 
 
 def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | None:
-    """The command that repeats a failed run, its record written; None for one that did not fail, its record removed."""
+    """Write a failed run's record and return the command that repeats it; else remove the record and return None."""
     path = folder / FAILURES / f"{key}.json"
     if run.failure is None:
         path.unlink(missing_ok=True)
@@ -148,9 +148,9 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
-    """Rows of these runs, in their order; of a run that was done twice those of one time, a success before a failure.
+    """Rows of these runs, in order; for a run that was done twice one of them, a success before a failure.
 
-    Rows of a run stand together in a part, as its function gave them.
+    Rows of a run are contiguous in a part, in the order of its function.
     """
     if kept is None:
         return table_of([])

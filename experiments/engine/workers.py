@@ -25,20 +25,20 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""What Dask looks after many times a second: as it comes that takes 12 % of a core, so 1 %; nobody sees it here."""
+"""Dask's monitoring intervals: the defaults take 12 % of a core, these 1 %; nobody uses its dashboard here."""
 
 DEATHS = 2
-"""Workers of this machine that may die of a batch before its runs are done one by one, and of a run before it counts
-as a failure; chosen: one death may come from outside."""
+"""Deaths of local workers in a batch before its runs are done one by one, and in a run before it counts as a failure;
+chosen: one death may have an external cause."""
 
 REACHED_S = 30.0
-"""A scheduler that has not answered within this time is not there [s]."""
+"""Timeout of a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Fewer runs of an insertion, a second each, are done before the workers have started; chosen."""
+"""Fewer insertions, a second each, finish before workers have started; chosen."""
 
 NO_WORKER_S = 300.0
-"""Without any worker process for so long a study on this machine ends [s]; one starts within some seconds."""
+"""A study on this machine ends after this time without workers [s]; one starts within some seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +69,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The workers of a command that does not need the extra: as wanted, this process for few runs or without it."""
+    """The workers of a command that does not need the extra: as chosen, or this process for few runs."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -92,7 +92,7 @@ def _count(text: str) -> int:
 
 
 def chosen_workers(chosen: argparse.Namespace) -> Workers:
-    """What was chosen by the options of `add_worker_options`."""
+    """The workers chosen by the options of `add_worker_options`."""
     return Workers(chosen.processes, chosen.scheduler)
 
 
@@ -100,7 +100,7 @@ def chosen_workers(chosen: argparse.Namespace) -> Workers:
 def connected(workers: Workers, module: str) -> Iterator[Client]:
     """A client of a local cluster of these processes, closed at the end, or of the scheduler. Raises InputError.
 
-    module: of what will be run, imported once for all local processes
+    module: of the work, imported once for all local processes
     """
     require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client
@@ -131,9 +131,9 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
         # Ctrl-C reaches all processes of a terminal; this one closes the others
         "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
-        # no second batch waits on a worker, where it would share the blame if the worker died
+        # no second batch waits on a worker, since it would count as failed if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
-        # on a busy machine a worker takes longer to come back than the 15 s after which it would be given up
+        # on a busy machine a worker may take longer to return than the default timeout of 15 s
         "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
         **SELDOM,
     }
@@ -144,14 +144,14 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
             n_workers=n_processes,
             threads_per_worker=1,
             processes=True,
-            dashboard_address="127.0.0.1:0",  # any port that is free
+            dashboard_address="127.0.0.1:0",  # any free port
             silence_logs=logging.CRITICAL,
         ) as cluster:
             yield cluster
 
 
 def _needed_by(module: str) -> list[str]:
-    """The module; of a study that was run by `python -m` what it imports: it is run again in each worker itself."""
+    """The module; for a study run by `python -m` its imports, because it is run again in each worker."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:
@@ -161,7 +161,7 @@ def _needed_by(module: str) -> list[str]:
 
 
 def _start_forkserver(module: str) -> None:
-    """Start the process that workers are forked from, one for this process's life, with what they need imported.
+    """Start the process from which workers are forked, once, with their imports loaded.
 
     Without it each worker would import for seconds, and again when it is replaced.
     """

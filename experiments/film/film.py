@@ -1,4 +1,4 @@
-"""Films of a run over a recording, with what is known drawn into each frame: film.avi, and worst.png."""
+"""Annotated films of a run over a recording: film.avi, and worst.png."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GROUND = 60
 class Film:
     """Writes film.avi into a folder frame by frame, and worst.png at its end; as a context manager.
 
-    Where another tracker found the marks they are drawn on a plain ground; InputError for those in space.
+    Marks of another tracker are drawn on a plain ground; InputError for marks in space.
     State: the writer, begun with the first frame; the worst frames.
     """
 

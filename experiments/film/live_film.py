@@ -1,4 +1,4 @@
-"""The film of a live run, written as frames come: by a thread of its own, which the loop never waits for."""
+"""The film of a live run, written by its own thread; the loop does not wait for it."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
-"""Frames that wait for the thread, at most; then the oldest goes: some 0.3 s at 30 frames/s; chosen."""
+"""Most frames that wait for the thread; then the oldest is dropped: some 0.3 s at 30 frames/s; chosen."""
 
 
 class LiveFilm:
-    """A film that grows piece by piece in a folder of its own, as a recording does, and is joined at the end.
+    """A film that is written in pieces in its own folder, like a recording, and joined at the end.
 
-    growing: that folder, made with the first frame; when the program is killed, `softaim record --recover` joins it
-    What `take` costs the loop is the projection of what is to be drawn; drawing and compression are the thread's.
+    growing: that folder, made with the first frame; after a kill, `softaim record --recover` joins the pieces
+    `take` costs the loop only the projection; drawing and compression run in the thread.
     State: the thread; how many frames were dropped because it fell behind; the fault that ended it; the time of the
-    last frame [s], which a later one has to exceed.
+    last frame [s], which the next has to exceed.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:
@@ -48,17 +48,17 @@ class LiveFilm:
             "MJPG",
             self._drawn,
             n_waiting=WAITING,
-            faults=Exception,  # whatever it is, the run goes on without its film
+            faults=Exception,  # after any error, the run continues without its film
             failed=self._fail,
         )
 
     @property
     def n_written(self) -> int:
-        """Frames that the film has."""
+        """Number of frames in the film."""
         return self._thread.n_recorded
 
     def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Hand a frame to the thread; the oldest that waits is dropped where it falls behind."""
+        """Pass a frame to the thread; the oldest waiting one is dropped if the thread falls behind."""
         time_s = step.estimates[FILTER].time_s
         if self.fault is not None or not round(time_s, 9) > round(self._last_s, 9):
             self.n_dropped += 1
@@ -70,7 +70,7 @@ class LiveFilm:
         self._thread.put((time_s, image, overlay))
 
     def finish(self, folder: Path) -> None:
-        """Write what waits, join the pieces, and move the film to a folder that exists, with worst.png."""
+        """Write waiting frames, join the pieces, and move the film to an existing folder, with worst.png."""
         self._thread.finish()
         if not self.n_written:
             return

@@ -1,6 +1,6 @@
-"""One frame with what is known drawn into it: marks, network, target, needle, status and reasons, in pixels.
+"""One annotated frame: marks, network, target, needle, status and reasons, in pixels.
 
-Knows neither scenes nor filters: `views` makes an `Overlay` of a step. All ellipses hold 95 %.
+Independent of scenes and filters: `views` makes an `Overlay` of a step. All ellipses contain 95 %.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ LIGHT: Colour = (255, 255, 255)
 SPRING: Colour = (215, 215, 215)
 TARGET: Colour = (66, 228, 240)
 FAINT = 0.4
-"""Share of its colour that an ellipse keeps that is not to be relied upon."""
+"""Opacity of an ellipse of an unreliable estimate."""
 CROSS = np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
 """The two strokes of a diagonal cross from -1 to 1, (2, 2, 2)."""
 MOST_LINES = 6
-"""Lines of reasons, at most: more would hide the picture."""
+"""Most lines of reasons: more would hide the picture."""
 
 
 class Fate(StrEnum):
-    """What became of a mark in a frame."""
+    """The result for a mark in a frame."""
 
     FOUND = "found"
     REFUSED = "refused"
@@ -52,12 +52,12 @@ class Fate(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkDrawn:
-    """A mark as it is drawn: its name, its hue [degrees], what became of it.
+    """A mark as drawn: its name, its hue [degrees], its result in the frame.
 
-    center_px, cov_px2: where it was seen, (2,), (2, 2); None for a lost one
-    expected_px, expected_cov_px2: where it was expected; None where that is not known
+    center_px, cov_px2: its detection, (2,), (2, 2); None for a lost one
+    expected_px, expected_cov_px2: its prediction; None where that is not known
     shape_px: its picture is center + shape_px @ unit disc, (2, 2)
-    candidate_px: what was seen and rejected, (2,); why: the reason in words; measured: False for scoring only
+    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False for scoring only
     """
 
     name: str
@@ -85,13 +85,13 @@ class NeedleDrawn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """What is drawn into one frame.
+    """The annotation of one frame.
 
-    status, status_colour: a word, and its colour; facts: what stands beside it, such as the time
+    status, status_colour: a word, and its colour; facts: text beside it, such as the time
     nodes_px: (n, 2), NaN where a node is not seen; names: of nodes, empty for those without a label; fixed: (n,)
     springs: pairs of nodes, (m, 2)
     target_px, target_cov_px2: (2,), (2, 2), None where not known; target_shape_px: its own size, (2, 2)
-    trusted: whether the target's ellipse is to be relied upon; otherwise it is faint
+    trusted: whether the target's ellipse is reliable; otherwise it is faint
     advice, advice_colour: a word and its colour, both empty without a needle
     """
 
@@ -114,7 +114,7 @@ class Overlay:
 
 
 def drawn(image: Image, overlay: Overlay) -> Image:
-    """A frame, (height, width, 3) BGR uint8, with the overlay; the frame given stays as it is."""
+    """A copy of a frame, (height, width, 3) BGR uint8, with the overlay."""
     canvas = np.ascontiguousarray(image).copy()
     scale = scale_of(canvas)
     _network(canvas, overlay, scale)
@@ -128,7 +128,7 @@ def drawn(image: Image, overlay: Overlay) -> Image:
 
 
 def scale_of(image: Image) -> float:
-    """By what lines and letters are larger than at 640x480; never smaller."""
+    """Scale of lines and letters relative to 640x480, at least 1."""
     return max(1.0, min(image.shape[:2]) / 480.0)
 
 
@@ -178,7 +178,7 @@ def _mark(canvas: Image, mark: MarkDrawn, scale: float) -> None:
 
 
 def _rejected(canvas: Image, expected_px: Floats, candidate_px: Floats, colour: Colour, scale: float) -> None:
-    """A small cross on what was seen and rejected, and a line to it from where the mark was expected."""
+    """A small cross on a rejected detection, and a line to it from the mark's predicted position."""
     draw_segments(canvas, candidate_px + 5.0 * scale * CROSS, colour, round(scale))
     draw_dashes(canvas, np.stack([expected_px, candidate_px]), 3.0 * scale, colour, round(scale))
 
@@ -234,7 +234,7 @@ def _is_inside(canvas: Image, place_px: Floats) -> bool:
 
 
 def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]:
-    """The status and facts above, the advice below them; reasons at the lower edge, a line each; the rows between."""
+    """Draw status and facts at the top, advice below, reasons at the lower edge; returns the free rows between."""
     height, width = canvas.shape[:2]
     pad, line, large = 5.0 * scale, text_height(scale), 1.3 * scale
     room = width - 2.0 * pad

@@ -1,4 +1,4 @@
-"""Lines, ellipses and text that can be read on any picture: light on a dark edge.
+"""Lines, ellipses and text that are legible on any picture: light with a dark edge.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Colours are BGR.
 """
@@ -18,9 +18,9 @@ Colour = tuple[int, int, int]
 
 DARK: Colour = (0, 0, 0)
 SHIFT = 4
-"""Places are drawn to a sixteenth of a pixel."""
+"""Positions are drawn to a sixteenth of a pixel."""
 NEAR_PX = 1e4
-"""Lines that go no further need not be cut: OpenCV's numbers hold that."""
+"""Lines within this range need no clipping: OpenCV's integers hold it."""
 TEXT_PX = 16.0
 """Height of a line of text in a picture of 480 px [px]."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -49,7 +49,7 @@ def draw_line(image: Image, points_px: Floats, colour: Colour, width: int, *, ed
 
 
 def _is_near(places: Floats) -> bool:
-    """Whether no place is far off, or not finite."""
+    """Whether all positions are finite and within this range."""
     return places.size > 0 and bool(np.abs(places).max() < NEAR_PX)
 
 
@@ -65,13 +65,13 @@ def _draw(image: Image, lines: Sequence[Picture], colour: Colour, width: int, ed
 
 
 def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour, width: int) -> None:
-    """Draw a dashed line through points, (n, 2) [px]; its gaps are dark, so that it is seen on any ground."""
+    """Draw a dashed line through points, (n, 2) [px], with dark gaps, so that it is visible on any ground."""
     draw_line(image, points_px, DARK, width, edge=0)
     draw_segments(image, dashed(points_px, dash_px), colour, width, edge=0)
 
 
 def clipped(segments: Floats, size_px: Sequence[int], margin_px: float = 8.0) -> Floats:
-    """The parts of segments (n, 2, 2) within a picture and a margin around it; those elsewhere, or not finite, go.
+    """The parts of segments (n, 2, 2) within a picture and a margin around it; others, or non-finite ones, are dropped.
 
     By Liang and Barsky: each of four half planes cuts the interval of t in a + t (b - a).
     """
@@ -92,7 +92,7 @@ def clipped(segments: Floats, size_px: Sequence[int], margin_px: float = 8.0) ->
 
 
 def ellipse_points(center_px: Floats, shape_px: Floats) -> Floats:
-    """Points around center + shape @ unit circle, closed, (n, 2): close enough that no corner is seen."""
+    """Points around center + shape @ unit circle, closed, (n, 2): dense enough to look smooth."""
     reach = float(np.abs(shape_px).max())
     n = int(np.clip(8.0 * np.sqrt(reach), 24, 1440)) if np.isfinite(reach) else 24
     return np.asarray(center_px + _circle(n) @ shape_px.T, dtype=np.float64)
@@ -111,7 +111,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not np.isfinite(along[-1]) or along[-1] == 0.0:
         return np.zeros((0, 2, 2))
-    # of a line that leaves the picture by far, dashes are longer: no more of them than a picture can show
+    # a line far outside the picture gets longer dashes: no more than a picture can show
     starts = np.arange(0.0, along[-1], max(2.0 * dash_px, along[-1] / 500.0))
     half = 0.5 * (starts[1] - starts[0]) if len(starts) > 1 else dash_px
     ends = np.minimum(starts + half, along[-1])

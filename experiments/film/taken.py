@@ -1,4 +1,4 @@
-"""What the keys of marks' hues take in over a film: shares of pixels frame by frame, painted into the frames."""
+"""The pixels that the keys of marks' hues select in a film: shares frame by frame, painted into the frames."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue: their nodes, what counts as their colour, pixels of them all and least of the smallest [px]."""
+    """Marks of one hue: their nodes, their colour range, area of all of them and least area of the smallest [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """What each kind's keys take in. State: pixels by kind, a row a frame; the frames of least and of most pixels."""
+    """The pixels that each kind's keys select. State: pixels by kind and frame; frames with least and most pixels."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]
@@ -55,7 +55,7 @@ class Taken:
     stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
 
     def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
-        """Count a frame; keep it where it has the least or the most of a kind."""
+        """Count a frame; keep it if it has the least or the most pixels of a kind."""
         self.times_s.append(time_s)
         self.pixels.append(list(pixels))
         for k, n in enumerate(pixels):
@@ -65,7 +65,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """By kind: its marks and keys, share of the picture taken in, by the marks' own size, frames amiss."""
+        """By kind: its marks and keys, selected share of the picture, by the marks' size, faulty frames."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share
@@ -85,7 +85,7 @@ class Taken:
 
 
 def kinds_of(scene: Scene) -> tuple[Kind, ...]:
-    """Marks by their hue, as large as they are seen at rest."""
+    """Marks by hue, with their visible size at rest."""
     camera, network = scene.cameras[0], scene.network
     shapes = {mark.node: mark.shape_px(camera, network.positions[network.index(mark.node)]) for mark in scene.marks}
     areas = {node: np.pi * abs(float(np.linalg.det(shape))) for node, shape in shapes.items()}
@@ -100,7 +100,7 @@ def kinds_of(scene: Scene) -> tuple[Kind, ...]:
 
 
 def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
-    """A frame in grey, what each kind takes in its hue, shares in words; classes: of its pixels, numbered from 1."""
+    """A frame in grey, with each kind's pixels in its hue, and shares in words; classes: of its pixels, from 1."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     darken(picture, 0.0, len(picture))
@@ -118,9 +118,9 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 def taken_over(
     source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
-    """What the keys take in in each frame of a film, folder of pictures or recording; written to a folder if given.
+    """The pixels that keys select in each frame of a film, folder of pictures or recording; optionally written.
 
-    folder: exists, for hue.csv, hue.png and, with film, film.avi. Raises InputError.
+    folder: an existing one for hue.csv, hue.png and, with film, film.avi. Raises InputError.
     """
     scene, frames = open_source(source, scene_path, live=False, fps=fps, usual_fps=NOMINAL_FPS)
     with frames:
@@ -173,24 +173,24 @@ def _write(taken: Taken, folder: Path) -> None:
 
 
 def verdicts(taken: Taken) -> list[str]:
-    """A sentence for each kind of which more or less is taken in than there should be."""
-    told = []
+    """A sentence for each kind with too many or too few selected pixels."""
+    verdicts = []
     for figures, kind in zip(taken.figures(), taken.kinds, strict=True):
         names = f"mark{'s' * (len(kind.nodes) > 1)} {', '.join(kind.nodes)}: {kind.keys}"
         flooded, few, times = (float(figures[key]) for key in ("frames_flooded", "frames_too_few", "by_marks"))
         if flooded > 0.0:
-            told.append(
-                f"{names} takes in more of the picture than marks can in {100.0 * flooded:.0f} % of frames: "
+            verdicts.append(
+                f"{names} selects more of the picture than marks can cover in {100.0 * flooded:.0f} % of frames: "
                 "narrow half_width_deg or raise min_saturation"
             )
         elif few > 0.0:
-            told.append(
-                f"{names} takes in less than one mark must show, {kind.least_px:.0f} px, in {100.0 * few:.0f} % of "
+            verdicts.append(
+                f"{names} selects less than one mark must show, {kind.least_px:.0f} px, in {100.0 * few:.0f} % of "
                 "frames: learn its keys there, softaim hue FILM --at U,V --frame N"
             )
         elif times > DETECTION.centers.max_area:
-            told.append(
-                f"{names} takes in {times:.1f} times as much as its marks are: other things are of this hue, or "
+            verdicts.append(
+                f"{names} selects {times:.1f} times the area of its marks: other things have this hue, or "
                 "diameter_mm or the scale of the camera is wrong"
             )
-    return told
+    return verdicts

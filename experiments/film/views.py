@@ -1,4 +1,4 @@
-"""From a step of the pipeline to what is drawn into its frame: everything projected into the picture.
+"""From a step of the pipeline to the annotation of its frame, projected into the picture.
 
 Image axes: u right, v down, pixels; the plane in metres.
 """
@@ -19,7 +19,7 @@ from experiments.pipeline.line import FILTER, Line, Step
 from experiments.pipeline.scores.marks import NO_ROW, reason_words
 from vision import LostMark, PlaneCamera, fronto_parallel_camera
 
-# Colours of Okabe and Ito, which people tell apart who see fewer colours, BGR
+# Colours of Okabe and Ito for the colour-blind, BGR
 GREEN: Colour = (115, 158, 0)
 SKY: Colour = (233, 180, 86)
 ORANGE: Colour = (0, 159, 230)
@@ -46,9 +46,9 @@ TRUSTED = (Status.TRACKING, Status.COASTING)
 GROUND_PX = (640, 480)
 """Size of the plain ground on which marks are drawn that come without pictures."""
 GROUND_SHARE = 0.6
-"""Share of the ground that the network takes, as drawn: the rest is for its motion and for words."""
+"""Share of the ground for the network as drawn: the rest is for its motion and for text."""
 MOST_NAMED = 40
-"""Nodes of a network up to which all are named: names of more would hide the picture."""
+"""Most nodes of a network that are all labelled: more labels would hide the picture."""
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
@@ -65,9 +65,9 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 def overlay_of(
     line: Line, step: Step, camera: PlaneCamera, guidance: Guidance | None = None, plan: NeedlePlan | None = None
 ) -> Overlay:
-    """What is to be drawn of a step, the line as it stands after it.
+    """The annotation of a step; line: its state after the step.
 
-    guidance, plan: the advice of that moment on a needle, and the needle
+    guidance, plan: the advice at that moment, and its needle
     """
     scene, estimate = line.scene, step.estimates[FILTER]
     network = scene.network
@@ -100,7 +100,7 @@ def node_places(line: Line) -> Floats:
 
 
 def facts(estimate: TargetEstimate, n_measured: int) -> str:
-    """Time, marks used and the spread of the target, as they stand beside the status."""
+    """Time, marks used and the target's standard deviation, for the text beside the status."""
     sigma = ""
     if estimate.cov is not None and np.isfinite(estimate.cov).all():
         sigma = f", sigma {1e3 * float(np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1].clip(0.0))):.1f} mm"
@@ -108,7 +108,7 @@ def facts(estimate: TargetEstimate, n_measured: int) -> str:
 
 
 def advice_words(guidance: Guidance) -> str:
-    """The advice in short: what, how probable a hit is, why."""
+    """The advice in short: the advice, the probability of a hit, the reason."""
     what = str(guidance.advice).replace("_", " ")
     hit = "" if guidance.probability is None else f" {int(100.0 * guidance.probability)} %"
     return f"{what}{hit}: {guidance.reason}"
@@ -118,7 +118,7 @@ def _notes(target_cov_px2: Floats | None, camera: PlaneCamera) -> tuple[str, ...
     if target_cov_px2 is None or not np.isfinite(target_cov_px2).all():
         return ()
     wide = float(np.sqrt(np.linalg.eigvalsh(target_cov_px2)[0].clip(0.0))) > max(camera.size_px)
-    return ("the target may be anywhere in the picture and beyond",) if wide else ()
+    return ("the target's uncertainty is larger than the picture",) if wide else ()
 
 
 def _marks(scene: Scene, step: Step, camera: PlaneCamera) -> tuple[MarkDrawn, ...]:
@@ -159,14 +159,14 @@ def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, ca
 
 
 def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
-    """How far a mark that the gate rejects lies from where it was expected."""
+    """Distance of a rejected mark from its prediction."""
     away = seen.position - mean
     sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"
 
 
 def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Why a mark was not found, with the numbers that decided; None: another tracker did not give it."""
+    """Why a mark was not found, with the deciding numbers; None: it comes from another tracker."""
     if lost is None:
         return NO_ROW
     words = reason_words(scene, node, str(lost.reason))
@@ -187,7 +187,7 @@ def _needle(camera: PlaneCamera, guidance: Guidance, plan: NeedlePlan) -> Needle
 
 
 def _places(camera: PlaneCamera, points_m: Floats) -> Floats:
-    """Where points of the plane are seen, (n, 2); NaN where they are not before the camera, or not finite."""
+    """Projection of points of the plane, (n, 2); NaN for points not before the camera, or not finite."""
     finite = np.isfinite(points_m).all(axis=1)
     try:
         if finite.all():
@@ -205,7 +205,7 @@ def _place(camera: PlaneCamera, point_m: Floats) -> Floats:
 
 
 def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-    """Where a place is seen and the covariance of that; NaN and None where it is not before the camera."""
+    """Projection of a position and its covariance; NaN and None if it is not before the camera."""
     place_px = _place(camera, mean_m)
     if cov_m2 is None or not np.isfinite(place_px).all():
         return place_px, None
@@ -213,7 +213,7 @@ def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[F
 
 
 def _shape(camera: PlaneCamera, place_m: Floats, shown: Mark | Target) -> Floats:
-    """The picture of a mark or of the target, a disc, (2, 2) [px]; nothing where it is not before the camera."""
+    """The picture of a mark or of the target, a disc, (2, 2) [px]; zero if it is not before the camera."""
     if not np.isfinite(_place(camera, place_m)).all():
         return np.zeros((2, 2))
     return shown.shape_px(camera, place_m) if isinstance(shown, Mark) else camera.disc_shape(place_m, shown.radius_m)

@@ -1,4 +1,4 @@
-"""The worst frames of a film on one sheet: of each kind of fault the worst one, and how many there were."""
+"""The worst frames of a film on one sheet: the worst one of each kind of fault, and their number."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from experiments.pipeline.scores.marks import REFUSED
 from vision.arrays import Image
 
 TILE_PX = 640
-"""Width of a still on the sheet, at most [px]."""
+"""Most width of a still on the sheet [px]."""
 MOST_TILES = 6
-"""Stills on the sheet: more cannot be read on a screen."""
+"""Most stills on the sheet: more are illegible on a screen."""
 CAPTION_LINES = 2
 """Lines of text above a still."""
 SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status.INITIALISING)
-"""Statuses, the worst first; a start is none of the filter's faults."""
+"""Statuses, the worst first; a start is not a fault of the filter."""
 
 
 @dataclass(slots=True, eq=False)
 class Still:
-    """The worst frame of a kind until now: how bad it is, the picture, and how many frames of the kind there were."""
+    """The worst frame of a kind so far: its badness, the picture, and the number of frames of the kind."""
 
     badness: tuple[float, ...]
     picture: Image
@@ -36,7 +36,7 @@ class Still:
 class WorstFrames:
     """Keeps the worst frame of each kind: a status, and the first fault of a mark with its reason.
 
-    State: a still by kind; there are no more kinds than statuses times reasons.
+    State: a still by kind; there are at most as many kinds as statuses times reasons.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """Stills side by side, two a row, the worst kinds first; where nothing was amiss the least certain frame."""
+        """Stills in rows of two, the worst kinds first; without faults the most uncertain frame."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -71,7 +71,7 @@ class WorstFrames:
 
 
 def captioned(picture: Image, text: str) -> Image:
-    """A picture, no wider than a tile, below a line or two of text."""
+    """A picture, at most as wide as a tile, below one or two lines of text."""
     tile, line = _tile(picture), text_height(1.0)
     caption = np.zeros((CAPTION_LINES * line + 6, tile.shape[1], 3), dtype=np.uint8)
     for k, words in enumerate(wrapped(text, tile.shape[1] - 8.0, 1.0)[:CAPTION_LINES]):
@@ -80,7 +80,7 @@ def captioned(picture: Image, text: str) -> Image:
 
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
-    """Pictures of one size on a sheet, two a row, the first MOST_TILES of them."""
+    """Pictures of one size on a sheet in rows of two, the first MOST_TILES of them."""
     shown = list(tiles[:MOST_TILES])
     across = min(2, len(shown))
     shown += [np.zeros_like(shown[0])] * (-len(shown) % across)
@@ -88,7 +88,7 @@ def side_by_side(tiles: Sequence[Image]) -> Image:
 
 
 def _fault(mark: MarkDrawn) -> str:
-    """What became of a mark, and why, without numbers."""
+    """The result for a mark, and the reason, without numbers."""
     return REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0]
 
 

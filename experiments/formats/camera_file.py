@@ -1,4 +1,4 @@
-"""`camera.toml`: a calibrated camera as a file, written whole and read back. Lengths in millimetres."""
+"""`camera.toml`: a calibrated camera as a file. Lengths in millimetres."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from experiments.formats.toml_file import (
 from vision import Calibration, Lens, Pose
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
-"""Takes a row of uncertainty in metres to that of the file."""
+"""Factors from a row of uncertainty in metres to the file's units."""
 
 
 class CameraFile(Strict):
-    """The whole of `camera.toml`, version 1."""
+    """The content of `camera.toml`, version 1."""
 
     version: int
     name: Name
@@ -57,14 +57,14 @@ class CameraFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedCamera:
-    """A calibrated camera before a plane, as `camera.toml` has it.
+    """A calibrated camera before a plane, as in `camera.toml`.
 
-    name, size_px: what it is called; width and height of its pictures [px]
+    name, size_px: its name; width and height of its pictures [px]
     lens: matrix and distortion
     pose: world to camera [m]
     uncertainty: as in `Calibration`, (n, 15), in metres
     reprojection_rms_px: root mean square residual [px]
-    mm_per_px: reach of a pixel on the plane at the picture's centre, across and down [mm]
+    mm_per_px: size of a pixel on the plane at the picture's centre, across and down [mm]
     """
 
     name: str
@@ -98,7 +98,7 @@ def write_camera_toml(calibration: Calibration, path: Path) -> None:
 
 
 def camera_text(calibration: Calibration) -> str:
-    """A calibration as `camera.toml` has it."""
+    """A calibration as text of `camera.toml`."""
     c = calibration
     lens = {"matrix": c.matrix, "distortion": c.distortion, "matrix_sd": c.matrix_sd, "distortion_sd": c.distortion_sd}
     fit = {"reprojection_rms_px": float(c.reprojection_rms_px), "reprojection_rms_px_each": c.rms_px_each}
@@ -122,7 +122,7 @@ def camera_text(calibration: Calibration) -> str:
 
 
 def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
-    """What every camera's table begins with."""
+    """The first lines of every camera's table."""
     return [f"name = {toml_text(name)}", f"size_px = [{size_px[0]}, {size_px[1]}]"]
 
 

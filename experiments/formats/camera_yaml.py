@@ -1,4 +1,4 @@
-"""Lenses in the YAML of OpenCV and in that of ROS (`camera_info`), written and read."""
+"""Lenses in the YAML formats of OpenCV and ROS (`camera_info`), written and read."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from vision import Lens, quiet_opencv
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
-"""How many OpenCV has, in its order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two of a tilted sensor."""
+"""Numbers of coefficients in OpenCV's order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two of a tilted sensor."""
 
 N_DLT = 11
 """Coefficients of a direct linear transformation, L1 to L11, of one camera."""
 
-POSE = "rotation and translation_mm (softaim calibrate finds lens and place)"
-"""Keys of a scene's camera that say where a lens stands."""
+POSE = "rotation and translation_mm (softaim calibrate finds lens and pose)"
+"""Keys of a scene's camera for the pose of a lens."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
     """A lens, the size of its pictures [px], and the camera's name where the file states it.
 
-    The place of the camera is not in such a file.
+    Such a file does not have the camera's pose.
     """
 
     lens: Lens
@@ -40,9 +40,9 @@ class LensFile:
 
 
 def read_lens_file(path: Path) -> LensFile | None:
-    """The lens of a file of OpenCV or ROS, known by its content; None for another file. Raises InputError.
+    """The lens of a file of OpenCV or ROS, recognised by its content; None for another file. Raises InputError.
 
-    Files of other programs that hold a camera are refused by a line that says what to do.
+    Camera files of other programs are refused with an instruction.
     """
     text = read_text(path)
     if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
@@ -60,7 +60,7 @@ def read_lens_file(path: Path) -> LensFile | None:
 
 
 def opencv_text(content: LensFile) -> str:
-    """A lens as cv2.FileStorage writes it: image_width, image_height, camera_matrix and distortion_coefficients."""
+    """A lens in the format of cv2.FileStorage: image_width, image_height, camera_matrix and distortion_coefficients."""
     storage = cv2.FileStorage(".yml", cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY)
     storage.write("image_width", content.size_px[0])
     storage.write("image_height", content.size_px[1])
@@ -70,13 +70,13 @@ def opencv_text(content: LensFile) -> str:
 
 
 def read_opencv_yaml(path: Path) -> LensFile:
-    """The lens of a file that cv2.FileStorage wrote; raises InputError that names file and key."""
+    """The lens of a file of cv2.FileStorage; raises InputError with file and key."""
     text = read_text(path)
     try:
         with quiet_opencv():
             storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError):
-        raise InputError.at(path, "YAML as OpenCV writes it", "a file that it cannot read") from None
+        raise InputError.at(path, "YAML of OpenCV", "a file that it cannot read") from None
     size = [storage.getNode(key) for key in ("image_width", "image_height")]
     if storage.getNode("fisheye_model").isInt() and storage.getNode("fisheye_model").real():
         raise InputError.at(f"{path}: fisheye_model", "0; undistort pictures of a fisheye lens first", "1")
@@ -98,7 +98,7 @@ def read_opencv_yaml(path: Path) -> LensFile:
 
 
 def ros_text(content: LensFile) -> str:
-    """A lens as ROS's camera_info_manager reads it: matrix, distortion, no rectification."""
+    """A lens in the format of ROS's camera_info_manager: matrix, distortion, no rectification."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
     lines = [
         f"image_width: {content.size_px[0]}",
@@ -114,10 +114,10 @@ def ros_text(content: LensFile) -> str:
 
 
 def read_ros_yaml(path: Path) -> LensFile:
-    """The lens of a camera_info file; raises InputError that names file and key or line."""
+    """The lens of a camera_info file; raises InputError with file and key or line."""
     tables = _ros_tables(path)
     if (model := tables.get("distortion_model", "none")) not in ROS_MODELS:
-        also = "rational_polynomial is read, too; undistort pictures of a fisheye lens first"
+        also = "rational_polynomial is also supported; undistort pictures of a fisheye lens first"
         raise InputError.at(f"{path}: distortion_model", ROS_MODELS[0], f"{shown(model)}; {also}")
     size = []
     for key in ("image_width", "image_height"):
@@ -136,9 +136,9 @@ def _block(key: str, values: Floats) -> list[str]:
 
 
 def _ros_tables(path: Path) -> Mapping[str, str | dict[str, str]]:
-    """Keys and what follows them; of YAML what camera_info files use: two levels, and lists that may be wrapped."""
+    """Keys and values of the YAML subset of camera_info files: two levels, and lists that may be wrapped."""
     text = read_text(path)
-    # wrapped lists, and lists of one entry a line, on one line
+    # join wrapped lists, and lists with one entry on each line
     text = re.sub(r"\[[^\]]*\]", lambda found: " ".join(found[0].split()), text)
     text = re.sub(r":[ \t]*((?:\n[ \t]*-[ \t]+[^\n]*)+)", lambda found: f": [{', '.join(_entries(found[1]))}]", text)
     tables: dict[str, str | dict[str, str]] = {}

@@ -1,4 +1,4 @@
-"""Estimates as rows of estimates.csv: mm, mm², seconds, empty where a method gives none."""
+"""Estimates as rows of estimates.csv: mm, mm², seconds; empty without a value."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def header(dim: int) -> list[str]:
 
 
 def row(estimate: TargetEstimate) -> list[object]:
-    """The values of one estimate under `header`, None where it has none."""
+    """The values of one estimate in the order of `header`, None for missing ones."""
     covs: list[float | None] = [None] * len(cov_names(len(estimate.mean)))
     if estimate.cov is not None:
         covs = [None if isnan(entry) else entry for entry in cov_entries_mm2(estimate.cov)]

@@ -1,4 +1,4 @@
-"""Needle files: the tables of `needle.toml`, and the needle, its path, the lesion and the thresholds that they make."""
+"""Needle files: the tables of `needle.toml`, and their needle, path, lesion and thresholds."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]`: of a simulated needle, as the filter assumes them; by default as in soft PVC (`docs/needle.md`).
+    """`[forces]` of a needle, as assumed by the filter; by default those in soft PVC (`docs/needle.md`).
 
-    Constants as of `dynamics.NeedleMechanics`, nominal: each true one lies between so much less and so much more,
-    `error`. A puncture_N of 0: the skin offers no resistance.
+    Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true one. A
+    puncture_N of 0: the skin has no resistance.
     """
 
     puncture_N: NotNegative = 0.8  # noqa: N815 (the format's own word)
@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """What is predicted of this needle's push on a network; the error is uniform."""
+        """The prediction of this needle's push on a network; the error is uniform."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -50,7 +50,7 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel by which nodes share a needle's force [m]: of the study, and not observable from outside."""
+    """Width of the kernel by which nodes share a needle's force [m]: chosen in the study; it cannot be observed."""
     return 0.3 * float(np.median(network.rest_lengths))
 
 
@@ -83,7 +83,7 @@ class AdviceTable(Strict):
 
 
 class NeedleFile(Strict):
-    """The whole of `needle.toml`, version 1."""
+    """The content of `needle.toml`, version 1."""
 
     version: int
     entry_mm: Coordinates
@@ -107,7 +107,7 @@ class NeedleFile(Strict):
                 f"core_mm: expected no more than notch_length_mm ({self.notch_length_mm:g}), found {self.core_mm:g}"
             )
         if not any(self.direction):
-            raise ValueError(f"direction: expected one other than nought, found {shown(self.direction)}")
+            raise ValueError(f"direction: expected a non-zero vector, found {shown(self.direction)}")
         return self
 
 
@@ -129,7 +129,7 @@ class NeedlePlan:
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     """The plan in a needle file for a scene of this dimension; raises InputError.
 
-    radius_m: of the lesion where the file does not give one [m]
+    radius_m: of the lesion if the file does not state one [m]
     """
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):

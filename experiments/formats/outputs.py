@@ -1,4 +1,4 @@
-"""What leaves the program: folders and files that appear whole or not at all."""
+"""Output: folders and files that appear complete or not at all."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from typing import BinaryIO
 from experiments.errors import InputError
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""What an operating system says where a disk, or one's share of it, is full."""
+"""Errors of an operating system for a full disk or quota."""
 
 
 @contextmanager
 def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A fresh folder to write into, whose files stand under `path` after a clean exit; after any exception, none do.
+    """A temporary folder whose files move to `path` after a clean exit; after an exception none do.
 
-    force: write into a folder that is not empty; files of the names written are replaced, all others stay
-    inputs: what is read meanwhile; a `path` that is, holds or lies in one of them is rejected even with force
+    force: write into a folder that is not empty; files with the same names are replaced, all others stay
+    inputs: what is read meanwhile; a `path` that is, contains or lies in one of them is rejected even with force
 
-    Raises InputError, before any work is done, when `path` cannot be written.
+    Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))
     for source in inputs:
@@ -35,7 +35,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
         with _accepted(path, "room to write", FULL):
             work = _fresh_folder(path, final)
             yield work
-            _check_free(path, final, force, work)  # again: someone else may have written there during a long run
+            _check_free(path, final, force, work)  # again: someone may have written there during a long run
             _hand_over(path, work, final)
     finally:
         if work is not None:
@@ -44,7 +44,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
 
 @contextmanager
 def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator[None]:
-    """What the operating system refuses, by any of these error numbers or by all, is bad input that names the path."""
+    """Turn errors of the operating system, with any of these error numbers or all, into InputError with the path."""
     try:
         yield
     except OSError as error:
@@ -54,7 +54,7 @@ def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator
 
 
 def _probe(final: Path, folder: Path) -> None:
-    """Make a file in a folder and take it away."""
+    """Make a file in a folder and remove it."""
     part = _part_of(final, folder)
     part.touch(exist_ok=False)
     part.unlink()
@@ -62,10 +62,10 @@ def _probe(final: Path, folder: Path) -> None:
 
 @contextmanager
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A folder whose files stand under `path` from when they are written on, and stay after any exception.
+    """A folder whose files are written to `path` directly, and stay after an exception.
 
-    For what cannot be had again, such as a live run. One that was made for it and got no file goes at the end.
-    force, inputs: as for `output_folder`. Raises InputError, before any work is done, when `path` cannot be written.
+    For what cannot be repeated, such as a live run. A new folder without files is removed at the end.
+    force, inputs: as for `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))
     for source in inputs:
@@ -83,14 +83,14 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file at once: under its name there is the old content or the new, never a part. Raises InputError."""
+    """Write a file atomically: its name has the old content or the new, never a part. Raises InputError."""
     write_together({path: content})
 
 
 def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, Path] | None = None) -> None:
-    """Write several files at once: all of them or, after any fault, none. Raises InputError.
+    """Write several files together: all of them or, after any fault, none. Raises InputError.
 
-    written: parts of files that are whole already, by where they belong; they go there last
+    written: complete temporary files by their final paths; they are moved last
     """
     paths = [*contents, *(written or {})]
     finals = {path: _final(path) for path in paths}
@@ -108,7 +108,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # before: an interrupt may come right after; the last file needs no way back
+                if path != paths[-1]:  # before: an interrupt may come right after; the last file needs no backup
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
@@ -131,9 +131,9 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
 
 @contextmanager
 def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] = dict) -> Iterator[BinaryIO]:
-    """A file to write bit by bit, which stands under `path` after a clean exit; after any exception, what stood there.
+    """A file to write incrementally; it moves to `path` after a clean exit; after an exception the old one stays.
 
-    beside: files to write with it, asked for once it is whole: all of them or none. Raises InputError.
+    beside: files to write with it, requested once it is complete: all of them or none. Raises InputError.
     """
     final = _final(path)
     part = _part_of(final, final.parent)
@@ -151,18 +151,18 @@ def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] =
 
 
 def check_new(path: Path, force: bool) -> None:
-    """Raise InputError where a file stands that must not be replaced, or where none can be written."""
+    """Raise InputError if an existing file must not be replaced, or if none can be written."""
     final = _final(path)
     if final.is_file() and not force:
-        raise InputError.at(path, "a new file", "one that is there; --force replaces it")
+        raise InputError.at(path, "a new file", "an existing one; --force replaces it")
     if not final.parent.is_dir():
-        raise InputError.at(path, "a file in a folder that is there", "none" if not final.parent.exists() else "a file")
+        raise InputError.at(path, "a file in an existing folder", "none" if not final.parent.exists() else "a file")
     with _accepted(path, "a file that can be written"):
         _probe(final, final.parent)
 
 
 def _final(path: Path) -> Path:
-    final = Path(os.path.realpath(path))  # through a link, as a plain write would go
+    final = Path(os.path.realpath(path))  # through a link, like a plain write
     if os.path.isdir(final):
         raise InputError.at(path, "a file", "a folder")
     if os.path.exists(final) and not os.path.isfile(final):
@@ -175,7 +175,7 @@ def _part_of(final: Path, folder: Path) -> Path:
 
 
 def check_apart(path: Path, source: Path) -> None:
-    """Raise InputError where a folder to write is, holds or lies in one that is read."""
+    """Raise InputError if a folder to write is, contains or lies in one that is read."""
     final = Path(os.path.realpath(path))
     read = Path(os.path.realpath(source))
     if final == read or read in final.parents or final in read.parents:
@@ -184,7 +184,7 @@ def check_apart(path: Path, source: Path) -> None:
 
 
 def check_outside(path: Path, folder: Path) -> None:
-    """Raise InputError where a file to write lies in a folder that is read."""
+    """Raise InputError if a file to write lies in a folder that is read."""
     if Path(os.path.realpath(folder)) in Path(os.path.realpath(path)).parents:
         raise InputError.at(path, f"a file outside of {folder}, which is read", "one in it")
 
@@ -197,18 +197,18 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
     with _accepted(path, "a folder that can be read"):
         taken = any(entry != work for entry in final.iterdir())
     if taken and not force:
-        raise InputError.at(path, "an empty or a new folder", "files in it; --force writes beside and over them")
+        raise InputError.at(path, "an empty or new folder", "files in it; --force writes beside and over them")
 
 
 def _fresh_folder(path: Path, final: Path) -> Path:
-    """A new folder on the file system of `final`: beside it where that can be, else in it."""
+    """A new folder on the file system of `final`: beside it if possible, else in it."""
     places = [next((parent for parent in final.parents if os.path.exists(parent)), final)]
     if os.path.isdir(final):
         if not os.access(final, os.W_OK):
             raise InputError.at(path, "a folder that can be written", "permission denied")
         if final.stat().st_dev == places[0].stat().st_dev:
             places.append(final)
-        else:  # a mounted volume: files cannot be moved into it at once
+        else:  # a mounted volume: files cannot be moved into it atomically
             places = [final]
     faults: list[OSError] = []
     for place in places:
@@ -232,7 +232,7 @@ def _hand_over(path: Path, work: Path, final: Path) -> None:
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:
-    """Move all files of one folder into another, replacing those of the same name; all of them or none."""
+    """Move all files of one folder into another, replacing those with the same names; all of them or none."""
     files = sorted(file.relative_to(work) for file in work.rglob("*") if not file.is_dir())
     for file in files:
         if (final / file).is_dir():

@@ -19,20 +19,20 @@ from vision import (
 VIDEOS = ("video.avi", "video.mp4", "video.mkv")
 FRAMES, MARKS, SEGMENTS = "frames", "marks.csv", "segments"
 FOLDERS = (FRAMES, SEGMENTS)
-ONE_CAMERA = "one camera is read for now"
+ONE_CAMERA = "one camera is supported"
 
 Pictures = VideoFileFrames | FolderFrames | SegmentFrames
 
 
 def source_in(folder: Path) -> Path:
-    """The one film, folder or marks.csv in a recording's folder; InputError where there is none or more."""
+    """The one film, folder or marks.csv in a recording's folder; InputError if there is none or more than one."""
     several = sorted(path.name for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)
     if several:
         raise InputError.at(folder, f"{', '.join(VIDEOS[:-1])} or {VIDEOS[-1]} ({ONE_CAMERA})", " and ".join(several))
     names = (*VIDEOS, FRAMES, MARKS, SEGMENTS)
     present = [name for name in names if (folder / name).exists()]
     if SEGMENTS in present and any(name in VIDEOS for name in present):
-        present.remove(SEGMENTS)  # they have been joined, and are about to go
+        present.remove(SEGMENTS)  # they have been joined, and will be removed
     if len(present) != 1:
         found = " and ".join(f"{name}/" if name in FOLDERS else name for name in present)
         raise InputError.at(folder, f"one of {', '.join(VIDEOS)}, {FRAMES}/ or {MARKS}", found or "none")
@@ -54,10 +54,10 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """How many frames there are, and what to call them; InputError, SourceError where some are missing.
+    """The number of frames, and their name in messages; InputError, SourceError if some are missing.
 
-    A film is counted by reading it through, for its header is not always true: a fraction of the time that tracking
-    it takes; `advance` gets the share done.
+    A film is counted by reading it, because its header is not always right: a fraction of the time of tracking;
+    `advance` is called with the share done.
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"

@@ -1,4 +1,4 @@
-"""`plan.toml`: the needle, where it may go in and what it must not touch; lengths in mm."""
+"""`plan.toml`: the needle, where it may enter, and obstacles; lengths in mm."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: a stretch of skin in the plane, a box in space; some n points of it are tried."""
+    """`[entry]`: a segment of skin in the plane, a box in space; about n points of it are tried."""
 
     from_mm: Coordinates
     to_mm: Coordinates
@@ -74,15 +74,15 @@ class ObstacleTable(Strict):
 
 
 class PlanFile(Strict):
-    """The whole of `plan.toml`, version 1.
+    """The content of `plan.toml`, version 1.
 
-    arrival_s: from the last frame of a recording to when the needle arrives; belief_sd_mm: of the target an axis, where
-    there is a scene only
+    arrival_s: time from the last frame of a recording to the needle's arrival; target_sd_mm: standard deviation of the
+    target on each axis, for a scene without a recording
     """
 
     version: int
     arrival_s: NotNegative = 0.0
-    belief_sd_mm: Positive = 2.0
+    target_sd_mm: Positive = 2.0
     needle: NeedleTable = NeedleTable()
     entry: EntryTable
     obstacle: list[ObstacleTable] = Field(default_factory=list)
@@ -90,9 +90,10 @@ class PlanFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """What is to be planned: `plan.toml` in metres.
+    """The planning task: `plan.toml` in metres.
 
-    obstacles, kinds: one kind for each; arrival_s [s]; belief_sd_m [m]; n_entries, n_aims: how many paths are tried
+    obstacles, kinds: one kind for each; arrival_s [s]; target_sd_m [m]; n_entries, n_aims: numbers of tried entries and
+    aims
     """
 
     needle: PlannedNeedle
@@ -100,13 +101,13 @@ class Task:
     obstacles: tuple[Obstacle, ...]
     kinds: tuple[Kind, ...]
     arrival_s: float
-    belief_sd_m: float
+    target_sd_m: float
     n_entries: int
     n_aims: int
 
 
 def read_task(path: Path, dim: int) -> Task:
-    """The task of a file for a scene of so many axes; raises InputError, `file: key: expected …, found …`."""
+    """The task of a file for a scene of this dimension; raises InputError, `file: key: expected …, found …`."""
     file = read_toml(path, PlanFile)
     places = {f"entry.{key}": getattr(file.entry, key) for key in ("from_mm", "to_mm", "normal")}
     names = [one.name for one in file.obstacle]
@@ -137,7 +138,7 @@ def read_task(path: Path, dim: int) -> Task:
         obstacles=tuple(_obstacle(one) for one in file.obstacle),
         kinds=tuple(one.kind for one in file.obstacle),
         arrival_s=file.arrival_s,
-        belief_sd_m=1e-3 * file.belief_sd_mm,
+        target_sd_m=1e-3 * file.target_sd_mm,
         n_entries=entry.n,
         n_aims=entry.n_aims,
     )

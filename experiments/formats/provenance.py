@@ -1,4 +1,4 @@
-"""`provenance.json` beside whatever a command writes: which program made it, how, when and of what."""
+"""`provenance.json` beside all output of a command: program, arguments, time and inputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A file or a folder that was read: its path as it was given, and the SHA-256 of its content."""
+    """A file or folder that was read: its path as given, and the SHA-256 of its content."""
 
     path: Path
     sha256: str
@@ -28,10 +28,10 @@ class Input:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Provenance:
-    """Where an output comes from.
+    """The origin of an output.
 
     arguments: of the command line; program: digest of its source; inputs: what was read
-    scene: that was used, None where there was none; left_out: steps that were not done on it
+    scene: the used one, None without; left_out: steps that were not done on it
     """
 
     command: str
@@ -50,12 +50,12 @@ def now() -> datetime:
 
 
 def input_of(path: Path) -> Input:
-    """A file, or a folder with all files in it, and its digest; what this program notes of its runs is left out."""
+    """A file, or a folder with all its files, and its digest; records of this program's runs are left out."""
     return Input(path, content_digest(path))
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file; of a folder, that of the digests and names of its files in the order of names.
+    """SHA-256 of a file; for a folder that of its files' digests and names, in the order of names.
 
     Raises InputError for a file that cannot be read.
     """
@@ -92,5 +92,5 @@ def _utc(time: datetime) -> str:
 
 
 def beside(path: Path) -> Path:
-    """Where the provenance of a single file stands: my.provenance.json beside my.toml."""
+    """The provenance file of a single file: my.provenance.json beside my.toml."""
     return path.with_name(f"{path.stem}.{PROVENANCE}")

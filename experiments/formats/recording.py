@@ -1,4 +1,4 @@
-"""Recordings: a folder with a scene, frames or marks, their times and, where known, the truth."""
+"""Recordings: a folder with a scene, frames or marks, their times and, if known, the truth."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from experiments.log import LOG
 from vision import FilePath, SourceError
 
 SAME_TIME_S = 1e-9
-"""Times that differ by less are one time: no file is written finer than this."""
+"""Times that differ by less are equal: the resolution of files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fix:
-    """A direct sighting of the target: when [s], where [m], (dim,), one standard deviation an axis [m]."""
+    """A direct sighting of the target: time [s], position [m], (dim,), one standard deviation for each axis [m]."""
 
     time_s: float
     position_m: Floats
@@ -51,7 +51,7 @@ class Fix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where nodes really were; each has its own times. No filter reads it.
+    """True positions of nodes; each has its own times. Filters do not read it.
 
     times_s: by node, increasing [s], (n,)
     positions: by node [m], (n, dim)
@@ -62,13 +62,13 @@ class Truth:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Nodes of which the truth is known."""
+        """Nodes with known truth."""
         return tuple(self.times_s)
 
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
-        """Which of the times [s], (n,), the truth spans, and where the node was then [m], (n, dim).
+        """Which of the times [s], (n,), the truth spans, and the node's positions then [m], (n, dim).
 
-        Straight between the truth's own times. Positions outside of its span are NaN: they are unknown.
+        Linear between the truth's own times. Positions outside its span are NaN.
         KeyError for a node that is not among `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
@@ -86,10 +86,10 @@ class Recording:
     folder: where it is
     exposures_s: one for each frame, increasing [s], (n_frames,)
     source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place
-    marks: for each frame the marks that another tracker found; None where there are pictures
-    truth: where nodes really were, if that is known
+    marks: for each frame the marks by another tracker; None with pictures
+    truth: true positions of nodes, if known
     fixes: direct sightings of the target, in order of time
-    aside: which other axes or units its first marks seem to have; None where they lie as drawn, or nothing simple fits
+    aside: other axes or units that its first marks seem to have; None if they fit the drawing, or nothing simple fits
     """
 
     folder: Path
@@ -102,7 +102,7 @@ class Recording:
     aside: str | None = None
 
     def open_frames(self) -> Pictures:
-        """The frames from the first on; InputError if there are none to open, or they cannot be opened."""
+        """The frames from the first on; InputError if there are none, or they cannot be opened."""
         if self.source is None:
             raise InputError.at(self.folder, "a video or frames", f"{MARKS}, which has no frames to show")
         return open_pictures(self.source, self.exposures_s.tolist())
@@ -113,7 +113,7 @@ def read_recording(
 ) -> Recording:
     """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
 
-    advance: gets the share done, of a film that is read through
+    advance: is called with the share done, while a film is read
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -163,10 +163,10 @@ def read_recording(
 
 
 def _check_frames(recording: Recording, source: Path, scene_path: Path, advance: Callable[[float], None]) -> None:
-    """Raise InputError now for what would otherwise be found at the end of a long run."""
+    """Raise InputError now for faults that would otherwise appear at the end of a long run."""
     n_rows = len(recording.exposures_s)
     n_frames, what = count_pictures(source, advance)
-    # A recorder that was killed may have finished a piece whose rows it did not come to write.
+    # A killed recorder may have finished a piece without writing its rows.
     if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
         rows = f"a row for each of the {n_frames} {what}"
         raise InputError.at(recording.folder / "frames.csv", rows, f"{n_rows} rows")
@@ -190,7 +190,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames and the marks of each; without given times, those at which a mark was seen."""
+    """Exposure times of the frames and the marks of each; without given times, the times of marks."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
@@ -215,7 +215,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The frame nearest to each time [s], (n,), the earlier of two, and how far that is [s], (n,)."""
+    """The frame nearest to each time [s], (n,), the earlier of two, and its distance [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)
@@ -223,7 +223,7 @@ def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int
 
 
 def _spread_columns(path: Path, dim: int) -> list[str]:
-    """The columns of a table that state how well its marks are known: sd_mm, or those of a full covariance."""
+    """The columns of a table for the accuracy of its marks: sd_mm, or those of a full covariance."""
     named = next(read_rows(path, f"columns {', '.join(['time_s', 'sd_mm', *AXES[:dim], 'node'])}"))
     return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
 

@@ -1,4 +1,4 @@
-"""Scenario files: a scene, or the phantom that comes with the program, and what acts on it in a simulation."""
+"""Scenario files: a scene, or the shipped phantom, and the forces on it in a simulation."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ STEPS = "STEPS.md"
 """Page of a project's steps, beside its scenarios."""
 
 MOST_STEPS = 1_000_000
-"""Most frames of a film, samples of a tremor or pokes: more are a misprint, at 30 frames/s nine hours of film."""
+"""Most frames of a film, samples of a tremor or pokes: more are a typing error; nine hours of film at 30 frames/s."""
 
 PAPER_SD_MM = 4.14
 """Standard deviation of the paper's marks, an axis [mm]."""
 
 NEAR_SD_MM = 0.5
-"""That of marks on a scene of one's own where the scenario states none [mm]: a webcam close to a phantom, a tracker."""
+"""The default for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
 UPWARD = (0.3, 1.0, 0.0)
-"""Direction of breathing where none is stated; in the plane without the last."""
+"""Default direction of breathing; in the plane without the last entry."""
 
 Nodes = Annotated[list[str], Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -53,9 +53,9 @@ class Release(Strict):
 class _Forces(Strict):
     """Forces on nodes.
 
-    nodes: default: all with a measured mark
-    acceleration_m_s2: the largest force by the node's mass
-    shortest_s, longest_s: between which the duration, or the period, is drawn
+    nodes: by default all with a measured mark
+    acceleration_m_s2: the largest force over the node's mass
+    shortest_s, longest_s: range from which the duration, or the period, is drawn
     """
 
     nodes: Nodes | None = None
@@ -73,9 +73,9 @@ class _Forces(Strict):
 class Pokes(_Forces):
     """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
-    Each has between the part `weakest` and all of the largest force.
+    The size of each is drawn between the share `weakest` and the largest force.
     pause_s: mean of the exponential pause between two pokes
-    together: all of the nodes at once, in the same direction, and not one of them at random
+    together: all of the nodes at once, in the same direction, in place of a random one
     """
 
     pause_s: Positive
@@ -84,9 +84,9 @@ class Pokes(_Forces):
 
 
 class Breathing(_Forces):
-    """Periodic forces on nodes as of breathing: a wave and half as much of its second harmonic.
+    """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
 
-    The period is the same for the whole run. direction: of the force, which is that of the first wave; default `UPWARD`
+    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`
     """
 
     direction: Coordinates | None = None
@@ -94,22 +94,22 @@ class Breathing(_Forces):
     @model_validator(mode="after")
     def _directed(self) -> Breathing:
         if self.direction is not None and not any(self.direction):
-            raise ValueError("direction: expected one other than nought, found nought")
+            raise ValueError("direction: expected a non-zero vector, found zero")
         return self
 
 
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""How far the true constants are from the scene's: relative standard deviations by kind, each constant by itself, drawn
-with the seed. Who tracks the recording has the scene's."""
+"""Deviation of the true constants from the scene's: relative standard deviations by kind, drawn for each constant with
+the seed. The filter has the scene's constants."""
 
 
 class SeenMarks(Strict):
     """How marks are seen where there is no film.
 
-    sd_mm: standard deviation of a mark's error, an axis, the paper's where none is given; known to the methods
-    lost: share of the marks that are not seen; outliers: share that is seen 30 to 150 mm from its place
+    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; known to the methods
+    lost: share of marks that are not seen; outliers: share that is seen 30 to 150 mm from the true position
     """
 
     sd_mm: Positive = PAPER_SD_MM
@@ -118,9 +118,9 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """How marks are seen where there is no film; of the phantom, hue and size of its discs, too.
+    """How marks are seen where there is no film; for the phantom also hue and size of its discs.
 
-    The phantom has a disc on each free node; the hidden one is drawn too, for scoring only.
+    The phantom has a disc on each free node; the hidden one is drawn for scoring only.
     """
 
     sd_mm: Positive | None = None  # type: ignore[assignment]
@@ -129,7 +129,7 @@ class Marks(SeenMarks):
 
 
 class Camera(Strict):
-    """A camera squarely before the plane of the phantom."""
+    """A camera square to the plane of the phantom."""
 
     size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
     mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
@@ -140,7 +140,7 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """How the film is stored; of a scene, the light and how many things of other hues are in view, too."""
+    """How the film is stored; for a scene also the light and the number of distractors in view."""
 
     light: Light = "webcam"
     distractors: Distractors = 0
@@ -149,7 +149,7 @@ class Video(Strict):
 
 
 class Scenario(Strict):
-    """A scenario file, version 1; once read, `scene` is the path of the scene file from where the program runs."""
+    """A scenario file, version 1; after reading, `scene` is the path of the scene file from the current folder."""
 
     version: Literal[1]
     title: str = ""
@@ -175,7 +175,7 @@ class Scenario(Strict):
         if self.phantom is not None and self.camera is None:
             raise ValueError("camera: expected this table beside phantom, found none")
         if self.scene is not None and self.camera is not None:
-            raise ValueError("camera: expected no such table beside scene, whose own camera is meant, found one")
+            raise ValueError("camera: expected no such table beside scene, whose own camera is used, found one")
         of_scene, of_phantom = (self.video, ("light", "distractors")), (self.marks, ("hue_deg", "diameter_mm"))
         other, (table, keys) = ("phantom", of_scene) if self.scene is None else ("scene", of_phantom)
         for key in keys:
@@ -200,12 +200,12 @@ class Scenario(Strict):
 
     @property
     def light(self) -> str:
-        """Under which the film is taken: `webcam` or `paper`."""
+        """Light of the film: `webcam` or `paper`."""
         return self.video.light if self.camera is None else self.camera.light
 
     @property
     def distractors(self) -> int:
-        """How many things of other hues are in view."""
+        """Number of distractors in view."""
         return self.video.distractors if self.camera is None else self.camera.distractors
 
     @property
@@ -217,13 +217,13 @@ class Scenario(Strict):
 
 
 def shipped() -> list[str]:
-    """Names of the scenarios that come with the program."""
+    """Names of the shipped scenarios."""
     folder = resources.files("experiments") / "scenarios"
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
 
 
 def read_scenario(name: str) -> Scenario:
-    """The scenario of that name, or in that TOML file, completed for its own tissue; raises InputError."""
+    """The scenario of this name or TOML file, completed for its own tissue; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -232,7 +232,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """The scenario of that name, or in that TOML file, its nodes not yet looked up in its tissue; raises InputError."""
+    """The scenario of this name or TOML file, its nodes not yet looked up in its tissue; raises InputError."""
     if name in shipped():
         with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
             return _read(path)
@@ -250,7 +250,7 @@ def _read(path: Path) -> Scenario:
 
 
 def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[str], place: str) -> Scenario:
-    """The scenario with the nodes that it leaves out, for this network.
+    """The scenario completed with default nodes for this network.
 
     marked: nodes with a measured mark. Raises InputError, `place: key: …`, for what does not fit the network.
     """
@@ -277,10 +277,10 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
 
 
 def scenario_file(name: str) -> Path | None:
-    """The file of a scenario, None for one that comes with the program."""
+    """The file of a scenario, None for a shipped one."""
     return None if name in shipped() else Path(name)
 
 
 def scene_file(scenario: Scenario) -> Path | None:
-    """The scene's file of a scenario, None where it is that of a phantom."""
+    """The scene file of a scenario, None for that of a phantom."""
     return None if scenario.scene is None else Path(scenario.scene)

@@ -1,4 +1,4 @@
-"""Sweep files: a scenario, a tissue, methods, seeds and a grid of parameters that `softaim sweep` runs through."""
+"""Sweep files: a scenario, a tissue, methods, seeds and a grid of parameters for `softaim sweep`."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from experiments.formats.scene.schema import FilterTable
 from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
 
 MOST_RUNS = 1_000_000
-"""Most runs of a sweep: more are a misprint."""
+"""Most runs of a sweep: more are a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "constants")
-"""Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have keys of their own."""
+"""Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have their own keys."""
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""Factors on the constants that the methods are given, by their kind; the truth keeps its own."""
+"""Factors on the constants of the methods, by kind; the truth is unchanged."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""First parts of the keys of a grid, and what they vary."""
+"""First parts of the grid's keys, and what they vary."""
 
 
 class SweepFile(Strict):
@@ -55,7 +55,7 @@ class SweepFile(Strict):
 class Setup:
     """One combination of a grid.
 
-    at: its values by their keys in the grid; scenario, filter, marks, model: with these values, checked
+    at: its values by key in the grid; scenario, filter, marks, model: with these values, checked
     """
 
     at: Mapping[str, Any]
@@ -69,9 +69,9 @@ class Setup:
 class Sweep:
     """A sweep, checked, its combinations in the order of the grid.
 
-    methods: as the file has them, their names not checked
-    scenario: its file, None for one that comes with the program
-    scene: file of the tissue, the scenario's where the sweep names none, None for the scenario's phantom
+    methods: as in the file, names not checked
+    scenario: its file, None for a shipped one
+    scene: file of the tissue, by default the scenario's, None for the scenario's phantom
     """
 
     path: Path
@@ -133,7 +133,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A table with these values in it, by their keys without the first part."""
+    """A table with these values, by key without the first part."""
     table = dict(start)
     for key, value in at.items():
         inner = table

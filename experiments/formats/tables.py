@@ -1,6 +1,6 @@
-"""CSV files read and written whole, with complaints that name the row and the column.
+"""CSV files read and written completely, with errors that name row and column.
 
-Rows are counted as an editor counts lines: the header is row 1.
+Rows are counted like lines in an editor: the header is row 1.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 
 CHUNK_ROWS = 50_000
-"""Rows in memory as text at once; a million rows of text would take ten times the memory of their numbers."""
+"""Rows in memory as text at a time; a million rows of text would take ten times the memory of their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """Columns of a CSV file.
 
-    numbers: arrays (n_rows,), all finite but in an `open_table`; texts: lists of n_rows
-    first_row: of the data, as an editor counts lines
+    numbers: arrays (n_rows,), finite except in an `open_table`; texts: lists of n_rows
+    first_row: first row of the data, as line of an editor
     """
 
     path: Path
@@ -38,11 +38,11 @@ class Table:
     first_row: int = 2
 
     def place(self, row: int, column: str) -> str:
-        """Where the entry of this data row, counted from 0, stands in the file."""
+        """Position in the file of an entry of this data row, counted from 0."""
         return f"{self.path}: row {row + self.first_row}: {column}"
 
     def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
-        """Raise InputError for the first row that is not good, (n_rows,)."""
+        """Raise InputError for the first row that is not valid, (n_rows,)."""
         if not good.all():
             row = int(np.argmin(good))
             own = self.numbers.get(column)
@@ -56,9 +56,9 @@ class Table:
             self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
-        """Raise InputError for the first row whose number falls behind the one before, or repeats it if strictly.
+        """Raise InputError for the first row whose number is less than the one before, or equal if strictly.
 
-        groups: with it, (n_rows,), the one before is the last of the same group
+        groups: (n_rows,); with them the one before is the last of the same group
         """
         groups = np.zeros(self.n_rows, dtype=np.int64) if groups is None else groups
         order = np.argsort(groups, kind="stable")
@@ -81,12 +81,12 @@ def read_table(
     rejected: Mapping[str, str] | None = None,
     torn: bool = False,
 ) -> Table:
-    """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are let be.
+    """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are allowed.
 
-    rejected: the message for columns that may occur and are not read, by name
-    torn: the writer may have been killed in the last line: it is left out if it has no end
+    rejected: messages for possible columns that are not read, by name
+    torn: after a killed writer an incomplete last line is left out
 
-    Raises InputError for anything else; for a number that is not finite too.
+    Raises InputError for anything else, also for a number that is not finite.
     """
     rows = read_rows(path, f"columns {', '.join([*numbers, *texts])}", torn=torn)
     header = next(rows)
@@ -111,7 +111,7 @@ def read_table(
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
     """Rows of a CSV file, header first, each as long as the header and on a line of its own; at least one.
 
-    expected: what an empty file is told to lack; torn: as for `read_table`. Raises InputError.
+    expected: for the error message of an empty file; torn: as for `read_table`. Raises InputError.
     """
     text = read_text(path)
     if torn:
@@ -155,8 +155,8 @@ def _check_header(path: Path, header: list[str], columns: list[str], rejected: M
 
 
 def _numbers(entries: Sequence[str]) -> Floats | None:
-    """The entries as numbers, None if one of them is not a finite one."""
-    # Python reads 1_000 and digits of other scripts as numbers; a file that has them was not meant so
+    """The entries as numbers, None if one of them is not a finite number."""
+    # Python reads 1_000 and digits of other scripts as numbers; in a file they are errors
     whole = "".join(entries)
     if not whole.isascii() or "_" in whole:
         return None
@@ -168,7 +168,7 @@ def _numbers(entries: Sequence[str]) -> Floats | None:
 
 
 def _number_text(value: float) -> str:
-    """A number as a person would write it: 3 and not 3.0."""
+    """A number in short form: 3 and not 3.0."""
     return str(int(value)) if abs(value) < 1e15 and value == int(value) else repr(float(value))
 
 
@@ -186,7 +186,7 @@ def _first_fault(
 
 
 def write_table(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-    """Write a CSV file, whole or not at all; raises InputError."""
+    """Write a CSV file, completely or not at all; raises InputError."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)

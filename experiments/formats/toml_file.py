@@ -1,4 +1,4 @@
-"""TOML files: read, checked against a model with the place of the first fault, and values written as TOML."""
+"""TOML files: read and checked against a model, with the position of the first fault; values written as TOML."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Number = Callable[[float], str]
 """How a number is written."""
 
 VERSION = 1
-"""Of the formats that are read: scene, scenario, needle, plan and camera files."""
+"""Version of the formats: scene, scenario, needle, plan and camera files."""
 
 
 class Strict(BaseModel):
@@ -31,7 +31,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        # before all else: a misspelt key is reported as such, not as the key that it leaves missing
+        # first: a misspelt key is reported as such, not as a missing key
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise PydanticCustomError("unknown_key", "{keys}", {"key": key, "keys": ", ".join(cls.model_fields)})
@@ -49,7 +49,7 @@ Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
 
 def read_toml(path: Path, model: type[Model]) -> Model:
-    """The TOML file as the model has it; raises InputError, `file: key: expected …, found …`, for the first fault."""
+    """The TOML file as the model; raises InputError, `file: key: expected …, found …`, for the first fault."""
     text = read_text(path)
     try:
         data = tomllib.loads(text)
@@ -57,7 +57,7 @@ def read_toml(path: Path, model: type[Model]) -> Model:
         raise InputError.at(path, "TOML", "lists nested too deeply") from None
     except ValueError as error:  # TOMLDecodeError, or an integer too long for Python
         raise _not_toml(path, text, str(error)) from None
-    # first: the keys of another version are not known here
+    # first: keys of other versions are unknown here
     version = data.get("version")
     if type(version) is not int or version != VERSION:
         raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
@@ -67,13 +67,13 @@ def read_toml(path: Path, model: type[Model]) -> Model:
 
 
 def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
-    """Raise InputError where a place or direction has another number of axes than the scene."""
+    """Raise InputError if a position or direction has another dimension than the scene."""
     if len(vector) != dim:
         raise InputError.at(place, f"{dim} numbers, as the scene has", str(len(vector)))
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
-    """A table as the model has it; raises InputError for the first fault, its key after `place`."""
+    """A table as the model; raises InputError for the first fault, its key after `place`."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -92,7 +92,7 @@ def _not_toml(path: Path, text: str, message: str) -> InputError:
 
 
 def key_path(loc: Sequence[int | str]) -> str:
-    """The place of a value in a TOML file, list entries counted from 0: `network.spring[3].between`."""
+    """The path of a value in a TOML file, list entries counted from 0: `network.spring[3].between`."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
 
 
@@ -114,7 +114,7 @@ EXPECTED = {
     "too_long": "{max_length} entries or fewer",
     "literal_error": "{expected}",
 }
-"""The text for what was expected, by pydantic's type of error."""
+"""The expected value in words, by pydantic's type of error."""
 
 
 def _reported(error: ErrorDetails) -> str:
@@ -134,7 +134,7 @@ def _reported(error: ErrorDetails) -> str:
 
 
 def toml_number(value: float) -> str:
-    """A number with 15 digits: 178.9 and not 178.90000000000001, and no more than 1e-15 of it away."""
+    """A number with 15 digits: 178.9 and not 178.90000000000001, with a relative error of at most 1e-15."""
     text = f"{value:.15g}"
     return text if set(text) & set(".e") else f"{text}.0"
 
@@ -156,12 +156,12 @@ def toml_value(value: Any, number: Number = toml_number) -> str:
 
 
 def long_list(key: str, entries: Iterable[Any], number: Number = toml_number, why: str = "") -> list[str]:
-    """A list with a line for each entry; why: a comment behind the key."""
+    """A list with a line for each entry; why: a comment after the key."""
     return [f"{key} = [{why and f'  # {why}'}", *(f"    {toml_value(entry, number)}," for entry in entries), "]"]
 
 
 def key_lines(table: Mapping[str, Any], number: Number = toml_number) -> list[str]:
-    """The lines of a table: a key each, None left out, matrices row by row."""
+    """The lines of a table, one for each key, without None, matrices row by row."""
     lines: list[str] = []
     for key, value in table.items():
         if isinstance(value, np.ndarray) and value.ndim == 2:

@@ -36,12 +36,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SURE_M = 1e-9
-"""Standard deviation of a place that is known [m]; numerical: a covariance of nothing has no inverse."""
+"""Standard deviation of a known position [m]; numerical: a zero covariance has no inverse."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Advised:
-    """What was advised at each frame of a recording: the frames' times [s] and the guidance at each."""
+    """The advice at each frame of a recording: times of the frames [s] and guidance."""
 
     recording: Recording
     plan: NeedlePlan
@@ -49,7 +49,7 @@ class Advised:
     guidance: tuple[Guidance, ...]
 
     def counts(self) -> dict[str, int]:
-        """How many frames had which advice."""
+        """Number of frames by advice."""
         names = [str(one.advice) for one in self.guidance]
         return {str(advice): names.count(str(advice)) for advice in Advice}
 
@@ -62,10 +62,10 @@ def advise(
     watch: Watcher | None = None,
     every_s: float = 0.0,
 ) -> Advised:
-    """Run the filter through every frame and ask for advice at each, the needle where the plan has it.
+    """Run the filter through every frame and advise at each, with the needle at the plan's position.
 
-    watch: is shown each frame, what it gave and the advice. every_s: advice at the first frame, then at the first after
-    each such interval [s]; `watch` sees those frames. Raises InputError, SourceError.
+    watch: called with each frame, its step and the advice. every_s: advice at the first frame, then at the first after
+    each such interval [s]; `watch` gets only those frames. Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
@@ -95,12 +95,12 @@ def advise(
     return Advised(recording, plan, tuple(times), tuple(guidance))
 
 
-def came_true(done: Advised) -> Floats:
-    """Probability of a hit, inserted as the frame's advice has it, had the target's place then been known, (n_frames,).
+def observed_hits(done: Advised) -> Floats:
+    """Observed hit rate for an insertion by each frame's advice, given the true target, (n_frames,).
 
-    That is the share of needles that hit: what is random yet is the tip alone. NaN where no needle arrives, or where
-    the truth does not reach to its arrival. The needle goes as deep as was advised, at the time of arrival. It is
-    not in the truth: what it pushes is added as stated.
+    It is the share of needles that hit, over the random error of the tip. NaN where no needle arrives, or where the
+    truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The truth has no needle:
+    its push is added as stated.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -129,21 +129,21 @@ def came_true(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean probability told and share that came true, of all frames with a truth and of those advised GO."""
-    true = came_true(done)
-    told = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
-    known = np.isfinite(told) & np.isfinite(true)
+    """Mean predicted and observed hit rate, over all frames with truth and over those with GO."""
+    observed = observed_hits(done)
+    predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
+    known = np.isfinite(predicted) & np.isfinite(observed)
     go = known & np.array([one.advice is Advice.GO for one in done.guidance])
     found: dict[str, float | int | None] = {}
     for name, of in (("", known), ("go_", go)):
         found[f"{name}insertions"] = int(of.sum())
-        found[f"{name}told"] = float(told[of].mean()) if of.any() else None
-        found[f"{name}came_true"] = float(true[of].mean()) if of.any() else None
+        found[f"{name}predicted"] = float(predicted[of].mean()) if of.any() else None
+        found[f"{name}observed"] = float(observed[of].mean()) if of.any() else None
     return found
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """How far ahead the path must be predicted for a plan [s]."""
+    """Prediction range of the path for a plan [s]."""
     return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 
 
@@ -155,7 +155,7 @@ def header(dim: int) -> list[str]:
 
 
 def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
-    """The values of one frame under `header`, None where there is none."""
+    """The values of one frame in the order of `header`, None for missing ones."""
     aims = [None] * dim if guidance.aim is None else [float(1e3 * x) for x in guidance.aim]
     return [
         time_s,
@@ -174,18 +174,18 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `came_true` with a truth."""
-    import pandas as pd  # here: a live run, which has no use for it, is to begin at once
+    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `observed` with a truth."""
+    import pandas as pd  # imported here: a live run does not need it and must start at once
 
     dim = done.recording.scene.network.dim
     rows = [row(time_s, one, dim) for time_s, one in zip(done.times_s, done.guidance, strict=True)]
     frame = pd.DataFrame(rows, columns=header(dim))
-    if np.isfinite(true := came_true(done)).any():
-        frame["came_true"] = true
+    if np.isfinite(observed := observed_hits(done)).any():
+        frame["observed"] = observed
     numbers = [column for column in frame.columns if column not in ("advice", "reason")]
     return frame.astype(dict.fromkeys(numbers, float))
 
 
 def write_advice(done: Advised, folder: Path) -> None:
-    """Write advice.csv to a folder that exists."""
+    """Write advice.csv to an existing folder."""
     table(done).to_csv(folder / "advice.csv", index=False, float_format="%.9g")

@@ -38,7 +38,7 @@ Write = Callable[[Mapping[Path, str | bytes]], None]
 
 @dataclass(frozen=True, slots=True)
 class AlsoWrite:
-    """Files to write beside camera.toml, where wanted: of other programs, and a vector file, pdf or svg."""
+    """Optional files beside camera.toml: for other programs, and a vector file, pdf or svg."""
 
     opencv_yaml: Path | None = None
     ros_yaml: Path | None = None
@@ -46,11 +46,11 @@ class AlsoWrite:
 
     @property
     def forms(self) -> tuple[str, ...]:
-        """Of the files of a picture."""
+        """Forms of a plot's files."""
         return ("png",) if self.vector is None else ("png", self.vector)
 
     def pictures(self, out: Path) -> dict[str, Path]:
-        """Files of the picture of a calibration by their form: camera.png beside camera.toml. Raises InputError."""
+        """Files of the plot of a calibration by form: camera.png beside camera.toml. Raises InputError."""
         if out.suffix.lower() != ".toml":
             raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
         return {form: out.with_suffix(f".{form}") for form in self.forms}
@@ -91,7 +91,7 @@ def views_of(
 ) -> CameraViews:
     """Views of the board in the pictures at these paths; SourceError for pictures that cannot be read."""
     views, left_out, size = [], [], (0, 0)
-    # how many will come is known of files only
+    # the number is known only for files
     expected = sum(_expected(path) for path in paths)
     for k, (picture, image) in enumerate(grey_pictures(paths), start=1):
         size = (image.shape[1], image.shape[0])
@@ -117,7 +117,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, and the one of the plane if it is a file that is not among them."""
+    """The pictures, and the one of the plane if it is a separate file."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)
@@ -128,7 +128,7 @@ def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
 def calibrate_one(
     views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite, picture: Picture, write: Write = write_together
 ) -> Calibration:
-    """Calibrate one camera; write camera.toml, its picture beside it, and what else is wanted, together."""
+    """Calibrate one camera; write camera.toml, its plot and optional files together."""
     done = calibrate(
         views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
     )
@@ -151,7 +151,7 @@ def calibrate_many(
     also: AlsoWrite,
     picture: Picture,
 ) -> list[Calibration]:
-    """Calibrate the cameras of one scene together; write NAME.toml and its pictures of each into a folder."""
+    """Calibrate the cameras of one scene jointly; write NAME.toml and plots of each into a folder."""
     with into as folder:
         done = calibrate_together(board, cameras, None if plane is None else plane.name)
         for camera in done:
@@ -194,7 +194,7 @@ def command(
 ) -> list[Calibration]:
     """Calibrate one camera from pictures, or several from a folder each. Raises for bad input.
 
-    write: writes files together; folder: opens the one that files of several cameras are written to
+    write: writes files together; folder: opens the output folder for several cameras
     """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"

@@ -2,8 +2,8 @@
 
 The track finds the marks once, and runs the filter and the open loop; the methods of `estimators.METHODS` are given the
 same marks. Each method has the physics, the start and the force model of the filter. The extended, stock unscented and
-ensemble filters use one mode, the poked one; the particle filter uses all, and stands for the optimum. The smoother
-uses the marks of all frames, and the fixes, as the filter does.
+ensemble filters use the poked mode only; the particle filter uses all modes, and approximates the optimum. The smoother
+uses the marks of all frames, and fixes like the filter.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ SMOOTHER = "smoother"
 
 
 def method_names() -> tuple[str, ...]:
-    """All methods that can be compared: those of a track, then the registered ones."""
+    """All methods for comparison: those of a track, then the registered ones."""
     return (OPEN_LOOP, FILTER, *METHODS)
 
 
 def chosen(text: str | None) -> tuple[str, ...]:
-    """The methods named, separated by commas, and those of a track; all where text is None. Raises InputError."""
+    """The named methods, separated by commas, and those of a track; all if text is None. Raises InputError."""
     names = method_names()
     named = names if text is None else [name.strip() for name in text.split(",")]
     for name in named:
@@ -44,7 +44,7 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """A track whose steps hold the estimates of these methods, all where None; stage(name) gets the share done.
+    """A track with the estimates of these methods, None: all; stage(name) is called with the share done.
 
     Raises InputError, SourceError, UnknownMethodError.
     """
@@ -61,7 +61,7 @@ def compare(
 
 
 def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem:
-    """What a scene, and a recording's fixes, give every method."""
+    """The input of every method by a scene and a recording's fixes."""
     return TrackingProblem(
         scene.network,
         scene.target.point,
@@ -74,7 +74,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track with the estimates of one more method, and the seconds a frame that it took."""
+    """The steps of a track with the estimates of one more method, and its time for each frame [s]."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps
@@ -93,21 +93,21 @@ def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tu
 
 
 def methods_of(done: Track) -> list[str]:
-    """The methods that were run, in the order of `method_names`."""
+    """The methods of a track, in the order of `method_names`."""
     return [method for method in method_names() if method in done.steps[0].estimates]
 
 
 def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
-    """What summary.json holds: figures by method, as `softaim track` has them."""
+    """The content of summary.json: figures by method, as in `softaim track`."""
     rows = {method: figures(done, method) for method in methods_of(done)}
     return rows | {FILTER: rows[FILTER] | dict(done.counts)}
 
 
 def write_smoothed(done: Track, folder: Path) -> None:
-    """Write the smoother's estimates.csv, the filter's beside it and summary.json to a folder that exists."""
+    """Write the smoother's estimates.csv, the filter's beside it and summary.json to an existing folder."""
     write_estimates(done, folder, {SMOOTHER: "estimates.csv", FILTER: f"estimates.{FILTER}.csv"}, summary(done))
 
 
 def write_comparison(done: Track, folder: Path) -> None:
-    """Write estimates.METHOD.csv for each method and summary.json to a folder that exists."""
+    """Write estimates.METHOD.csv for each method and summary.json to an existing folder."""
     write_estimates(done, folder, {method: f"estimates.{method}.csv" for method in methods_of(done)}, summary(done))

@@ -1,4 +1,4 @@
-"""Events of a run, reported on standard error, a line each."""
+"""Events of a run, reported on standard error, one line each."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from vision import Distractor, SourceOf
 DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
-"""Steps after which the constants are those of the tissue: its truth was made with them, or they were found."""
+"""Steps after which the constants are those of the tissue: the truth was made with them, or they were identified."""
 
 SAGS = 1e-3
-"""Share of the network's size by which it has to rest elsewhere than drawn to be told of: a drawing is no finer."""
+"""Least difference of rest and drawing that is reported, by the network's size: drawings are no finer."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -29,13 +29,13 @@ def report_event(time_s: float, kind: str, text: str) -> None:
 
 
 def rest_offsets(scene: Scene) -> Floats:
-    """By how much each node of the network rests elsewhere than it is drawn [m], (n_nodes,)."""
+    """Distance of each node at rest from its drawn position [m], (n_nodes,)."""
     network = scene.network
     return np.asarray(np.linalg.norm(rest_shape(network) - network.positions, axis=1))
 
 
 def rest_is_known(scene: Scene) -> bool:
-    """Whether rest lengths were found from the tissue at rest, and the network was not changed by hand since."""
+    """Whether rest lengths were identified from the tissue at rest, and the network was not edited since."""
     return any(step.name == "at-rest" for step in scene.steps) and not _edited(scene)
 
 
@@ -44,10 +44,10 @@ def _edited(scene: Scene) -> bool:
 
 
 def rest_line(scene: Scene) -> str | None:
-    """Where the network rests elsewhere than it is drawn: its target is then expected elsewhere, too; None if it does.
+    """A message if the network does not rest as drawn, which moves the predicted target, too; else None.
 
-    Of a network drawn at rest the rest lengths are then those of the drawing, in which gravity does not pull. None,
-    too, where they were found since: then other constants may move the rest.
+    Then the rest lengths of a network drawn at rest are the drawn ones, without gravity. Also None if rest lengths were
+    identified since: then other constants may move the rest.
     """
     if rest_is_known(scene):
         return None
@@ -56,33 +56,33 @@ def rest_line(scene: Scene) -> str | None:
         return None
     node, target = network.names[int(offsets.argmax())], network.index(scene.target.node)
     return (
-        f"scene: the network rests up to {1e3 * offsets.max():.1f} mm from where it is drawn (node {node}; "
+        f"scene: the network rests up to {1e3 * offsets.max():.1f} mm from its drawing (node {node}; "
         f"the target's {1e3 * offsets[target]:.1f} mm). If it was drawn at rest: softaim identify RECORDING --at-rest"
     )
 
 
 def scene_line(scene: Scene) -> str:
-    """What is assumed: the network, its marks and target, how well constants are known, noise levels, steps done."""
+    """The assumptions: the network, its marks and target, uncertainty of constants, noise levels, steps done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
     own = (scene.settings.poked, scene.settings.discrepancy) != (usual.poked, usual.discrepancy)
     return (
         f"scene: {len(network.free)} free nodes and {len(network.springs)} springs in {network.dim} dimensions, "
         f"marks measured on {', '.join(scene.measured_nodes)}, target {scene.target.node}; constants {known}; "
-        f"levels {'its own' if own else 'the usual'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
+        f"levels {'its own' if own else 'default'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
     )
 
 
 Command = Literal["simulate", "identify", "tune", "track", "insert"]
-"""What the steps come before: simulation, identification, tuning, and all that estimates."""
+"""Stages for which steps are required: simulation, identification, tuning, and estimation."""
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Steps that were not done on a scene before this one, and what else limits what it tells: a line each, by name."""
+    """Steps missing before this one, and other limits of a scene: one line each, by name."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
-            f"scene: the target {scene.target.node} has a measured mark: its estimate follows that mark, nothing is "
+            f"scene: the target {scene.target.node} has a measured mark, which its estimate follows: nothing is "
             "hidden; measured = false keeps the mark for scoring"
         )
     if before in ("tune", "track"):
@@ -93,21 +93,21 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 
 def is_identified(scene: Scene) -> bool:
-    """Whether the constants are those of the tissue: found from it, or of the truth."""
+    """Whether the constants are those of the tissue: identified from it, or of the truth."""
     return any(step.name in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """Why the constants are not those of the tissue; None where they were found, or are stated with uncertainty."""
+    """Why the constants are not those of the tissue; None if they were identified, or have a stated uncertainty."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.name in CONSTANTS for step in scene.steps)
     since = f" since the network was changed after softaim {scene.steps[-1].name}" if found else ""
-    return f"constants were not identified{since} (softaim identify): no covariance has their errors"
+    return f"constants were not identified{since} (softaim identify): covariances do not include their errors"
 
 
 def _untuned(scene: Scene) -> str | None:
-    """Why the noise levels are not those of the tissue; None where they were found or stated."""
+    """Why the noise levels are not those of the tissue; None if they were tuned or stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):
@@ -120,48 +120,48 @@ def _untuned(scene: Scene) -> str | None:
 
 
 def report_swap(swap: IdentitySwap) -> None:
-    """Report which marks had exchanged identities."""
+    """Report an exchange of marks."""
     *first, last = swap.nodes
     report_event(
         swap.time_s,
         "swap",
-        f"{', '.join(first)} and {last} were taken for each other since {swap.since_s:.2f} s; undone",
+        f"{', '.join(first)} and {last} had been exchanged since {swap.since_s:.2f} s; corrected",
     )
 
 
 def pose_line(scene: Scene) -> str | None:
-    """That nothing shows a move of the camera or tracker; None where reference marks do."""
-    return None if scene.reference.marks else "a moved camera or tracker cannot be noticed: no reference marks"
+    """The message that a move of the camera or tracker cannot be detected; None with reference marks."""
+    return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 
 def report_move(moved: CameraMove) -> None:
-    """Report that the camera or tracker was moved, or has drifted."""
+    """Report a move or drift of the camera or tracker."""
     report_event(moved.time_s, "camera", move_line(moved))
 
 
 def move_line(moved: CameraMove) -> str:
-    """By how much the camera or tracker has moved, and that it is corrected."""
+    """The message of a corrected move of the camera or tracker."""
     distance_mm, angle_deg = 1e3 * moved.distance_m, np.degrees(moved.angle_rad)
     return f"moved by {distance_mm:.1f} mm, {angle_deg:.1f} deg: corrected by reference marks"
 
 
 def distractor_line(came: Distractor) -> str:
-    """What came into the picture, and what to do about it."""
+    """The message of a distractor, and what to do about it."""
     u, v = (round(float(x)) for x in came.center_px)
     size = "a mark's size" if came.size < 1.5 else f"{came.size:.0f} marks' size"
     return (
-        f"something of the colour of {came.like}'s mark and of {size} came at ({u}, {v}) px: wipe it off or cover it "
+        f"something in the colour of {came.like}'s mark, of {size}, appeared at ({u}, {v}) px: remove or cover it "
         "before it reaches that mark, or use marks of another hue"
     )
 
 
 def report_distractors(time_s: float, came: Sequence[Distractor]) -> None:
-    """Report what came into the picture at this time [s]."""
+    """Report new distractors at this time [s]."""
     for one in came:
         report_event(time_s, DISTRACTOR, distractor_line(one))
 
 
 def report_source_events(frames: SourceOf[object]) -> None:
-    """Report the events of a source that were not yet taken."""
+    """Report the pending events of a source."""
     for event in frames.take_events():
         report_event(event.time_s - frames.origin_s, event.kind, event.text)

@@ -14,7 +14,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 FILM = "film+"
-"""Before udp://, whose datagrams `softaim live` else takes for marks: a film comes by them."""
+"""Prefix of udp:// for a film; `softaim live` otherwise reads datagrams as marks."""
 
 
 def open_source(
@@ -26,10 +26,10 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The frames of `spec`, and the scene: that of scene_path, else its own, None where it has none.
+    """The frames of `spec`, and the scene: that of scene_path, else its own, or None.
 
-    live, fps: as in `vision.open_source`, fps of the phantom, too; usual_fps: of a folder of pictures without fps;
-    phantom: its process, where that was begun ahead. Raises InputError, also where the scene has no camera.
+    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: for a folder of pictures without fps;
+    phantom: its process, if started ahead. Raises InputError, also if the scene has no camera.
     """
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
@@ -60,13 +60,13 @@ def open_source(
 
 
 def without_fps(spec: str, fps: float | None, what: str) -> None:
-    """Raise InputError for frames a second given beside what has its own times."""
+    """Raise InputError for a frame rate with a source that has its own times."""
     if fps is not None:
         raise InputError.at(spec, f"no fps beside {what}", f"{fps:g}")
 
 
 def filmed_scene(path: Path) -> Scene:
-    """The scene of a file; InputError where it has no camera."""
+    """The scene of a file; InputError if it has no camera."""
     scene = usable_scene(path, rests=False)
     if not scene.cameras:
         raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else "none")
@@ -74,8 +74,8 @@ def filmed_scene(path: Path) -> Scene:
 
 
 def check_size(frame: vision.Frame, scene: Scene) -> None:
-    """Raise InputError for a frame of another size than the scene's camera gives."""
+    """Raise InputError for a frame of another size than the scene's camera."""
     height, width = frame.image.shape[:2]
     size_px = scene.cameras[0].size_px
     if size_px != (width, height):
-        raise InputError.at("scene: camera[0].size_px", f"[{width}, {height}], as the frames have", str(list(size_px)))
+        raise InputError.at("scene: camera[0].size_px", f"[{width}, {height}], like the frames", str(list(size_px)))

@@ -1,4 +1,4 @@
-"""The keys of a mark's table in scene.toml, learned from one place in one picture."""
+"""The keys of a mark's table in scene.toml, learned from one position in one picture."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vision import NOMINAL_FPS, HueError, learn_hue
 def hue_lines(source: str, at: str, number: int) -> list[str]:
     """hue_deg, half_width_deg, min_saturation and min_value of the mark at `at`, "u,v" [px], in frame `number`.
 
-    Raises InputError where there is no such frame, place or mark.
+    Raises InputError if there is no such frame, position or mark.
     """
     try:
         u, v = (float(part) for part in at.split(","))

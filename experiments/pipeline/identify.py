@@ -32,18 +32,18 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Ratio of the target's error without its mark, after to before, above which a scene is not written: a tenth is
-what recordings of a minute leave uncertain; chosen."""
+"""Ratio of the target's error without its mark, after to before, above which the scene is not written: recordings of a
+minute leave a tenth uncertain; chosen."""
 
 MOST_SHARED = 0.5
-"""Part of a constant's variance that goes with another's above which the two are not told apart; chosen."""
+"""Squared correlation of two constants above which they are reported as confounded; chosen."""
 
 NAMED = 4
-"""Constants named of such a combination, those that weigh most, and pairs named in a line, the strongest."""
+"""Number of constants named for a combination, by weight, and of pairs in a line, by correlation."""
 
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
-    """All marks of each frame, those that are there for scoring only included; raises InputError, SourceError."""
+    """All marks of each frame, including those for scoring only; raises InputError, SourceError."""
     if recording.marks is not None:
         return list(marks_to_use(recording))
     frames = []
@@ -55,7 +55,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 
 
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
-    """The scene with rest lengths corrected so that it rests where the recording, at rest, shows it; InputError."""
+    """The scene with rest lengths corrected so that it rests as in the recording; raises InputError."""
     network = recording.scene.network
     positions, variances = network.positions.copy(), []
     for i in network.free:
@@ -79,10 +79,10 @@ def identified_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, IdentificationResult]:
-    """The scene with the constants found in a calibration recording, how well they are known, and all that was found.
+    """The scene with the constants of a calibration recording and their uncertainty, and the full result.
 
-    workers: to which passes of the filter are shared out.
-    Raises InputError where the hidden mark is not seen, and where what was found fits worse than the scene.
+    workers: processes that share the passes of the filter.
+    Raises InputError if the hidden mark is not seen, and if the result fits worse than the scene.
     """
     scene = recording.scene
     try:
@@ -104,7 +104,7 @@ def identified_scene(
 
 
 def check_fit(recording: Recording, found: IdentificationResult) -> None:
-    """Raise InputError where the constants found fit the recording worse than those of its scene."""
+    """Raise InputError if the constants found fit the recording worse than those of its scene."""
     if found.log_likelihood < found.log_likelihood_before:
         raise InputError.at(
             recording.folder,
@@ -128,10 +128,10 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the level of its discrepancy by the recording, and all that was found.
+    """The scene with the discrepancy level of the recording, and the full result.
 
-    workers: to which passes of the filter are shared out.
-    Raises InputError where the time is too short for anything.
+    workers: processes that share the passes of the filter.
+    Raises InputError if the time is too short for any result.
     """
     scene = recording.scene
     try:
@@ -154,9 +154,9 @@ def tuned_scene(
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """One constant found: its name, its value [SI], relative standard error, by how much it changed, relative.
+    """One constant: its name, value [SI], relative standard error and relative change.
 
-    kept: whether it has the value given, since the recording does not determine it
+    kept: whether it keeps the given value, because the recording does not determine it
     """
 
     name: str
@@ -167,7 +167,7 @@ class Constant:
 
 
 def constants(found: IdentificationResult) -> list[Constant]:
-    """What was found, constant by constant."""
+    """The result, constant by constant."""
     return [
         Constant(group_label(one), group_value(found.network, one), float(sd), float(np.expm1(change)), bool(kept))
         for one, sd, change, kept in zip(found.groups, found.sd, found.change, found.kept, strict=True)
@@ -177,7 +177,7 @@ def constants(found: IdentificationResult) -> list[Constant]:
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations that the recording determines less than the prior does.
 
-    Of each the part of the variance that is left, and the constants that weigh most in it.
+    For each the share of the variance that is left, and the constants with the largest weights.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -191,16 +191,16 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 
 @dataclass(frozen=True, slots=True)
 class Confounded:
-    """Two constants, or means of whole kinds, that a recording does not tell apart: names, correlation of errors."""
+    """Two confounded constants, or means of whole kinds: names, correlation of errors."""
 
     constants: tuple[str, str]
     correlation: float
 
 
 def confounded(found: IdentificationResult) -> list[Confounded]:
-    """Pairs that the recording does not tell apart, strongest correlation first: constants, and means of whole kinds.
+    """Confounded pairs, strongest correlation first: constants, and means of whole kinds.
 
-    Of such a pair a combination is known better than either; an error of one goes into the other.
+    A combination of such a pair is known better than either; an error of one enters the other.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -217,7 +217,7 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """By kind, the constants that the recording does not determine: they keep the values given."""
+    """By kind, the constants that the recording does not determine: they keep the given values."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:
@@ -226,14 +226,14 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
 
 
 def identification_report(found: IdentificationResult) -> dict[str, object]:
-    """What `softaim identify --json` prints."""
+    """The output of `softaim identify --json`."""
     return {
         "passes": found.passes,
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
         "constants": [asdict(one) for one in constants(found)],
-        "not_told": undetermined(found),
-        "not_told_apart": [asdict(pair) for pair in confounded(found)],
+        "undetermined_combinations": undetermined(found),
+        "confounded": [asdict(pair) for pair in confounded(found)],
         "not_determined": not_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
@@ -258,26 +258,28 @@ def _mm(length_m: float | None) -> float | None:
 
 
 def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
-    """How well the constants found fit the recording, a line each."""
+    """The fit of the constants found, one line each."""
     residuals = found.residuals
     lines = [f"{found.n_agreeing} of {found.n_starts} starts agree on these constants"]
     if residuals.explained:
         lines += [f"Residuals are explained: mean square {residuals.size:.2f} of what the filter expects"]
     else:
-        worth = f"{residuals.n} of them worth {residuals.n_effective:.0f}"
-        larger = f"standard errors are up to {residuals.inflation:.1f} times as large"
+        worth = f"{residuals.n} of them effectively {residuals.n_effective:.0f}"
+        larger = f"standard errors were multiplied by up to {residuals.inflation:.1f}"
         lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
-        lines += [f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more"]
+        lines += [
+            f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"
+        ]
     return lines
 
 
 def _known_badly(found: IdentificationResult) -> list[str]:
-    """Kinds that the recording does not determine, and pairs that it does not tell apart, a line each."""
+    """Undetermined kinds, and confounded pairs, one line each."""
     lines = []
     if kept := not_determined(found):
         kinds = [group.kind for group in found.groups]
@@ -286,12 +288,12 @@ def _known_badly(found: IdentificationResult) -> list[str]:
     if pairs := confounded(found):
         named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
-        lines += [f"Not told apart, by their correlation: {named}{more}"]
+        lines += [f"Confounded, with their correlation: {named}{more}"]
     return lines
 
 
 def tuning_report(found: TuningResult) -> dict[str, object]:
-    """What `softaim tune --json` prints."""
+    """The output of `softaim tune --json`."""
     return {
         "levels": {
             name: {"value": float(level), "relative_standard_error": float(sd)}

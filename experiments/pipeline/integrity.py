@@ -1,7 +1,6 @@
-"""Whether an estimate may guide: contradictions between marks and model, and the errors that no mark shows.
+"""Whether an estimate may be used for guidance: contradictions between marks and model, and unobservable errors.
 
-The error budget is what a scene states, and what is supposed where it states nothing; mathematics belongs to
-`estimators.consistency`.
+The error budget uses what a scene states, and defaults otherwise; the mathematics is in `estimators.consistency`.
 """
 
 from __future__ import annotations
@@ -13,8 +12,8 @@ import numpy as np
 
 from dynamics import ParameterUncertainty, independent_uncertainty, parameter_forces, parameters
 from estimators import (
-    Doubt,
-    DoubtSettings,
+    Contradiction,
+    ContradictionSettings,
     ErrorSource,
     MarkMeasurement,
     StaticBalance,
@@ -26,23 +25,22 @@ from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 
 MOST = 0.9
-"""Share of the variance whose sources are named [1]."""
+"""Share of the variance whose sources are listed [1]."""
 
 SEEN = "marks and disturbances"
-"""The source of what the filter's covariance has beside what is considered."""
+"""The source for the filter's covariance without considered errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
-    """Standard deviations where a scene states none.
+    """Default standard deviations for a scene that states none.
 
     stiffness, mass: relative, of each spring and node for the target [1]; of all springs together for the balance of
-        forces, where each by itself would hide a cut spring; choice
-    scale: relative, of a camera's millimetres a pixel [1]; choice: half of what a scale is supposed to be wrong by at
-        most
-    position_m: of the target's place in the tissue, an axis [m]; choice: registration from another picture errs by so
-        much
-    drift_m: of a camera or tracker that no reference mark watches, an axis [m]; choice
+    forces, where independent ones would hide a cut spring; choice
+    scale: relative, of a camera's millimetres a pixel [1]; choice: half of the largest plausible error
+    position_m: of the target's position in the tissue on each axis [m]; choice: the error of a registration from
+    another picture
+    drift_m: of a camera or tracker without reference marks, on each axis [m]; choice
     """
 
     stiffness: float = 0.3
@@ -56,7 +54,7 @@ USUAL = UsualUncertainty()
 
 
 def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
-    """The balance of forces of a scene's body, its constants and camera as uncertain as stated or usual."""
+    """The balance of forces of a scene's body, with stated or default uncertainties of constants and camera."""
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
     camera = scene.cameras[0] if scene.cameras else None
@@ -67,10 +65,10 @@ def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USU
 
 
 def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
-    """The sources of the target's error that no mark shows; those that a scene states the filter considers.
+    """The sources of the target's error that marks do not show; the filter considers the stated ones.
 
-    Constants are stated by `[uncertainty]`, as `softaim identify` writes it, a camera's scale by `scale_sd` or by the
-    `uncertainty` of its calibration, the target's place by `position_sd_mm`.
+    Constants are stated in `[uncertainty]`, written by `softaim identify`, a camera's scale in `scale_sd` or the
+    `uncertainty` of its calibration, the target's position in `position_sd_mm`.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -93,14 +91,14 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = seen.calibration_error(places).reshape(len(nodes) * dim, -1)
         found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not unscaled))
-    if not scene.reference.marks:  # they are seen to move with the camera
+    if not scene.reference.marks:  # they move with the camera
         drift_m = scene.reference.drift_sd_m
         alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
-        name = "drift of the camera" if drift_m is not None else "drift of the camera (supposed)"
+        name = "drift of the camera" if drift_m is not None else "drift of the camera (default)"
         found.append(ErrorSource.of(name, at_rest.to_marks(alike), considered=False))
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
-    found.append(_source("the target's place in the tissue", place, stated=sd_m is not None))
+    found.append(_source("the target's position in the tissue", place, stated=sd_m is not None))
     sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
         network.positions[network.free].ravel()
     )
@@ -113,14 +111,14 @@ def _source(name: str, directions: Floats, *, stated: bool) -> ErrorSource:
 
 
 def unstated(budget: Sequence[ErrorSource]) -> Floats:
-    """What the filter's covariance lacks [m²], (dim, dim)."""
+    """Covariance of errors that the filter does not consider [m²], (dim, dim)."""
     return np.asarray(sum(one.cov for one in budget if not one.considered))
 
 
 def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Share of each source in the target's variance, the largest first; none without a covariance.
+    """Share of each source in the target's variance, the largest first; empty without a covariance.
 
-    estimate: by the filter, without what that lacks
+    estimate: by the filter, without unconsidered errors
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -132,7 +130,7 @@ def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> 
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """Which errors have most of the target's variance: the largest sources, to `MOST` of it together."""
+    """The largest sources of the target's variance, up to `MOST` of it together."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -143,69 +141,70 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether nothing is stated of the scale of the scene's camera."""
+    """Whether the scale error of the scene's camera is not stated."""
     camera = scene.cameras[0] if scene.cameras else None
     return camera is not None and not camera.n_calibration and camera.scale_sd is None
 
 
 MEANS = 2.0
-"""Times over which forces are averaged that are seen before anything guides [1]."""
+"""Number of averaging times before guidance starts [1]."""
 
-UNTESTED = "the forces on the marks were not seen long enough to test them"
+UNTESTED = "the forces on the marks have not been observed long enough to test them"
 
 
-UNEVEN = "pictures come too unevenly to tell when they were exposed"
+UNEVEN = "pictures come too unevenly to determine exposure times"
 
 
 class IntegrityMonitor:
-    """Watches the estimates of a scene's filter, frame by frame in order of time.
+    """Monitors the estimates of a scene's filter, frame by frame in order of time.
 
-    budget: sources of the target's error; unstated: what the filter's covariance lacks [m²], (dim, dim)
-    State: the doubt; the balance of forces on the marks; tested_s, from when on that is tested [s], None before marks;
-    by how much pictures may be late [s], of which somebody looked at the picture, and whether they come unevenly.
+    budget: sources of the target's error; unstated: covariance of unconsidered errors [m²], (dim, dim)
+    State: the contradiction; the balance of forces on the marks; tested_s, start of its test [s], None before marks;
+    how late pictures may be [s], the delay that somebody has acknowledged, and whether they come unevenly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # a hand that leads a body moves all marks together
-        self.doubt = Doubt(DoubtSettings(together=0.0) if tissue.may_be_led else DoubtSettings())
+        # who leads a body moves all marks together
+        settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
+        self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
         self.tested_s: float | None = None
         self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
 
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
-        """Take in a frame's estimate and the marks that it used; why there is no guidance, None where there is.
+        """Update with a frame's estimate and its marks; returns why there is no guidance, None if there is.
 
-        From the first marks on a body is watched for `MEANS` mean forces before anything guides: a spring that is cut
-        shows in no innovation, and a poke may hide it from one mean.
+        From the first marks on a body is monitored for `MEANS` averaging times before guidance: a cut spring does not
+        show in innovations, and a poke may hide it in one average.
         """
-        self.doubt.update(estimate, self._balance.update(estimate.time_s, marks))
+        self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
             self.tested_s = estimate.time_s + MEANS * self._balance.mean_s
         is_tested = self.tested_s is not None and estimate.time_s >= self.tested_s
-        return self.doubt.reason or (None if is_tested else UNTESTED)
+        return self.contradiction.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate with what the scene leaves unstated in its covariance."""
+        """The estimate with unstated errors in its covariance."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
 
     def largest_errors(self, estimate: TargetEstimate) -> str:
-        """Which errors have most of the variance of the target of an estimate by the filter."""
+        """The largest sources of the target's variance, for an estimate by the filter."""
         return shares_words(variance_shares(self.budget, estimate))
 
     def restart(self) -> None:
-        """Forget the marks: the filter begins again."""
+        """Forget the marks: the filter restarts."""
         self._balance.forget()
         self.tested_s = None
 
     def looked(self) -> None:
-        """Somebody looked at tissue, marks and picture: the doubt is over."""
-        self.doubt.forget()
+        """Reset after somebody looked at tissue, marks and picture."""
+        self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """By how much pictures may come later than their times say [s]; whether that is something else than before."""
+        """How much later than their times pictures may come [s], and whether that changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven
@@ -214,9 +213,9 @@ class IntegrityMonitor:
 
     @property
     def fault(self) -> str | None:
-        """Why nothing may guide, whatever the newest estimate says of itself; None where something may."""
-        if self.doubt.reason:
-            return self.doubt.reason
+        """Why there is no guidance, whatever the newest estimate's status; None if there is."""
+        if self.contradiction.reason:
+            return self.contradiction.reason
         if self._late_s > self._known_late_s:
-            return f"pictures may come {self._late_s:.1f} s late since a pause: look at the picture, then reset"
+            return f"pictures may be {self._late_s:.1f} s late since a pause: look at the picture, then reset"
         return UNEVEN if self._uneven else None

@@ -48,11 +48,11 @@ USUAL_BIAS = FixBias(sd_m=1e-3)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """What marks were looked for in a frame, and why some were not found.
+    """The marks that were searched in a frame, and why some were not found.
 
-    expected: by node, where its mark was expected [m], (dim,), and the covariance of that [m²], (dim, dim)
-    lost: by node, why its mark was not found; None where another tracker looked for it
-    came: what came into the picture in the colour of marks and is none
+    expected: by node, predicted position of its mark [m], (dim,), and covariance [m²], (dim, dim)
+    lost: by node, why its mark was not found; None for another tracker's marks
+    came: new distractors in the colours of marks
     """
 
     expected: Mapping[str, tuple[Floats, Floats]]
@@ -62,16 +62,16 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """What one frame gave.
+    """The result of one frame.
 
     estimates: by method
-    marks: all marks identified in the frame, those for scoring only included, by the present association; where the
-        scene has reference marks, corrected by them
-    swap: marks that were found to have been taken for each other, None in all but a few frames
+    marks: all marks identified in the frame, including those for scoring only, by the present association; corrected by
+    reference marks if the scene has any
+    swap: an exchange of marks that was found, None in almost all frames
     refused: nodes whose marks the gate rejected
-    sight: what was looked for, None where the line does not explain
-    reference: what the frame gave of the reference marks, None where the scene has none
-    detect_s, method_s: seconds spent on finding marks, and by method; predict_s: of the filter's, before them
+    sight: the search for marks, None without `explain`
+    reference: result for the reference marks, None if the scene has none
+    detect_s, method_s: time for finding marks, and by method [s]; predict_s: the filter's prediction, before them
     """
 
     estimates: dict[str, TargetEstimate]
@@ -86,7 +86,7 @@ class Step:
 
     @property
     def stages_s(self) -> dict[str, float]:
-        """Seconds that the filter's stages took, in order."""
+        """Time of the filter's stages [s], in order."""
         return {
             "predict": self.predict_s,
             "detect": self.detect_s,
@@ -95,28 +95,28 @@ class Step:
 
 
 class Watcher(Protocol):
-    """Somebody who is shown each frame, None where another tracker found the marks, and what it gave."""
+    """An observer of each frame, None for another tracker's marks, and its step."""
 
     def take(self, frame: vision.Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """The frame and its step; the advice, where one is given. The line stands as it was after them."""
+        """Called with the frame and its step, and the advice, if there is one; the line has the state after them."""
 
 
 class Film(Watcher, Protocol):
-    """A film of the run, which `finish` moves to the folder of its tables."""
+    """A film of the run; `finish` moves it to the folder of its tables."""
 
     def finish(self, folder: Path) -> None:
-        """End the film: no frame comes any more."""
+        """End the film: no further frame comes."""
 
 
 class Line:
     """Runs the methods through the frames of one scene, in order of exposure.
 
-    check: predict each mark as if it were hidden, too, and widen the covariance where that shows the model wrong
-    fixes: direct sightings of the target, fused at their times; their common error is estimated, too
-    explain: keep what is looked for and why it is not found, in each step; estimates are the same
-    State: the filter, the names of its marks (identity), the filters that check it, the paper's open
-    loop (baseline=False leaves it out), what is known of the marks' colours, the fixes still to come; of a scene with
-    reference marks, the pose of the camera or tracker by them.
+    check: also predict each mark as if it were hidden, and widen the covariance if that shows a wrong model
+    fixes: direct sightings of the target, fused at their times; their common error is also estimated
+    explain: keep in each step what was searched and why it was not found; estimates do not change
+    State: the filter, the names of its marks (identity), the filters that check it, the paper's open loop
+    (baseline=False leaves it out), the marks' colours, the fixes still to come; with reference marks, the pose of the
+    camera or tracker.
     """
 
     def __init__(
@@ -149,14 +149,14 @@ class Line:
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
-        """Look for the scene's marks in these colours from now on; what was learnt of their appearance goes."""
+        """Search the scene's marks in these colours from now on; their learnt appearance is dropped."""
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
 
     @property
     def camera(self) -> PlaneCamera:
-        """The scene's first camera as it stands now, by the reference marks."""
+        """The scene's first camera with its present pose, by the reference marks."""
         camera = self.scene.cameras[0]
         return camera if self.reference is None else self.reference.camera(camera)
 
@@ -173,7 +173,7 @@ class Line:
         return replace(step, reference=reference)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
-        """Estimates at this exposure time [s] from marks that another tracker found."""
+        """Estimates at this exposure time [s] from another tracker's marks."""
         began = time.perf_counter()
         self._predict(exposure_s)
         seen, reference = self._corrected(marks)
@@ -183,7 +183,7 @@ class Line:
         return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
 
     def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
-        """The marks of the tissue, corrected by the reference marks among them, and what those gave."""
+        """The marks of the tissue, corrected by the reference marks among them, and the result for those."""
         by = self.reference
         if by is None:
             return marks, None
@@ -193,10 +193,10 @@ class Line:
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
     ) -> Sight | None:
-        """What is looked for at the filter's time, where that is to be explained."""
+        """The search at the filter's time; None without `explain`."""
         if not self._explain:
             return None
-        return Sight({node: self._belief(node, self.filter.expected) for node in self._marks}, lost, came)
+        return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
         """Move the filter to this time [s], by way of the fixes that came until then."""
@@ -223,22 +223,22 @@ class Line:
         return marks if self.reference is None else tuple(self.reference.pose.corrected(mark) for mark in marks)
 
     def _looked_for(
-        self, camera: PlaneCamera, node: str, belief: Callable[..., tuple[Floats, Floats]]
+        self, camera: PlaneCamera, node: str, predict: Callable[..., tuple[Floats, Floats]]
     ) -> vision.Expected:
-        return looked_for(camera, self._marks[node], *self._belief(node, belief))
+        return looked_for(camera, self._marks[node], *self._prediction(node, predict))
 
-    def _belief(self, node: str, belief: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
-        """Where a node's mark may be [m], and the covariance of that [m²], errors of the camera in it."""
-        mean, cov = belief(node)
+    def _prediction(self, node: str, predict: Callable[..., tuple[Floats, Floats]]) -> tuple[Floats, Floats]:
+        """Predicted position of a node's mark [m] and its covariance [m²], including the camera's errors."""
+        mean, cov = predict(node)
         if not self.scene.n_calibration:
             return mean, cov
         by = self.reference
         if by is None:
-            return belief(node, self.scene.cameras[0].calibration_error(mean[None])[0])
-        return belief(node, by.shared_at(mean))
+            return predict(node, self.scene.cameras[0].calibration_error(mean[None])[0])
+        return predict(node, by.shared_at(mean))
 
     def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
-        """Those of the marks that the filter may use."""
+        """The marks that the filter may use."""
         return [mark for mark in marks if mark.node in self._measured]
 
     def _estimated(
@@ -266,7 +266,7 @@ class Line:
 
 
 def check_followed(scene: Scene, place: object = "scene") -> None:
-    """Raise InputError where a filter of the scene's network would take seconds for a frame."""
+    """Raise InputError if a filter of the scene's network would take seconds for a frame."""
     network = scene.network
     if network.n_state > MOST_STATES:
         most, where = MOST_STATES // (2 * network.dim), "in the plane" if network.dim == 2 else "in space"
@@ -275,14 +275,14 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
-    """Nodes of the marks that the gate rejected; counted: by how much the filter's counts of them grew.
+    """Nodes of the marks that the gate rejected; counted: increase of the filter's counts.
 
-    The estimate says which marks it took, but at a start; where names were exchanged the counts are another filter's.
+    Except at a start, the estimate lists its marks; after an exchange of names the counts belong to another filter.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """The settings with a common error of fixes, the usual one where there are fixes and none is stated."""
+    """The settings with a common error of fixes, by default for unstated ones."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

@@ -1,4 +1,4 @@
-"""Which way to put the needle: what `softaim plan` does."""
+"""Planning of needle paths: what `softaim plan` does."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from experiments.pipeline.track import each_frame
 Advance = Callable[[float], None]
 
 SHOWN = 4
-"""Next best paths that are listed beside the best."""
+"""Number of next best paths that are listed."""
 
 APART = 10e-3
-"""Between entries of paths that count as different ways [m]; chosen."""
+"""Least distance between entries of different paths in the list [m]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan, for what, and from which belief: `at rest`, or the filter's status and the time it is for [s]."""
+    """A plan, its task, and its target estimate: `at rest`, or the filter's status and the time it is for [s]."""
 
     scene: Scene
     task: Task
     lesion: PlannedTarget
     plan: Plan
-    belief: str
+    estimate: str
     time_s: float | None
 
 
@@ -60,7 +60,7 @@ def planned(
         ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
         if ahead.cov is None:
             raise InputError.at(source, "marks that start the filter", "none")
-        mean, cov, belief, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
+        mean, cov, estimate, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
     else:
         scene = usable_scene(source)
         task = read_task(plan_path, scene.network.dim)
@@ -69,20 +69,20 @@ def planned(
         target = target_map(scene.network, scene.target.point)
         columns = target.linear(model.resting_columns(shape))
         mean = target.position(shape[scene.network.free].ravel())
-        cov = task.belief_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
-        belief, time_s = "at rest", None
+        cov = task.target_sd_m**2 * np.eye(scene.network.dim) + columns @ columns.T
+        estimate, time_s = "at rest", None
     lesion = PlannedTarget(mean, cov, scene.target.radius_m)
     common = (scene.network, scene.target.point, lesion, task.needle)
     skin = task.skin.entries(task.n_entries)
     if not (np.linalg.norm(skin - mean, axis=1) > lesion.radius_m).all():
-        raise InputError.at(f"{plan_path}: entry", "a stretch of skin outside the lesion", "one that touches it")
+        raise InputError.at(f"{plan_path}: entry", "a segment of skin outside the lesion", "one that touches it")
     entries, tips = candidate_paths(*common, skin, task.n_aims)
     found = ranked(*common, task.skin, task.obstacles, entries=entries, tips=tips)
-    return Planned(scene, task, lesion, found, belief, time_s)
+    return Planned(scene, task, lesion, found, estimate, time_s)
 
 
 def table(done: Planned) -> pd.DataFrame:
-    """All paths as plan.csv has them, from the best on, rejected ones after the allowed."""
+    """All paths for plan.csv, from the best on, rejected ones after the allowed."""
     found, axes = done.plan, AXES[: done.scene.network.dim]
     columns: dict[str, Any] = {"rank": np.arange(1, len(found.order) + 1)}
     for name, places in (("entry", found.entries), ("tip", found.tips), ("pushed", found.pushed)):
@@ -109,14 +109,14 @@ def next_best(found: Plan) -> list[int]:
 
 
 def report(done: Planned) -> dict[str, Any]:
-    """What plan.json holds; `best` is None where every path is rejected."""
+    """The content of plan.json; `best` is None if every path is rejected."""
     found, lesion = done.plan, done.lesion
     chosen = next_best(found)
     return {
         "version": 1,
         "target": {
             "node": done.scene.target.node,
-            "belief": done.belief,
+            "estimate": done.estimate,
             "time_s": done.time_s,
             "mean_mm": _mm(lesion.mean),
             "cov_mm2": (1e6 * lesion.cov).round(6).tolist(),
@@ -149,6 +149,6 @@ def _mm(place: Floats) -> list[float]:
 
 
 def write_plan(done: Planned, folder: Path) -> None:
-    """Write plan.csv and plan.json into a folder that exists."""
+    """Write plan.csv and plan.json into an existing folder."""
     table(done).to_csv(folder / "plan.csv", index=False, float_format="%.6g")
     (folder / "plan.json").write_text(json.dumps(report(done), indent=2, allow_nan=False) + "\n", encoding="utf-8")

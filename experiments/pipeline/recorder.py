@@ -1,8 +1,8 @@
 """Record frames as they come: what `softaim record` does.
 
-Unlike all else that is written, a recording stands under its own name while it grows, so that what was written is there
-when the program is killed: the film in pieces of a second, each named when it is whole on the disk, then its rows of
-frames.csv. At the end the pieces are joined into one film.
+Unlike other output, a recording has its final name while it grows, so that a killed program leaves what was written:
+the film in pieces of a second, each named when it is complete on the disk, then its rows of frames.csv. At the end the
+pieces are joined into one film.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.plain import counted
 
 PIECE_S = 1.0
-"""Length of a piece [s], the most that a kill may cost: promised in the README as the last second."""
+"""Length of a piece [s], the most that a kill may lose: promised in the README as the last second."""
 
 TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
-"""Of a recording that is replaced: they are of its frames."""
+"""Files of a replaced recording that belong to its frames."""
 
 HEADER = b"frame,exposure_s\n"
 
@@ -40,7 +40,7 @@ Advance = Callable[[float], None]
 
 @dataclass(slots=True)
 class _Piece:
-    """The piece that is being written: its first row, where that is in frames.csv [bytes], its begin, its times [s]."""
+    """The present piece: its first row, the position of that in frames.csv [bytes], its start, its times [s]."""
 
     first_row: int
     begins_at: int
@@ -49,9 +49,9 @@ class _Piece:
 
 
 class Recorder:
-    """Writer of a recording that grows piece by piece. Errors of the disk are InputErrors.
+    """Writer of a recording that grows piece by piece. Disk errors raise InputError.
 
-    Interrupted at any moment, by Ctrl-C say, a piece can be finished again: it is there once, and so are its rows.
+    After an interruption at any moment, such as Ctrl-C, a piece can be finished again without duplicates.
     State: the film's pieces, the piece that is being written, the last exposure time [s], the fault that ended it.
     """
 
@@ -77,11 +77,11 @@ class Recorder:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the pieces that are finished."""
+        """Number of rows of the finished pieces."""
         return self._piece.first_row
 
     def take(self, frame: vision.Frame) -> None:
-        """Append a frame; InputError where its size or its time cannot follow the one before."""
+        """Append a frame; raises InputError for another size or a time out of order."""
         if self._fault is not None:
             raise self._fault
         height, width = frame.image.shape[:2]
@@ -93,7 +93,7 @@ class Recorder:
         times = self._piece.times_s
         if times and frame.exposure_s - times[0] >= PIECE_S:
             self.finish_piece()
-        self.check()  # where frames are written more slowly than they come
+        self.check()  # if frames are written more slowly than they come
         if not self._piece.times_s:
             self._piece.began_s = self._clock()
         self._pieces.write(frame.image)
@@ -101,14 +101,14 @@ class Recorder:
         self._last_s = frame.exposure_s
 
     def check(self) -> None:
-        """Finish the piece if it was begun a second ago."""
+        """Finish the piece if it is a second old."""
         if self._piece.times_s and self._clock() - self._piece.began_s >= PIECE_S:
             self.finish_piece()
 
     def finish_piece(self) -> None:
-        """Name the piece that is being written, then write its rows; both are on the disk.
+        """Name the present piece, then write its rows; both are synced to the disk.
 
-        InputError where there is no room for them: nothing is recorded any more.
+        Raises InputError if there is no room for them; then nothing more is recorded.
         """
         if self._fault is not None:
             raise self._fault
@@ -137,7 +137,7 @@ class Recorder:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """How many frames were recorded, how many of the source were dropped, and whether there is a scene with them."""
+    """Numbers of recorded frames and of dropped frames of the source, and whether there is a scene."""
 
     n_frames: int
     n_dropped: int
@@ -155,11 +155,11 @@ def record(
     force: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns how many, in pieces.
+    """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns their number, in pieces.
 
-    scene: what is in view, checked against the frames' size; scene_path: its file, copied if given
-    force: a recording that is in the folder goes when the first frame came
-    Nothing is made before the first frame came. Raises InputError, SourceError; what came until then is kept.
+    scene: checked against the frames' size; scene_path: its file, copied if given
+    force: a recording in the folder is removed when the first frame comes
+    Nothing is written before the first frame. Raises InputError, SourceError; earlier frames are kept.
     """
     recorder: Recorder | None = None
     began, first_s = clock(), 0.0
@@ -186,7 +186,7 @@ def record(
                 break
             recorder.take(frame)
     except KeyboardInterrupt:
-        pass  # Ctrl-C is how a recording ends
+        pass  # Ctrl-C ends a recording
     finally:
         report_source_events(frames)
         if recorder is not None:
@@ -195,7 +195,7 @@ def record(
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove what makes a folder a recording, its scene aside; all else stays. Raises InputError."""
+    """Remove a recording's files from a folder, except its scene; all else stays. Raises InputError."""
     try:
         for name in (*VIDEOS, *TABLES):
             (folder / name).unlink(missing_ok=True)
@@ -211,9 +211,9 @@ def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
     for path in read:
         check_apart(out, path)
     if out.exists() and not out.is_dir():
-        raise InputError.at(out, "a new or an empty folder", "a file")
+        raise InputError.at(out, "a new or empty folder", "a file")
     if out.is_dir() and any(out.iterdir()) and not force:
-        raise InputError.at(out, "a new or an empty folder", "files in it; --force replaces a recording in it")
+        raise InputError.at(out, "a new or empty folder", "files in it; --force replaces a recording in it")
 
 
 def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> None:
@@ -224,18 +224,18 @@ def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> Non
 
 
 def rate_of(exposures_s: Floats) -> float:
-    """Mean frames a second of a film with these exposure times [s], (n_frames,), one or more."""
+    """Mean frame rate [frames/s] of a film with these exposure times [s], (n_frames,), one or more."""
     span_s = float(exposures_s[-1] - exposures_s[0])
     return float(np.clip((len(exposures_s) - 1) / span_s, 1.0, 1000.0)) if span_s > 0.0 else vision.NOMINAL_FPS
 
 
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
-    """Join the pieces of a recording into one film; how many frames it has. Raises InputError where there are none.
+    """Join the pieces of a recording into one film; returns its number of frames. Raises InputError without frames.
 
-    A row that a kill cut short goes, and frames without a row. Killed itself, it can be done again.
+    Incomplete rows, and frames without a row, are dropped. After a kill it can be repeated.
     """
     if not (folder / SEGMENTS).is_dir():
-        raise InputError.at(folder, f"{SEGMENTS}/, as a recording that was killed leaves", "none")
+        raise InputError.at(folder, f"{SEGMENTS}/ of a killed recording", "none")
     exposures_s = read_frames(folder / "frames.csv", torn=True)
     n_frames = len(exposures_s)
     try:
@@ -265,10 +265,10 @@ def record_source(
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
     force: bool = False,
 ) -> Recorded:
-    """Record what `source` names to the new or empty folder `out`, and join it.
+    """Record the named source to the new or empty folder `out`, and join it.
 
-    force: also to a folder with files; a recording in it is replaced when the first frame came
-    Raises InputError; where the source fails, what came until then is kept and joined first.
+    force: also to a folder with files; a recording in it is replaced when the first frame comes
+    Raises InputError; if the source fails, earlier frames are kept and joined first.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)

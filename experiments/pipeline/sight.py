@@ -1,4 +1,4 @@
-"""What a frame shows: marks looked for in the picture and measured on the plane; reference marks, the pose by them."""
+"""Marks found in a picture and measured on the plane; reference marks, and the pose by them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vision import PlaneCamera
 from vision.tracking.association import AssociatedMark
 
 SIZE_SD = 0.05
-"""Relative error of a mark's stated size: print, tilt, light that spills over; chosen."""
+"""Relative error of a mark's stated size by print, tilt and blooming; chosen."""
 
 
 def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vision.Expected:
-    """Where a mark is expected in the picture, by its place on the plane [m], (2,), and the covariance of that [m²]."""
+    """A mark's expected position in the picture, from that on the plane [m], (2,), and its covariance [m²]."""
     center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
     outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
     return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg, outline)
@@ -31,13 +31,13 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """The marks that were found in a picture, on the plane; by_name: how they look."""
+    """The marks found in a picture, on the plane; by_name: their looks."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]
     centers_px = np.array([f.detection.center_px for f in found])
     covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-    # the outline of a ball is not shifted as that of a disc is
+    # the outline of a ball is not shifted like that of a disc
     radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
     centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
     positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
@@ -47,10 +47,10 @@ def on_plane(
 
 @dataclass(frozen=True, slots=True)
 class ReferenceSeen:
-    """What a frame gave of the reference marks.
+    """Result of a frame for the reference marks.
 
-    seen: names of those that were seen; wrong: of those, the ones that are not where the others say
-    moved: what is to be reported of the pose, None in all but a few frames
+    seen: names of those that were seen; wrong: names of seen ones that contradict the others
+    moved: a move of the pose to report, None in almost all frames
     """
 
     seen: tuple[str, ...]
@@ -59,7 +59,7 @@ class ReferenceSeen:
 
 
 class ReferenceMarks:
-    """Estimates the pose of a scene's camera or tracker by its reference marks; of a scene that has such.
+    """Estimates the pose of a scene's camera or tracker by its reference marks.
 
     State: the filter of the pose and its estimate; the finder of the marks in pictures.
     """
@@ -81,14 +81,14 @@ class ReferenceMarks:
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, where the camera as calibrated sees them."""
+        """The reference marks in a frame, (height, width, 3) BGR, by the camera as calibrated."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
         return on_plane(self._calibrated, self._looks, found)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> ReferenceSeen:
-        """Take in the reference marks that were seen."""
+        """Update with the reference marks that were seen."""
         moved = self.filter.update(marks)
         self.pose = self.filter.estimate
         return ReferenceSeen(tuple(mark.node for mark in marks), self.filter.wrong, moved)
@@ -98,12 +98,12 @@ class ReferenceMarks:
         return name in self._places
 
     def camera(self, calibrated: PlaneCamera) -> PlaneCamera:
-        """The camera as it stands now."""
+        """The camera with its present pose."""
         motion = self.pose.motion
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """The `shared` that a corrected mark at this place [m], (dim,), has."""
+        """The `shared` of a corrected mark at this position [m], (dim,)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))
@@ -121,4 +121,4 @@ class ReferenceMarks:
 
 
 LEAST_M = 1e-6
-"""Of the standard deviation of the pose at the start, so that it has one [m]; numerical."""
+"""Least standard deviation of the pose at the start [m]; numerical."""

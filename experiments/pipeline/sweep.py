@@ -1,7 +1,7 @@
 """Grids of simulated runs: truth, marks and methods for each combination and seed: what `softaim sweep` does.
 
-Truth depends on the scenario and the seed alone, errors of the marks on the seed alone, so that combinations differ in
-nothing but what the grid says.
+Truth depends only on scenario and seed, errors of the marks only on the seed, so that combinations differ only by the
+grid's values.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
-"""Forces of a scenario are made for so long to check it before all runs [s]."""
+"""Duration of forces for the check of a scenario before all runs [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Swept:
-    """A sweep that was done: its runs, and a row for each combination and method."""
+    """A finished sweep: its runs, and a row for each combination and method."""
 
     study: Study
     summary: pd.DataFrame
@@ -79,7 +79,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """What a run needs of a scenario, as its file has it; of a scene its text counts, not where it is."""
+    """What a run needs of a scenario; of a scene its text, not its path."""
     true = true_scene(text, scenario, str(sweep.scene))
     try:
         complete = completed(scenario, true.network, true.measured_nodes, "scenario")
@@ -96,7 +96,7 @@ def _column(value: Any) -> str | int | float:
 
 
 def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
-    """Raise InputError for forces that the tissue does not take, before all runs."""
+    """Raise InputError before all runs for forces that do not fit the tissue."""
     try:
         network = true_scene(text, scenario, str(sweep.scene)).network
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
@@ -106,7 +106,7 @@ def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
 
 
 def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:
-    """Raise InputError for led nodes that the tissue does not have, before all runs."""
+    """Raise InputError before all runs for led nodes that the tissue does not have."""
     if setup.filter.led_nodes:
         try:
             assumed_scene(true_scene(text, setup.scenario, str(sweep.scene)), {}, setup.filter, text)
@@ -120,14 +120,14 @@ def _tables(text: str, name: str) -> SceneFile:
 
 
 def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
-    """The scene of a scene file's text, or that of the scenario's phantom; no cameras: marks are seen without."""
+    """The scene of a scene file's text, or that of the scenario's phantom; without cameras, which are not needed."""
     if text is None:
         return replace(scene_of(scenario), cameras=())
     return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """What the methods are given: constants times these factors by kind, and the filter's table with these keys."""
+    """The scene of the methods: constants times these factors by kind, and the filter's table with these keys."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
@@ -140,7 +140,7 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
 
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
-    """The truth of a scenario and a seed; made once and kept in the folder `truths`, if there is one."""
+    """The truth of a scenario and a seed; cached in the folder `truths`, if there is one."""
     network = true_scene(text, scenario).network
     if truths is None:
         return true_motion(true_network(network, scenario, seed), scenario, np.random.default_rng([seed, 1]))
@@ -157,9 +157,9 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
-    """One run: a row for each method, figures as `softaim compare` has them; by_open_loop: its mean error by that.
+    """One run: a row for each method, figures as in `softaim compare`, and mean error relative to the open loop.
 
-    truths: a folder in which runs of this machine share their truths
+    truths: a folder for truths shared by runs of this machine
     """
     setup, seed = case["setup"], case["seed"]
     scenario, text = Scenario.model_validate(setup["scenario"]), setup["scene"]
@@ -184,9 +184,9 @@ def run_sweep(
     *,
     force: bool = False,
 ) -> Swept:
-    """Do what the folder does not have yet; runs.parquet, runs.csv, summary.csv and summary.md in it.
+    """Do the missing runs; write runs.parquet, runs.csv, summary.csv and summary.md in the folder.
 
-    force: also into a folder that has other files. Raises InputError, before any run for what cannot be run.
+    force: also into a folder with other files. Raises InputError before any run for invalid input.
     """
     cases = cases_of(sweep)
     _check_folder(folder, force)
@@ -210,10 +210,10 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
-    """A row for each combination and method, in the order of the grid: how many runs, how many failed, figures.
+    """A row for each combination and method, in the order of the grid: numbers of runs and failures, figures.
 
     mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median;
-    by_open_loop: mean error by the open loop's
+    by_open_loop: mean error relative to the open loop's
     """
     keys = list(sweep.keys)
     rows = []
@@ -248,11 +248,11 @@ FORMS = {
     "frames_lost": ("frames lost", ".1f"),
     "ms_per_frame": ("ms/frame", ".2f"),
 }
-"""Figures of a summary, and how people read them."""
+"""Figures of a summary, and their formats."""
 
 
 def cells(table: pd.DataFrame) -> list[list[str]]:
-    """The summary as people read it, its heads first; keys of the grid with one value only are left out."""
+    """The summary as text, heads first; keys of the grid with a single value are left out."""
     names = [str(name) for name in table.columns if "." not in name or len(set(table[name])) > 1]
     forms = [FORMS.get(name, (name, None)) for name in names]
     rows = [
@@ -268,7 +268,7 @@ def _cell(value: Any, form: str | None) -> str:
 
 
 def markdown(table: pd.DataFrame) -> str:
-    """The summary as a table of a page."""
+    """The summary as a Markdown table."""
     heads, *rows = cells(table)
     lines: Sequence[Sequence[str]] = [heads, ["---"] * len(heads), *rows]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)

@@ -1,4 +1,4 @@
-"""Both methods on a recording, scored where the truth is known: what `softaim track` does."""
+"""Both methods on a recording, scored if the truth is known: what `softaim track` does."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class Track:
     """Estimates of the methods on a recording.
 
     steps: one for each frame
-    truth: where the target was [m], (n_frames, dim), NaN where that is not known
+    truth: position of the target [m], (n_frames, dim), NaN where unknown
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
-    withheld: of the check, by node: marks predicted as if they were hidden
+    withheld: of the check, by node: figures of marks predicted as if hidden
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
-    marks: by node, in how many frames each was found, refused and lost, and why
+    marks: by node, shares of frames found, refused and lost, and why
     """
 
     recording: Recording
@@ -63,7 +63,7 @@ class Track:
 
     @property
     def has_truth(self) -> bool:
-        """Whether it is known of any frame where the target was."""
+        """Whether any frame has a known truth."""
         return bool(np.isfinite(self.truth).all(axis=1).any())
 
     @property
@@ -83,9 +83,9 @@ def track(
     check: bool = False,
     watch: Watcher | None = None,
 ) -> Track:
-    """Run both methods through every frame; `advance` gets the share done. Raises InputError, SourceError.
+    """Run both methods through every frame; `advance` is called with the share done. Raises InputError, SourceError.
 
-    check: predict each mark as if it were hidden, too; watch: is shown each frame and what it gave
+    check: also predict each mark as if it were hidden; watch: called with each frame and its step
     """
     if check and len(recording.scene.measured_nodes) < 2:
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
@@ -122,7 +122,7 @@ def track(
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
-    """What the line makes of each frame of a recording, with the frames, None where marks stand in their place."""
+    """The line's step for each frame of a recording, with the frame, None for given marks."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)
@@ -133,14 +133,14 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame 
 
 
 def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
-    """The times [s] and given marks of a recording's frames, none of frames whose values repeat."""
+    """The times [s] and given marks of a recording's frames, without marks for repeated values."""
     used, _ = without_repeats(recording.exposures_s, recording.marks or ())
     for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
         yield exposure_s, tuple(measurement(mark) for mark in marks)
 
 
 def frames_frozen(recording: Recording) -> int:
-    """How many frames of given marks repeat values, and are not used."""
+    """Number of frames of given marks with repeated values, which are not used."""
     if recording.marks is None:
         return 0
     used, _ = without_repeats(recording.exposures_s, recording.marks)
@@ -148,15 +148,15 @@ def frames_frozen(recording: Recording) -> int:
 
 
 def measurement(mark: MarkRow) -> MarkMeasurement:
-    """A row of marks.csv as the filter takes it."""
+    """A row of marks.csv as a measurement."""
     return MarkMeasurement(mark.node, mark.position_m, mark.cov)
 
 
 def target_truth(recording: Recording, steps: list[Step]) -> Floats:
-    """Where the target was at each frame [m], (n_frames, dim), NaN where it is unknown.
+    """Position of the target at each frame [m], (n_frames, dim), NaN where unknown.
 
-    Its node from truth.csv, without it from its own mark, where that is seen for scoring only; from there to the target
-    by the map that makes all estimates.
+    Its node from truth.csv, or from its own mark for scoring; the map of all estimates leads from the node to the
+    target.
     """
     scene = recording.scene
     node = scene.target.node
@@ -173,7 +173,7 @@ def target_truth(recording: Recording, steps: list[Step]) -> Floats:
 
 
 def table(done: Track, method: str) -> pd.DataFrame:
-    """The estimates of one method as estimates.csv has them, with err_mm and nees where the truth is known."""
+    """The estimates of one method for estimates.csv, with err_mm and nees if the truth is known."""
     import pandas as pd  # here: a live run, which has no use for it, is to begin at once
 
     estimates = done.estimates(method)
@@ -186,14 +186,14 @@ def table(done: Track, method: str) -> pd.DataFrame:
 
 
 def _nees(errors: Floats, estimates: list[TargetEstimate]) -> Floats:
-    """NEES of each frame, (n_frames,): NaN where error or covariance is not known, inf where the latter is singular."""
+    """NEES of each frame, (n_frames,): NaN where error or covariance is unknown, inf where the latter is singular."""
     nees = np.full(len(errors), np.nan)
     covs = {k: e.cov for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()}
     if covs:
         known = list(covs)
         try:
             nees[known] = normalised_error_squared(errors[known], np.array(list(covs.values())))
-        except np.linalg.LinAlgError:  # no batch can be solved of which one is singular
+        except np.linalg.LinAlgError:  # a batch with a singular matrix cannot be solved
             nees[known] = [_nees_or_infinite(errors[k], cov) for k, cov in covs.items()]
     return nees
 
@@ -206,10 +206,10 @@ def _nees_or_infinite(error: Floats, cov: Floats) -> float:
 
 
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
-    """The figures of summary.json of one method; None where the number is not finite.
+    """The figures of summary.json for one method; None for non-finite numbers.
 
-    Those that need the truth are there where it is known of a frame, those that need a covariance or innovations where
-    the method has them.
+    Figures that need truth are present if any frame has it, those that need a covariance or innovations if the method
+    has them.
     """
     rows, estimates = table(done, method), done.estimates(method)
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]
@@ -238,7 +238,7 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
 
 
 def summary(done: Track) -> dict[str, dict[str, Any]]:
-    """What summary.json holds: figures by method; of the filter, what it says without any truth, too."""
+    """The content of summary.json: figures by method; for the filter also its verdicts without truth."""
     ours: dict[str, Any] = figures(done, FILTER) | dict(done.counts)
     ours["frames_by_status"] = frames_by_status(done.estimates(FILTER))
     ours["verdict"] = verdict_of(done)
@@ -252,7 +252,7 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
 
 
 def verdict_of(done: Track) -> str:
-    """What innovations and a truth show of the filter, and in how many frames there were marks."""
+    """Verdicts on the filter by innovations and truth, and the number of frames with marks."""
     estimates, found = done.estimates(FILTER), figures(done, FILTER)
     refused = int(done.counts.get("marks_refused") or 0)
     frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None
@@ -264,12 +264,12 @@ def verdict_of(done: Track) -> str:
 
 
 def write_tables(done: Track, folder: Path) -> None:
-    """Write the tables and figures of a track to a folder that exists."""
+    """Write the tables and figures of a track to an existing folder."""
     write_estimates(done, folder, {FILTER: "estimates.csv", OPEN_LOOP: f"estimates.{OPEN_LOOP}.csv"}, summary(done))
 
 
 def write_estimates(done: Track, folder: Path, names: Mapping[str, str], found: Mapping[str, Any]) -> None:
-    """Write tables of estimates to a folder that exists, by method under these names, and figures to summary.json."""
+    """Write tables of estimates to an existing folder, by method under these names, and figures to summary.json."""
     for method, name in names.items():
         table(done, method).to_csv(folder / name, index=False, float_format="%.9g")
     (folder / "summary.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

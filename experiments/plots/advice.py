@@ -40,16 +40,16 @@ COLOURS = {
     Advice.NO_GUIDANCE: GREY,
 }
 LANE_MM = 6.5
-"""Height of the lane of one reason in print [mm]: its words above its bars."""
+"""Printed height of a lane [mm]: a reason's text above its bars."""
 
 MOST_CHANGES = 40
-"""Changes of advice that are each shown by a line: closer ones would be grey."""
+"""Most changes of advice drawn as lines: more would merge."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
 def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) -> None:
-    """Draw advice.png into a folder that exists; vector: "pdf" or "svg" for such a file beside it."""
+    """Draw advice.png into an existing folder; vector: "pdf" or "svg" for a vector file beside it."""
     write_picture(advice_figure(done), folder / "advice.png", vector)
 
 
@@ -75,11 +75,11 @@ def advice_figure(done: Advised) -> Figure:
 def _probabilities(done: Advised, ax: Axes) -> None:
     rows, go = table(done), done.plan.settings.go
     times = rows["time_s"].to_numpy()
-    ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="turned to the aim")
-    ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="inserted at the best moment ahead")
+    ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
+    ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="insertion at the best later time")
     ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
-    if "came_true" in rows:
-        ax.plot(times, rows["came_true"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="came true, inserted now")
+    if "observed" in rows:
+        ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="observed, insertion now")
     ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")
     ax.set(ylim=(0.0, 1.02), ylabel="probability of a hit [–]")
 
@@ -94,19 +94,19 @@ def _misses(done: Advised, ax: Axes) -> None:
     beyond = mark_beyond(ax, times, lateral, BLACK)
     ax.set_ylabel("lateral miss [mm]")
     if beyond:
-        ax.set_title(f"beyond the picture in {beyond} of {counted(len(times), 'frame')}", loc="right")
+        ax.set_title(f"outside the plot in {beyond} of {counted(len(times), 'frame')}", loc="right")
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
-    """A lane for each reason: its words, and bars of when it held; a tick where the advice changes."""
+    """A lane for each reason: its text, and bars where it applied; a tick at each change of advice."""
     times = np.array(done.times_s)
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
         name = str(advice).replace("_", " ")
-        told = f"{name}: {words} ({counted(sum(held), 'frame')})"
+        label = f"{name}: {words} ({counted(sum(held), 'frame')})"
         across = ax.get_yaxis_transform()
         paper = {"fc": "white", "ec": "none", "pad": 0.2}
-        ax.text(0.004, lane + 0.45, told, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)
+        ax.text(0.004, lane + 0.45, label, fontsize=SMALL_PT, va="bottom", zorder=4, transform=across, bbox=paper)
     changes = [
         0.5 * (a + b)
         for a, b, before, after in zip(times, times[1:], done.guidance, done.guidance[1:], strict=False)
@@ -116,13 +116,13 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
         ax.vlines(changes, 0.0, len(reasons), color=BLACK, lw=0.4, ls=":")
     ax.set(ylim=(len(reasons), 0.0), yticks=[])
     ax.spines["left"].set_visible(False)
-    ax.set_title(f"advice and its reasons; changes: {len(changes)}")
+    ax.set_title(f"reasons of the advice; changes: {len(changes)}")
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
-    """The kinds of reasons in the order of the advice: which, in words, and in which frames they held.
+    """The kinds of reasons in the order of the advice: advice, text, and the frames of each.
 
-    Reasons that differ in their numbers alone are one kind, each number from its least to its largest.
+    Reasons that differ only in numbers are one kind, with the range of each number.
     """
     kinds: dict[tuple[Advice, str], list[int]] = {}
     for k, one in enumerate(done.guidance):
@@ -134,7 +134,7 @@ def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
 
 
 def _with_ranges(reasons: Sequence[str]) -> str:
-    """Reasons of one kind as one: a number that varies from its least to its largest."""
+    """Reasons of one kind as one text, with ranges of numbers."""
     columns = iter(zip(*(NUMBER.findall(reason) for reason in reasons), strict=True))
 
     def ranged(_match: re.Match[str]) -> str:

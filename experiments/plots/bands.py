@@ -1,4 +1,4 @@
-"""Stretches of time in which something held, as coloured bands: one artist each, however often it changes."""
+"""Periods of a condition as coloured bands: one artist for each condition."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.arrays import Floats
 from experiments.plots.style import BLACK, GREY, VERMILLION
 
 STATUS_COLOURS = {Status.COASTING: GREY, Status.LOST: BLACK, Status.DIVERGED: VERMILLION}
-"""Of the frames in which the estimate does not rest on marks that fit."""
+"""Statuses of frames whose estimate is not based on fitting marks."""
 
 FAINT = 0.25
 """Opacity of a band behind curves."""
@@ -22,7 +22,7 @@ K = TypeVar("K", Status, Advice)
 
 
 def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]:
-    """Start and length [s] of each run of frames in which something held, half-way to the frames beside it."""
+    """Start and length [s] of each run of frames with a condition, extended half-way to the adjacent frames."""
     if len(times_s) < 2:
         return []
     edges = np.concatenate([times_s[:1], 0.5 * (times_s[1:] + times_s[:-1]), times_s[-1:]])
@@ -32,9 +32,9 @@ def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]
 
 
 def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
-    """Colour the background by what each frame was: a band of full height for each kind that has a colour and occurs.
+    """Colour the background by the kind of each frame: bands of full height for each kind with a colour.
 
-    Each has its kind as its label.
+    The kind is the label.
     """
     for kind, colour in colours.items():
         spans = spans_of(times_s, [one == kind for one in kinds])

@@ -1,4 +1,4 @@
-"""The picture of a calibration: residuals over the picture's area, and how well each picture fits."""
+"""The plot of a calibration: residuals over the picture's area, and the fit of each picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def calibration_picture(calibration: Calibration, form: str) -> bytes:
 
 @styled
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Arrows from corners expected to corners seen, enlarged, beside bars of rms picture by picture."""
+    """Arrows from expected to seen corners, enlarged, beside bars of the rms of each picture."""
     figure, [[area, bars]] = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
     _residuals(calibration, area)
     _bars(calibration, bars)
@@ -31,7 +31,7 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
     some = np.linspace(0, len(seen) - 1, min(MOST_ARROWS, len(seen))).astype(int)
     width, height = calibration.size_px
     rms = calibration.reprojection_rms_px
-    # a residual of the size of the rms is drawn a fortieth of the picture long
+    # a residual of one rms is drawn as a fortieth of the picture
     per_px = width / 40 / rms if rms > 0 else 1.0
     arrows = ax.quiver(
         *seen[some].T, *residuals[some].T, angles="xy", scale_units="xy", scale=1 / per_px, width=0.0015, color=OURS
@@ -58,6 +58,6 @@ def _bars(calibration: Calibration, ax: Axes) -> None:
     ax.set_xticks(np.arange(0, n, every), calibration.images_used[::every], rotation=90, fontsize=SMALL_PT)
     ax.set(ylabel="rms residual [px]", xlim=(-0.7, n - 0.3))
     ax.set_title(
-        f"rms of each picture; dashed: of all, {calibration.reprojection_rms_px:.3f} px\n"
+        f"rms of each picture; dashed: all, {calibration.reprojection_rms_px:.3f} px\n"
         f"left out: {len(calibration.images_left_out)} pictures"
     )

@@ -17,26 +17,26 @@ from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILL
 from experiments.projects.check import SceneCheck
 
 MANY = 30
-"""Of a body of more nodes those without a mark have no name: they would be read nowhere."""
+"""Most nodes of a body whose unmarked nodes are labelled: more labels would be illegible."""
 
 N_BARS = 20
-"""Marks whose share is drawn."""
+"""Most marks whose share is drawn."""
 
 LEAST_BARS = 6
-"""A picture has room for so many, so that one alone is no wall."""
+"""Least number of bars for which the axis has room, so that a single bar is not too wide."""
 
 MARGIN = 0.12
 
 HIDES = 0.02
-"""A node that is drawn nearer than this to one before it has no name there, by the size of the picture [1]."""
+"""Least distance of a labelled node from the labelled ones before it, by the size of the plot [1]."""
 
 TURNED, RAISED = np.radians(35.0), np.radians(25.0)
-"""From where the oblique view of a body in space looks: to the right of z, and from above."""
+"""Direction of the oblique view of a body in space: to the right of z, and from above."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """From where a body is seen: across (2, dim), the axes of the picture; toward (dim,), whom it is seen by."""
+    """A viewing direction: across (2, dim), the axes of the plot; toward (dim,), towards the viewer."""
 
     across: Floats
     toward: Floats
@@ -55,7 +55,7 @@ def _views(dim: int) -> list[View]:
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """The network from the front, in space obliquely, too, and the share of information by mark."""
+    """The network from the front, in space also obliquely, and the share of information by mark."""
     views = _views(done.scene.network.dim)
     widths = [3.0] * len(views) + [1.6]
     figure, axes = grid_figure(PAGE_MM, 75.0 if len(views) > 1 else 105.0, ncols=len(widths), width_ratios=widths)
@@ -71,7 +71,7 @@ def check_figure(done: SceneCheck) -> Figure:
 def _title(done: SceneCheck) -> str:
     worst = int(done.offsets_m.argmax())
     name = done.scene.network.names[worst]
-    return f"as drawn and at rest, {1e3 * done.offsets_m[worst]:.1f} mm apart at most ({name})"
+    return f"as drawn and at rest, largest difference {1e3 * done.offsets_m[worst]:.1f} mm ({name})"
 
 
 def _network(ax: Axes, done: SceneCheck, view: View) -> None:
@@ -95,7 +95,7 @@ def _network(ax: Axes, done: SceneCheck, view: View) -> None:
             line.set(**style, **({"mfc": colour} if measured else {"mec": colour}))
     _target(ax, done, at, view)
     _names(ax, done, at, view)
-    # both shapes are in the picture, which is as wide as high: a body that sags far is seen to
+    # both shapes are in the plot, with equal scales: a large sag is visible
     both = np.vstack([at, rest])
     middle = 0.5 * (both.min(axis=0) + both.max(axis=0))
     reach = (0.5 + MARGIN) * float(np.ptp(both, axis=0).max())

@@ -1,4 +1,4 @@
-"""Plot of a comparison: the error of each method over time and the error that it predicts.
+"""Plot of a comparison: observed and predicted error of each method over time.
 
 Without truth, the distance of each from the filter in place of the error.
 """
@@ -22,16 +22,16 @@ from experiments.plots.style import BLACK, BLUE, PAGE_MM, grid_figure, legend_be
 
 
 def write_comparison_plot(done: Track, folder: Path, vector: str | None = None) -> None:
-    """Draw compare.png into a folder that exists; vector: "pdf" or "svg" for such a file beside it."""
+    """Draw compare.png into an existing folder; vector: "pdf" or "svg" for a vector file beside it."""
     write_picture(comparison_figure(done), folder / "compare.png", vector)
 
 
 @styled
 def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time, and what it predicted: the root of the trace of its covariance.
+    """Error of each method over time, and its predicted error: the root of the trace of its covariance.
 
-    All have one scale, of which a method that fails may leave the picture, marked at its edge and counted. Where the
-    truth is not known, distance from the filter's estimate.
+    All have one scale; errors outside it are marked at the edge and counted. Without truth the distance from the
+    filter's estimate is drawn.
     """
     methods = methods_of(done)
     figure, axes = grid_figure(PAGE_MM, 14.0 + 24.0 * len(methods), nrows=len(methods), sharex=True, sharey=True)
@@ -43,7 +43,7 @@ def comparison_figure(done: Track) -> Figure:
         _method(done, ax, method, off[method], predicted[method])
     axes[-1, 0].set_xlabel("time [s]")
     span(axes[-1, 0], done.times_s)
-    # the filter's predicts an error, and, where there is a truth, has one
+    # the filter predicts an error, and with a truth has one
     shown = methods.index(FILTER) if done.has_truth else _fullest(axes[:, 0])
     legend_below(figure, axes[shown, 0], 2)
     return figure
@@ -54,13 +54,13 @@ def _fullest(axes: np.ndarray) -> int:
 
 
 def _off_mm(done: Track, method: str) -> Floats:
-    """Error of a method in each frame, (n,), or its distance from the filter where the truth is not known [mm]."""
+    """Error of a method in each frame, (n,), or its distance from the filter without truth [mm]."""
     about = done.truth if done.has_truth else np.array([e.mean for e in done.estimates(FILTER)])
     return np.asarray(1e3 * np.linalg.norm(np.array([e.mean for e in done.estimates(method)]) - about, axis=1))
 
 
 def _predicted_mm(done: Track, method: str) -> Floats:
-    """Root mean square error that a method predicts, (n,) [mm]; NaN where it predicts none."""
+    """Root mean square error predicted by a method, (n,) [mm]; NaN where it has none."""
     variances = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
     return np.sqrt(table(done, method)[variances].sum(axis=1, skipna=False).to_numpy())
 
@@ -69,13 +69,13 @@ def _method(done: Track, ax: Axes, method: str, off: Floats, predicted: Floats) 
     times, what = done.times_s, "error" if done.has_truth else "distance from the filter"
     if np.isfinite(predicted).any():
         at, sigma = thinned(times, predicted)
-        ax.fill_between(at, 0.0, sigma, color=BLUE, alpha=0.25, lw=0, label="predicted root mean square error")
-    told = method
+        ax.fill_between(at, 0.0, sigma, color=BLUE, alpha=0.25, lw=0, label="predicted rms error")
+    title = method
     if done.has_truth or method != FILTER:
         ax.plot(*thinned(times, off), color=BLACK, lw=0.7, label=f"observed {what}" if done.has_truth else what)
         if np.isfinite(off).any():
-            told += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
+            title += f": mean {what} {off[np.isfinite(off)].mean():.2f} mm"
         beyond = mark_beyond(ax, times, off, BLACK)
-        told += f"; beyond the picture in {counted(beyond, 'frame')}" if beyond else ""
-    ax.set_title(told)
+        title += f"; outside the plot in {counted(beyond, 'frame')}" if beyond else ""
+    ax.set_title(title)
     ax.set_ylabel("[mm]")

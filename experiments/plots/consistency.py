@@ -1,4 +1,4 @@
-"""Can the covariance be believed: observed against predicted errors, NEES and NIS over time, marks as if hidden."""
+"""Consistency of the covariance: observed against predicted errors, NEES and NIS, marks predicted as if hidden."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, gr
 
 N_BINS = 8
 SPARED = 0.05
-"""Share of single frames that may be outside of a picture at either end, and are counted."""
+"""Share of frames that may lie outside the plot at either end, and are counted."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-2, 1e4
-"""Of NEES and NIS: four decades above the bounds no frame is consistent, however much larger the value."""
+"""Upper limit of plots of NEES and NIS: four decades above the bounds no frame is consistent."""
 
 
 def has_sigmas(done: Track) -> bool:
-    """Whether there is a frame of which both the error and what was predicted of it are known."""
+    """Whether there is a frame with observed and predicted error."""
     return len(_errors_and_sigmas(done)[0]) > 0
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
-    """Error and standard deviation an axis [mm] and NEES of the frames in which they are known, (n,) each."""
+    """Error and standard deviation for each axis [mm] and NEES of the frames with known ones, (n,) each."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
     error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
@@ -46,10 +46,10 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 @styled
 def sigma_figure(done: Track) -> Figure:
-    """Observed error against predicted standard deviation, frames grouped by the latter; raises ValueError for none.
+    """Observed error against predicted standard deviation, in groups of frames; raises ValueError for no frames.
 
-    The band holds 95 % of the groups where the covariance is consistent: the root of a mean square of as many
-    independent errors as the group's frames, which are correlated in time, are worth.
+    The band contains 95 % of the groups for a consistent covariance: the root mean square of as many independent errors
+    as the effective number of the group's frames, which are correlated in time.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
@@ -67,12 +67,12 @@ def sigma_figure(done: Track) -> Figure:
     note = f" ({n_out} of {len(error)} outside)" if n_out else ""
     ax.loglog(sigma, error, ".", color="0.75", ms=1.5, mew=0.0, label=f"single frames{note}", zorder=1)
     line = np.array([low, high])
-    band = "consistent: 95 % of groups in here"
+    band = "95 % of groups if consistent"
     ax.fill_between(line, least * line, most * line, color="0.5", alpha=0.2, lw=0, label=band, zorder=0)
-    ax.plot(line, line, color=TRUE, lw=0.6, label="observed as predicted", zorder=2)
-    ax.plot(predicted, found, "o-", color=OURS, label=f"root mean square of {len(groups)} groups", zorder=3)
+    ax.plot(line, line, color=TRUE, lw=0.6, label="observed = predicted", zorder=2)
+    ax.plot(predicted, found, "o-", color=OURS, label=f"rms of {len(groups)} groups", zorder=3)
     ax.set(xlim=(low, high), ylim=(low, high), aspect="equal")
-    ax.set(xlabel="predicted standard deviation [mm, an axis]", ylabel="observed error [mm, an axis]")
+    ax.set(xlabel="predicted standard deviation of an axis [mm]", ylabel="observed rms error of an axis [mm]")
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
         axis.set_major_formatter("{x:g}")
@@ -82,7 +82,7 @@ def sigma_figure(done: Track) -> Figure:
 
 
 def grouped(sigma: Floats) -> list[np.ndarray]:
-    """Frames by their standard deviation (n,), in groups of nearly equal size, from the smallest up; none is empty."""
+    """Frames by their standard deviation (n,), in groups of nearly equal size, in ascending order; none is empty."""
     edges = np.unique(np.quantile(sigma, np.linspace(0.0, 1.0, N_BINS + 1)))
     if len(edges) < 2:
         return [np.arange(len(sigma))]
@@ -91,14 +91,14 @@ def grouped(sigma: Floats) -> list[np.ndarray]:
 
 
 def has_innovations(done: Track) -> bool:
-    """Whether there is a frame of which NIS or NEES is known."""
+    """Whether there is a frame with NIS or NEES."""
     rows = table(done, FILTER)
     return bool(rows[["nees", "nis"]].notna().any(axis=None))
 
 
 @styled
 def consistency_figure(done: Track) -> Figure:
-    """NEES, where the truth is known, and NIS over time against the bounds that hold 95 % of a consistent filter's."""
+    """NIS, and with truth NEES, over time, with the 95 % bounds of a consistent filter."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     freedom = {"nees": np.full(len(ours), dim), "nis": dim * ours["marks_used"].to_numpy()}
     keys = [key for key in freedom if ours[key].notna().any()]
@@ -120,20 +120,20 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
     inside = float(np.mean(found[known] <= chi2.ppf(0.95, np.maximum(freedom[known], 1))))
     ms = 2.0 if len(found) < N_DRAWN else 0.7
     ax.semilogy(done.times_s[known], found[known], ".", color=OURS, ms=ms, mew=0.0, label="a frame", zorder=3)
-    label = "consistent: 95 % of frames in here"
+    label = "95 % of frames if consistent"
     ax.fill_between(done.times_s, low, high, color=OURS, alpha=0.15, lw=0, step="mid", label=label)
     draw_bands(ax, done.times_s, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
     shown = found[known & (found > LEAST_SHOWN) & (found < MOST_SHOWN)]
     bottom, top = np.nanmin([*shown, *low]), np.nanmax([*shown, *high])
     ax.set(ylabel=f"{key.upper()} [–]", ylim=(max(0.7 * bottom, LEAST_SHOWN), min(1.4 * top, MOST_SHOWN)))
     beyond = mark_beyond(ax, done.times_s, found, OURS)
-    title = f"{key.upper()}: mean {_average(found[known].mean())}, {freedom[known].mean():.2g} is right"
+    title = f"{key.upper()}: mean {_average(found[known].mean())}, expected {freedom[known].mean():.2g}"
     fit = fit_of(done.estimates(FILTER))
     if key == "nis" and fit is not None:
         title = f"NIS: mean {_average(fit.mean_nis)}, 95 % band of the mean {fit.low:.2f} to {fit.high:.2f}"
     ax.set_title(
         f"{title}; {100 * inside:.1f} % of frames in the 95 % region"
-        + (f"; {counted(beyond, 'frame')} beyond the picture" if beyond else "")
+        + (f"; {counted(beyond, 'frame')} outside the plot" if beyond else "")
     )
 
 
@@ -143,7 +143,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Errors of marks predicted as if hidden, by what was predicted of them: at 1 as predicted; ValueError for none."""
+    """Errors of marks predicted as if hidden, by their predicted errors: 1 is consistent; ValueError for no marks."""
     if not withheld:
         raise ValueError("withheld_figure: expected marks that were predicted as if hidden, found none")
     width = COLUMN_MM if len(withheld) <= 8 else PAGE_MM
@@ -152,11 +152,11 @@ def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
     ax.bar(range(len(ratios)), ratios, width=0.6, color=OURS, alpha=0.7)
     for k, one in enumerate(withheld.values()):
         above = (k, max(one.ratio, 1.0))
-        told = f"{one.mean_error_mm:.3g} mm"
-        ax.annotate(told, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
+        label = f"{one.mean_error_mm:.3g} mm"
+        ax.annotate(label, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
     ax.axhline(1.0, color=TRUE, lw=0.6, ls=(0, (4, 2)), label="as predicted")
     ax.set_xticks(range(len(ratios)), list(withheld), rotation=90 if len(withheld) > 8 else 0)
-    ax.set(ylim=(0.0, 1.2 * max(1.0, *ratios)), xlabel="mark", ylabel="rms error by the predicted [–]")
+    ax.set(ylim=(0.0, 1.2 * max(1.0, *ratios)), xlabel="mark", ylabel="observed / predicted rms error [–]")
     ax.set_title("marks predicted as if hidden; with their mean error")
     legend_below(figure, ax, 1)
     return figure

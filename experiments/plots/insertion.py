@@ -1,4 +1,4 @@
-"""Pictures of insertions: how often each policy hits, by how much it misses, and whether probabilities came true."""
+"""Plots of insertions: hit rates and misses of each policy, predicted and observed hits."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from experiments.simulation.policies import POLICIES
 
 COLOURS = dict(zip(POLICIES, (GREY, ORANGE, SKY, BLUE, GREEN), strict=True))
 DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid", "solid"), strict=True))
-"""Beside its colour: of lines that cross."""
+"""Line styles beside colours, for lines that cross."""
 
 N_LEAST = 5
-"""Tenths with fewer insertions are not drawn, and counted."""
+"""Bins with fewer insertions are not drawn, but counted."""
 
 FARTHEST_MM = 20.0
-"""Distances beyond are counted and not drawn."""
+"""Larger distances are not drawn, but counted."""
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
-    """Draw hits, misses, reliability and advised.png into a folder that exists; vector: "pdf" or "svg" beside each."""
+    """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each."""
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
     for name, figure in drawn.items():
         write_picture(figure(done), folder / f"{name}.png", vector)
@@ -67,7 +67,7 @@ def hits_figure(done: Trials) -> Figure:
 
 @styled
 def misses_figure(done: Trials) -> Figure:
-    """Which part of the runs came how near: needles that never arrived count as beyond every distance."""
+    """Cumulative distribution of the distance; needles that never arrived count as beyond every distance."""
     figure, [[ax]] = grid_figure(COLUMN_MM, 70.0)
     ax.set_title("distance to the true target at arrival")
     for policy in POLICIES:
@@ -82,24 +82,24 @@ def misses_figure(done: Trials) -> Figure:
         ax.step(x, np.r_[y, y[-1]], where="post", label=label, **style)
     radius = 1e3 * done.case.plan.lesion.radius_m
     ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
-    ax.set(xlim=(0.0, FARTHEST_MM), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs that came as near [%]")
+    ax.set(xlim=(0.0, FARTHEST_MM), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs within this distance [%]")
     legend_below(figure, ax, 2)
     return figure
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates against probabilities at the commitments of filter-ahead, each for a lesion drawn in its run."""
-    return _reliability_figure(calibrated(done), "filter-ahead at the commitment, by tenths")
+    """Hit rates against predicted probabilities at the commitments of filter-ahead, with a lesion drawn in each run."""
+    return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 
 
 def advised_figure(done: Trials) -> Figure:
-    """Hit rates against the probabilities of advice, of needles that went in at once."""
-    return _reliability_figure(bins(done.advised), "advice at any time, by tenths")
+    """Hit rates against the predicted probabilities of advice, for immediate insertions."""
+    return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
 
 
 @styled
 def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
-    """Hit rates against predicted probabilities, tenth by tenth, with 99 % intervals."""
+    """Hit rates against predicted probabilities, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")
@@ -110,7 +110,7 @@ def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
             continue
         rate = row.hits / row.n
         colour, marker = (BLUE, "o") if row.inside else (VERMILLION, "s")
-        name = f"99 % interval {'holds' if row.inside else 'does not hold'} the prediction"
+        name = f"99 % interval {'contains' if row.inside else 'excludes'} the prediction"
         spread = [[rate - row.least], [row.most - rate]]
         label = None if name in labelled else name
         labelled.add(name)
@@ -120,9 +120,11 @@ def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
         above = (row.mean, row.most)
         ax.annotate(str(row.n), above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
     if left_out:
-        note = f"{left_out} in tenths of fewer than {N_LEAST} left out"
+        note = f"{left_out} in bins of fewer than {N_LEAST} left out"
         ax.text(0.98, 0.02, note, ha="right", va="bottom", fontsize=SMALL_PT, transform=ax.transAxes)
-    ax.set(xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit [–]", ylabel="hit rate [–]")
+    ax.set(
+        xlim=(0.0, 1.0), ylim=(0.0, 1.1), xlabel="predicted probability of a hit [–]", ylabel="observed hit rate [–]"
+    )
     ax.set_yticks(np.linspace(0.0, 1.0, 6))
     ax.set_aspect("equal")
     legend_below(figure, ax, 1)

@@ -1,6 +1,6 @@
-"""Limits of pictures, from the body and what was measured of it: estimates that run away do not stretch them.
+"""Limits of plots, from the body and its measurements: diverging estimates do not stretch them.
 
-What leaves a picture is marked at its edge; of long recordings as many points are drawn as a picture can show.
+What lies outside a plot is marked at its edge; long recordings are thinned to the points that a plot can show.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from experiments.arrays import Floats
 from experiments.pipeline.track import Track
 
 N_DRAWN = 4000
-"""Points of a line, at most: three for each pixel of a picture's width."""
+"""Most points of a line: three for each pixel of a plot's width."""
 
 N_CARETS = 400
-"""Carets on an edge, at most: closer ones would be one bar."""
+"""Most carets on an edge: closer ones would merge."""
 
 OUTLIERS = 0.01
-"""Share of marks at either end of an axis that may be outliers and do not count for the body's place."""
+"""Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
 
 USUAL, FAR = 0.99, 10.0
-"""An axis shows this share of a series, and no value further than so many times its median: the rest may leave it."""
+"""An axis shows this share of a series, and no value above this many times its median; the rest may lie outside."""
 
 
 def body_box(done: Track) -> Floats:
-    """Lowest and highest corner [m] of where the body was, (2, dim): its network, the marks seen, the truth."""
+    """Lowest and highest corner [m] of the body's box, (2, dim): its network, the marks seen, the truth."""
     corners = [done.recording.scene.network.positions]
     marks = np.array([mark.position for step in done.steps for mark in step.marks])
     if len(marks):
@@ -37,18 +37,18 @@ def body_box(done: Track) -> Floats:
 
 
 def body_size(done: Track) -> float:
-    """Diagonal of the box of `body_box` [m]: an error beyond it is no longer a place within the body."""
+    """Diagonal of the box of `body_box` [m]: an error beyond it lies outside the body."""
     low, high = body_box(done)
     return float(np.linalg.norm(high - low))
 
 
 def within(points: Floats, box: Floats) -> Floats:
-    """The points (n, dim) in a box, lowest and highest corner (2, dim); NaN is in none."""
+    """Which of the points (n, dim) are in a box, lowest and highest corner (2, dim); NaN is not."""
     return points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
 
 
 def outside(points: Floats, box: Floats) -> NDArray[np.bool_]:
-    """Which of the points (n, dim) are beyond a box, lowest and highest corner (2, dim); NaN is nowhere."""
+    """Which of the points (n, dim) are outside a box, lowest and highest corner (2, dim); NaN is not."""
     return np.asarray(((points < box[0]) | (points > box[1])).any(axis=1))
 
 
@@ -59,7 +59,7 @@ def widened(box: Floats, share: float) -> Floats:
 
 
 def highest(most: float, *series: Floats) -> float:
-    """Up to where an axis shows the sizes of series of values: what is usual of each, and no further than `most`."""
+    """Upper limit of an axis for the sizes of series of values: usual values of each, at most `most`."""
     sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
     tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
     top = 1.2 * max(tops, default=0.0)
@@ -67,7 +67,7 @@ def highest(most: float, *series: Floats) -> float:
 
 
 def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A series of n values as a line of at most `N_DRAWN`: the least and the largest of each run of frames.
+    """A series of n values as a line of at most `N_DRAWN` points: the smallest and the largest of each run of frames.
 
     A run without any finite value breaks the line.
     """
@@ -82,7 +82,7 @@ def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
-    """Carets on the upper and lower edge of a picture where a series leaves it; in how many frames it does."""
+    """Carets on the upper and lower edge of a plot where a series lies outside; returns the number of these frames."""
     low, high = ax.get_ylim()
     count = 0
     for beyond, edge, marker in ((values > high, 0.985, "^"), (values < low, 0.015, "v")):

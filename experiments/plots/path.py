@@ -1,4 +1,4 @@
-"""The path of the target, coloured by time: in the scene, and close up with ellipses; in space from two sides."""
+"""The path of the target, coloured by time: in the scene, and in close-up with ellipses; in space from two sides."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from experiments.plots.style import HALO, OURS, PAGE_MM, PAPERS, SMALL_PT, TIME_
 
 N_ELLIPSES = 40
 MOST_NAMES = 30
-"""Of a larger network only the nodes with marks and the target's are named."""
+"""Most nodes of a network whose unmarked nodes are labelled."""
 
 AROUND = 0.5
-"""Margin around the body that a picture may show, by its size."""
+"""Margin of a plot around the body, by the body's size."""
 
 FAINT = 0.3
 """Opacity of an ellipse whose frame had no marks that fit."""
@@ -36,9 +36,9 @@ OURS_IN_TIME = colormaps[TIME_MAP](0.35)
 
 @styled
 def path_figure(done: Track) -> Figure:
-    """Path of the hidden target over a frame of the film, and close up with 2-sigma ellipses of ours.
+    """Path of the hidden target over a frame of the film, and in close-up with 2-sigma ellipses of the filter.
 
-    In space a row of each: seen along z and along y.
+    In space two rows: seen along z and along y.
     """
     dim = done.recording.scene.network.dim
     sides = [(0, 1)] if dim == 2 else [(0, 1), (0, 2)]
@@ -79,7 +79,7 @@ def _whole(done: Track, ax: Axes, side: tuple[int, int]) -> None:
 
 
 def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
-    """The paths alone, with ellipses: how many were drawn, and how many were larger than the picture."""
+    """The paths alone, with ellipses; returns how many were drawn, and how many were larger than the plot."""
     means, truth = _means_mm(done, FILTER, side), 1e3 * done.truth[:, list(side)]
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)[:, list(side)]
@@ -95,7 +95,7 @@ def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
 
 
 def _paths(done: Track, ax: Axes, side: tuple[int, int], thick: float) -> None:
-    """The filter's path coloured by time, the truth's, the paper's; what leaves the picture is marked and counted."""
+    """The filter's path coloured by time, the truth's, the paper's; points outside the plot are marked and counted."""
     means, papers, times = _means_mm(done, FILTER, side), _means_mm(done, OPEN_LOOP, side), done.times_s
     truth = 1e3 * done.truth[:, list(side)]
     shown = slice(None, None, -(-len(means) // N_DRAWN))
@@ -124,7 +124,7 @@ def _of_time(done: Track) -> Normalize:
 
 
 def _ellipse_keys(done: Track) -> dict[str, Line2D]:
-    """Entries of a legend by their label: an ellipse, and a faint one where there are any."""
+    """Legend entries by label: an ellipse, and a faint one if there are any."""
     opacities = {"2-sigma ellipse": 0.9}
     if any(e.status in MISSED for e in done.estimates(FILTER)):
         opacities["coasting, lost or diverged"] = FAINT
@@ -135,7 +135,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, side: tuple[int, int], reach: float) -> tuple[int, int]:
-    """2-sigma ellipses of some frames, faint where the estimate rests on no marks that fit."""
+    """2-sigma ellipses of some frames, faint where the estimate is not based on fitting marks."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     pair = np.ix_(side, side)
@@ -168,7 +168,7 @@ def _film(done: Track, ax: Axes) -> bool:
 
 
 def _network(done: Track, ax: Axes, side: tuple[int, int], *, lines: bool) -> None:
-    """Names of the nodes where they are drawn; springs and nodes, too, where no film shows them."""
+    """Names of the nodes where they are drawn; also springs and nodes if there is no film."""
     scene = done.recording.scene
     network = scene.network
     x = 1e3 * network.positions[:, list(side)]
@@ -190,8 +190,8 @@ def _fits(cov: Floats, reach: float) -> bool:
 
 
 def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
-    """The ellipse of so many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
+    """The ellipse at this many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # a singular one's least is rounding, of either sign
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular one the least is rounding
     return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)

@@ -1,6 +1,6 @@
-"""A plan as a picture: the tissue, what is in the way, the best path and what the needle will do to the target.
+"""Plot of a plan: the tissue, obstacles, the best path and the needle's push on the target.
 
-Blue is the path to take, pale blue the next best, vermillion what is forbidden and what forbids it, purple the lesion.
+Blue is the best path, pale blue the next best, vermillion rejected paths and obstacles, purple the lesion.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def _xy(place: Floats) -> tuple[float, float]:
 
 @styled
 def plan_figure(done: Planned) -> Figure:
-    """The whole scene beside a close-up of the lesion, with the figures of the best path; in space seen along z."""
+    """The whole scene beside a close-up of the lesion, with numbers of the best path; in space seen along z."""
     figure = new_figure(PAGE_MM, 105.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0), height_ratios=(1.0, 1.0))
     whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
@@ -112,7 +112,7 @@ def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], floa
 
 
 def _path_x(done: Planned, chosen: list[int]) -> Callable[[float], float]:
-    """Where the line of the best path is at a height, x by y [mm]; without one, over the lesion."""
+    """The x of the best path's line at a height y [mm]; without a best path, that of the lesion."""
     if not chosen or abs(done.plan.directions[chosen[0], 1]) < 1e-6:
         return lambda _y: float(1e3 * done.lesion.mean[0])
     (x, y), (dx, dy) = 1e3 * done.plan.tips[chosen[0], :2], done.plan.directions[chosen[0], :2]
@@ -177,7 +177,7 @@ def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
 def _lesion(done: Planned, ax: Axes, chosen: list[int], *, close: bool) -> None:
     lesion, found = done.lesion, done.plan
     mean, radius = 1e3 * lesion.mean[:2], 1e3 * lesion.radius_m
-    label = "lesion when the needle is there" if close else "lesion and its 95 % region"
+    label = "lesion at arrival" if close else "lesion and its 95 % region"
     if not chosen:
         alone = "lesion" if close else label
         ax.add_patch(Circle(_xy(mean), radius, fc=LESION, ec=LESION, alpha=0.55, zorder=6, label=alone))
@@ -187,7 +187,7 @@ def _lesion(done: Planned, ax: Axes, chosen: list[int], *, close: bool) -> None:
         there = 1e3 * found.means[k, :2]
         region = 1e6 * (lesion.cov + done.task.needle.force_sd**2 * np.outer(found.pushed[k], found.pushed[k]))[:2, :2]
         centre = "95 % region of its centre" if close else None
-        before = "lesion before the needle" if close else None
+        before = "lesion before insertion" if close else None
         ax.add_patch(Circle(_xy(mean), radius, fc="none", ec=LESION, ls=(0, (2, 2)), lw=1.2, zorder=6, label=before))
         ax.add_patch(Circle(_xy(there), radius, fc=LESION, ec=LESION, alpha=0.5, zorder=6, label=label))
         ax.add_patch(ellipse(there, region, ROUND, fc="none", ec=LESION, lw=1.4, zorder=6, label=centre))
@@ -232,7 +232,7 @@ def _close_up(done: Planned, ax: Axes, chosen: list[int]) -> None:
 
 
 def _frame(done: Planned, ax: Axes) -> None:
-    """Show the entries, the lesion and what is in the way, and in a corner where in the tissue that is."""
+    """Show the entries, the lesion and obstacles, with an inset of their position in the tissue."""
     found, network = done.plan, done.scene.network
     ends = [place for one in done.task.obstacles for place in (one.start[:2], one.end[:2])]
     x = 1e3 * np.vstack([found.entries[:, :2], found.tips[:, :2], *(end[None] for end in ends)])
@@ -259,10 +259,10 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
     if chosen:
         head, color = f"Best path: hit probability {found.hits[chosen[0]]:.0%}", BEST
     ax.text(0.0, 1.0, head, fontsize=TEXT_PT, fontweight="bold", color=color, va="top", transform=ax.transAxes)
-    lines = [f"{allowed} of {n} paths allowed; belief about the target: {done.belief}"]
+    lines = [f"{allowed} of {n} paths allowed; target estimate: {done.estimate}"]
     lines += [f"    {count} against {one}" for one, count in _rejections(done)]
-    told = "\n".join(lines[:6])
-    ax.text(0.0, 0.89, told, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
+    text = "\n".join(lines[:6])
+    ax.text(0.0, 0.89, text, va="top", transform=ax.transAxes, color="0.25", linespacing=1.2, fontsize=SMALL_PT)
     if chosen:
         rows = [
             [

@@ -1,4 +1,4 @@
-"""The house style of every picture: print sizes, type, colours that the colour-blind can tell apart, and its files.
+"""The style of all plots: print sizes, type, colours for the colour-blind, and files.
 
 A picture is as wide as a column or a page of print; its type is legible there without enlarging. Colours are Okabe
 and Ito's [wong2011]; a path in time is coloured by viridis, which is perceptually uniform.
@@ -25,16 +25,16 @@ COLUMN_MM, PAGE_MM = 85.0, 170.0
 """Width of a column and of a page of print [mm]."""
 
 DPI = 300
-"""Pixels an inch of PNG files: what journals ask of a halftone."""
+"""Resolution of PNG files [px/inch]: journals require it for halftones."""
 
 TEXT_PT, SMALL_PT = 7.0, 6.0
-"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the least that is read in print."""
+"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the least that is legible in print."""
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"
 
 TRUE, OURS, PAPERS = BLACK, BLUE, ORANGE
-"""The truth, our filter, the paper's open loop: of one colour in every picture."""
+"""The truth, the filter, the paper's open loop: the same colours in all plots."""
 
 TIME_MAP = "viridis"
 
@@ -68,12 +68,12 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 3.0,
     "figure.titlesize": TEXT_PT,
     "image.cmap": TIME_MAP,
-    "pdf.fonttype": 42,  # type that another program can edit
+    "pdf.fonttype": 42,  # text that other programs can edit
     "svg.hashsalt": "softaim",  # names inside that are the same each time
 }
 
 UNDATED = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-"""What is said in a file beside the picture: no date, so that the same picture is the same file."""
+"""Metadata of a file: no date, so that the same plot gives the same file."""
 
 P = ParamSpec("P")
 
@@ -101,13 +101,13 @@ def grid_figure(width_mm: float, height_mm: float, **grid: Any) -> tuple[Figure,
 
 
 def span(ax: Axes, times_s: Floats) -> None:
-    """Show from the first time to the last [s]; one alone spans nothing and is left to matplotlib."""
+    """Limits from the first time to the last [s]; a single time is left to matplotlib."""
     if len(times_s) > 1:
         ax.set_xlim(times_s[0], times_s[-1])
 
 
 def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
-    """The legend of one or some of the axes under all of them: never over data."""
+    """The legend of one or some of the axes below all of them, so that it does not cover data."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
     handles = [one for handles, _ in entries for one in handles]
     labels = [one for _, labels in entries for one in labels]
@@ -123,7 +123,7 @@ def saved(figure: Figure, form: str) -> bytes:
 
 
 def write_picture(figure: Figure, path: Path, vector: str | None = None) -> list[Path]:
-    """Write a PNG file and, where wanted, a vector file ("pdf" or "svg") beside it; the files written."""
+    """Write a PNG file and optionally a vector file ("pdf" or "svg") beside it; returns the files written."""
     forms = {path: "png"} | ({path.with_suffix(f".{vector}"): vector} if vector else {})
     for one, form in forms.items():
         one.write_bytes(saved(figure, form))

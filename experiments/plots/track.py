@@ -1,6 +1,6 @@
 """The pictures of a track: path of the target, error or motion over time, and consistency of the covariance.
 
-A picture's limits are those of the body (`limits.py`); estimates that leave it are marked at its edge and counted.
+The limits are those of the body (`limits.py`); estimates outside are marked at the edge and counted.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ ERROR_TITLE, MOTION_TITLE = "error of the hidden target", "the hidden target"
 def write_track_plots(
     done: Track, folder: Path, vector: str | None = None, *, advance: Callable[[float], None] = lambda _share: None
 ) -> list[Path]:
-    """Draw the pictures of a track into a folder that exists; the files written.
+    """Draw the plots of a track into an existing folder; returns the files written.
 
     path.png; with truth error.png and sigma.png, without it motion.png in their place; consistency.png where marks were
-    taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for such a file beside each;
-    advance: gets the share done
+    taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for a vector file beside
+    each; advance: is called with the share done
     """
     pictures = {"path": path_figure(done)}
     if done.has_truth:
@@ -72,7 +72,7 @@ def error_figure(done: Track) -> Figure:
 
 @styled
 def motion_figure(done: Track) -> Figure:
-    """Where the target was on each axis over time, by the filter, within twice its sigma, and by the open loop."""
+    """The target on each axis over time: the filter with a band of two sigma, and the open loop."""
     means, papers = _means_mm(done, FILTER), _means_mm(done, OPEN_LOOP)
     figure, axes = _an_axis_each(done)
     for a, ax in enumerate(axes):
@@ -95,7 +95,7 @@ def _an_axis_each(done: Track) -> tuple[Figure, list[Axes]]:
 
 
 def _usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis that shows the filter's path where it is about the body, and its usual sigmas."""
+    """Limits [mm] of an axis that shows the filter's path near the body, and its usual sigmas."""
     (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], _means_mm(done, FILTER)[:, axis]
     near = places[(places >= low) & (places <= high)]
     if not len(near):
@@ -117,7 +117,7 @@ def _sigma_mm(done: Track, axis: int) -> Floats:
 def _over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """A coordinate of the filter's and the open loop's, with bands of multiples of sigma; a single one about ours."""
+    """A coordinate of the filter and the open loop, with bands of multiples of sigma about the filter's."""
     times = done.times_s
     at, spread = thinned(times, sigma)
     about = np.zeros(len(at)) if len(multiples) > 1 else np.interp(at, times, ours)
@@ -134,5 +134,5 @@ def _over_time(
         if (n := mark_beyond(ax, times, values, colour))
     }
     if gone:
-        told = ", ".join(f"{name} {n}" for name, n in gone.items())
-        ax.set_title(f"beyond the picture: {told} of {len(times)} frames", loc="right")
+        text = ", ".join(f"{name} {n}" for name, n in gone.items())
+        ax.set_title(f"outside the plot: {text} of {len(times)} frames", loc="right")

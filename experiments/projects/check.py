@@ -1,7 +1,7 @@
-"""A scene, looked at before anything is estimated: what `softaim check` finds.
+"""Check of a scene before estimation: what `softaim check` finds.
 
-Rest, oscillations and the bound of what can be known are computed about the rest of the scene's own network; what a
-frame of marks tells is told by the scene's own filter, on marks that stand where they rest.
+Rest, oscillations and the accuracy bound are computed about the rest of the scene's network; the information in a frame
+of marks is computed by the scene's filter, on marks at rest.
 """
 
 from __future__ import annotations
@@ -29,27 +29,27 @@ from experiments.pipeline.line import FILTER, Line, check_followed
 from experiments.simulation.simulate import draw
 
 FRAMES_PER_S = 30.0
-"""Where neither a recording nor the user says how many."""
+"""Default frame rate without a recording or an option."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Of marks at rest the filter gets so many seconds, more while its covariance still changes, and no more than that."""
+"""Least and most time of marks at rest for the filter [s]; more than the least while its covariance still changes."""
 
 SETTLED = 0.01
-"""Relative change of the target's variance over a quarter of a second."""
+"""Relative change of the target's variance over a quarter of a second below which it is steady."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneCheck:
-    """What a scene is, found about its rest.
+    """Properties of a scene about its rest.
 
     path: of the scene's file; rest: where the network rests [m], (n_nodes, dim)
-    stable_s: longest explicit step that is stable; step_s: longest that the filter takes, an implicit one
-    interval_s: of the frames; seen: the measured marks as a frame at rest gives them; unfound: nodes whose marks no
-        detector finds in a picture of the scene
-    estimate: what the scene's filter knows of the target after some seconds at rest
+    stable_s: longest stable explicit step; step_s: longest step of the filter, an implicit one
+    interval_s: of the frames; seen: the measured marks in a frame at rest; unfound: nodes whose marks are not detected
+    in a picture of the scene
+    estimate: the scene's filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m, pushed_m: standard deviation of the target, an axis, below which no unbiased estimate is while nobody
-        pushes, and while all marked nodes may be pushed as the scene's filter assumes
+    quiet_m, pushed_m: lower bound on the standard deviation of the target on each axis for unbiased estimates, without
+    pushes, and with pushes on all marked nodes as in the scene's filter
     """
 
     path: Path
@@ -68,17 +68,17 @@ class SceneCheck:
 
     @property
     def offsets_m(self) -> Floats:
-        """By how much each node rests elsewhere than it is drawn [m], (n_nodes,)."""
+        """Distance of each node at rest from its drawn position [m], (n_nodes,)."""
         return np.asarray(np.linalg.norm(self.rest - self.scene.network.positions, axis=1))
 
     @property
     def sigma_m(self) -> float:
-        """Standard deviation of the target by the scene's filter, an axis [m]."""
+        """Standard deviation of the target on each axis by the scene's filter [m]."""
         return per_axis(np.asarray(self.estimate.cov))
 
     @property
     def shares(self) -> Mapping[str, float]:
-        """What share of what a frame tells of the target each mark has, most first; they sum to 1."""
+        """Share of each mark in a frame's information on the target, largest first; they sum to 1."""
         found = self.estimate.information_share
         whole = sum(found.values()) or 1.0
         return {node: found[node] / whole for node in sorted(found, key=lambda node: -found[node])}
@@ -93,7 +93,7 @@ def checked(
 ) -> SceneCheck:
     """The check of a scene file or of a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: of the marks, in place of the recording's or of what the camera gives
+    frames_per_s, sd_mm: of the marks, in place of the recording's or the camera's
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -139,7 +139,7 @@ def per_axis(cov: Floats) -> float:
 
 
 def _interval_s(recording: Recording | None) -> float:
-    """Between two frames of a recording, as most are [s]."""
+    """Median frame interval of a recording [s]."""
     if recording is None or len(recording.exposures_s) < 2:
         return 1.0 / FRAMES_PER_S
     return float(np.median(np.diff(recording.exposures_s)))
@@ -148,10 +148,10 @@ def _interval_s(recording: Recording | None) -> float:
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
 ) -> tuple[tuple[MarkMeasurement, ...], tuple[str, ...]]:
-    """The measured marks at rest, each with the covariance that it comes with, and nodes whose marks are not found.
+    """The measured marks at rest with their covariances, and nodes whose marks are not found.
 
-    By the user's word, the rows of marks.csv, or a picture: the first of the film, or one drawn of the scene. Where no
-    measured mark is found there, and where there is none of these, they are seen to `NEAR_SD_MM`.
+    Covariances come from the option, the rows of marks.csv, or a picture: the first of the film, or a synthetic one. If
+    no measured mark is found there, or without these, they are `NEAR_SD_MM`.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -161,7 +161,7 @@ def _seen(
         covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
     elif sd_mm is None and scene.cameras:
         found = {mark.node: mark for mark in Line(scene, baseline=False).see(0.0, _picture(scene, recording)).marks}
-        # in a recording those for scoring may be covered
+        # in a recording marks for scoring may be covered
         due = [mark.node for mark in scene.marks if mark.measured or recording is None]
         unfound = tuple(node for node in due if node not in found)
         covs = {node: cov for node, cov in covs.items() if node in found} or covs
@@ -173,13 +173,13 @@ def _seen(
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
-    """What a mark there shares with the others by the camera's calibration, None where it is exact."""
+    """Shared error of a mark there by the camera's calibration, None for an exact one."""
     camera = scene.cameras[0] if scene.cameras else None
     return None if camera is None or not camera.n_calibration else camera.calibration_error(place[None])[0]
 
 
 def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-    """The reference marks where they stand, seen as well as the others are in the mean."""
+    """The reference marks at their positions, with the mean covariance of the others."""
     cov = np.mean([mark.cov for mark in seen], axis=0)
     places = reference_places(scene.reference, scene.network)
     return tuple(MarkMeasurement(name, place, cov) for name, place in places.items())
@@ -188,14 +188,14 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Covariance of each measured mark that has rows [m²], the usual one of all where none has; nodes without rows."""
+    """Covariance of each measured mark with rows [m²], the typical one of all marks if none has; nodes without rows."""
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)
 
 
 def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:
-    """The first frame of a film, or the scene drawn as its file has it."""
+    """The first frame of a film, or a synthetic picture of the scene as drawn."""
     if recording is None:
         return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
     with recording.open_frames() as frames:
@@ -205,7 +205,7 @@ def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:
 def _after_rest(
     line: Line, seen: tuple[MarkMeasurement, ...], interval_s: float, advance: Callable[[float], None]
 ) -> TargetEstimate:
-    """What the filter knows of the target once marks at rest change that no more."""
+    """The filter's steady estimate of the target with marks at rest."""
     recent = max(1, int(np.ceil(0.25 / interval_s)))
     n_least, n_most = (max(recent + 1, int(np.ceil(length / interval_s))) for length in (SETTLING_S, LONGEST_S))
     variances: list[float] = []

@@ -1,6 +1,6 @@
-"""Meshes of one's own: `nodes.csv` and, where it is not for the triangulation to say, `springs.csv`.
+"""User meshes: `nodes.csv` and optionally `springs.csv` in place of a triangulation.
 
-nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or nothing
+nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or empty
 springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
 """
 
@@ -24,15 +24,15 @@ YES = ("yes", "")
 """Entries of `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; and metres for millimetres
-are found out."""
+"""Shortest spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; it also detects metres in
+place of millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
     """A body of a mesh.
 
-    hues: of the nodes with a mark [degrees]; none at all where the file leaves them to the program
+    hues: of the nodes with a mark [degrees]; empty if the file states none
     """
 
     phantom: Phantom
@@ -40,7 +40,7 @@ class Mesh:
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
-    """The body of these files, of this Young's modulus [Pa] where no stiffness is given; raises InputError."""
+    """The body of these files, with this Young's modulus [Pa] unless stiffnesses are given; raises InputError."""
     has = next(read_rows(nodes, "columns x_mm, y_mm, name"))
     axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
@@ -89,7 +89,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
 def _yes(table: Table, column: str) -> NDArray[np.bool_]:
     entries = table.texts.get(column, [""] * table.n_rows)
     if column in table.texts:
-        table.check(column, np.array([entry in YES for entry in entries]), "yes or nothing")
+        table.check(column, np.array([entry in YES for entry in entries]), "yes or no entry")
     return np.array([entry == "yes" for entry in entries])
 
 
@@ -103,15 +103,17 @@ def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
         except ValueError:
             hue = np.nan
         if not 0.0 <= hue < 360.0:
-            raise InputError.at(table.place(row, "hue_deg"), "0 or more and less than 360, or nothing", shown(entry))
+            raise InputError.at(table.place(row, "hue_deg"), "0 or more and less than 360, or no entry", shown(entry))
         if fixed[row]:
-            raise InputError.at(table.place(row, "hue_deg"), "nothing for an anchor, whose mark tells nothing", entry)
+            raise InputError.at(
+                table.place(row, "hue_deg"), "no entry for an anchor, whose mark has no information", entry
+            )
         hues[name] = hue
     return hues
 
 
 def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], positions: Floats) -> str:
-    """The node that the file says, else the free one that is nearest to their middle."""
+    """The node marked in the file, else the free one nearest to the middle of all."""
     if target.sum() > 1:
         raise InputError.at(table.place(int(np.flatnonzero(target)[1]), "target"), "one target", "a second one")
     free = np.flatnonzero(~fixed)
@@ -120,12 +122,12 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
         middle = positions[free].mean(axis=0)
         row = int(free[np.linalg.norm(positions[free] - middle, axis=1).round(9).argmin()])
     if fixed[row]:
-        raise InputError.at(table.place(row, "target"), "nothing for an anchor, which does not move", "yes")
+        raise InputError.at(table.place(row, "target"), "no entry for an anchor, which does not move", "yes")
     return table.texts["name"][row]
 
 
 def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
-    """Free nodes at corners of the hull, all but the target where none is."""
+    """Free nodes at corners of the hull; if there are none, all but the target."""
     free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
     corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
     return [name for name in free if name in corners] or free

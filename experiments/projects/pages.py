@@ -1,4 +1,4 @@
-"""Texts of a new project: commented files and the page of steps. What they say is true of the template's numbers."""
+"""Texts of a new project: commented files and the page of steps, valid for the template's numbers."""
 
 from __future__ import annotations
 
@@ -13,52 +13,52 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""By dimension: a soft breast's masses are 40 g and well held, 40 m/s² is a push of 1 to 2 N."""
+"""Strongest poke by dimension: a soft breast's masses are 40 g and well supported, 40 m/s² is a push of 1 to 2 N."""
 
 HORIZON_S = 1.0
-"""Over which advice looks for a better start: five periods of a breast, and half the time of the usual two seconds."""
+"""Horizon of the search for a better start: five periods of a breast, and half the default of two seconds."""
 
 SPEED_MM_S = 100.0
 
 KEYS = {
     "version": "of the format",
     "gravity_m_s2": "world axes: x right, y up, z toward the camera",
-    "position_mm": "where it stands in the picture that was taken of it at rest",
-    "mass_kg": "weigh it, or share out the weight of the whole",
+    "position_mm": "position in a picture at rest",
+    "mass_kg": "weigh it, or divide the weight of the whole",
     "drag_N_s_m": "viscous, against the ground",
     "friction_N": "Coulomb, against the planes that hold it",
     "fixed": "true for an anchor",
     "stiffness_N_m": "an estimate will do: softaim identify finds it",
-    "rest_length_mm": "such that the whole rests where it is drawn, under gravity: softaim identify --at-rest",
+    "rest_length_mm": "such that the whole rests as drawn, under gravity: softaim identify --at-rest",
     "damping_N_s_m": "dashpot along the spring: softaim identify finds it",
-    "group": "springs of one group have one factor when they are identified",
-    "hue_deg": "0 red, 120 green, 240 blue; softaim hue FILM --at U,V learns it from a click",
+    "group": "springs of a group share one factor in softaim identify",
+    "hue_deg": "0 red, 120 green, 240 blue; softaim hue FILM --at U,V learns it",
     "diameter_mm": "of the spot",
-    "measured": "false: seen in the calibration only, or for scoring; no filter reads it",
-    "half_width_deg": "from hue_deg, of a pixel's hue",
-    "radius_mm": "what counts as a hit",
-    "position_sd_mm": "0 for the simulated lesion; of a real one, how well its place in the tissue is known",
-    "drift_sd_mm": "0 for the simulated camera; of a real one, how far it may have moved unnoticed",
+    "measured": "false: seen only in the calibration, or for scoring; filters do not use it",
+    "half_width_deg": "range of a pixel's hue about hue_deg",
+    "radius_mm": "radius of a hit",
+    "position_sd_mm": "0 for the simulated lesion; for a real one the accuracy of its position in the tissue",
+    "drift_sd_mm": "0 for the simulated camera; for a real one its possible unnoticed drift",
     "size_px": "of the picture",
     "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
-    "scale_sd": "0 for the simulated camera; of a real one, how well its scale is known",
+    "scale_sd": "0 for the simulated camera; for a real one the relative error of its scale",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
-"""Comment behind a key of scene.toml where it stands first."""
+"""Comment after the first occurrence of a key of scene.toml."""
 
 TABLES = {
     "[network]": "The tissue: point masses, and springs with dashpots between them.",
-    "[[mark]]": "Coloured spots, one to a node at most.",
-    "[target]": "The hidden point that the needle is for.",
-    "[reference]": "The camera's own motion; a [[reference.mark]] on an anchor or the rig shows it.",
-    "[filter]": "The filter that follows it.",
-    "[[camera]]": "Squarely before the plane z = 0.",
+    "[[mark]]": "Coloured spots, at most one on each node.",
+    "[target]": "The hidden target point of the needle.",
+    "[reference]": "The camera's own motion; a [[reference.mark]] on an anchor or the rig measures it.",
+    "[filter]": "The settings of the filter.",
+    "[[camera]]": "A camera square to the plane z = 0.",
 }
-"""Comment above a table of scene.toml where it stands first."""
+"""Comment above the first occurrence of a table of scene.toml."""
 
 
 def commented(lines: list[str]) -> list[str]:
-    """Lines of a scene file, with what each key means where it stands first."""
+    """Lines of a scene file, with the meaning of each key at its first occurrence."""
     tables, keys = dict(TABLES), dict(KEYS)
     found = []
     for line in lines:
@@ -83,20 +83,20 @@ def scene_page(scene: Scene, heading: str, *, after: str = "") -> str:
 
 UNTUNED = """
 # Still missing; commands write them into copies of this file:
-# [uncertainty], how well the constants are known: softaim identify
-# in [filter], how far this tissue departs from its model, or its noise levels: softaim tune
+# [uncertainty] of the constants: softaim identify
+# in [filter], the model error of this tissue, or noise levels: softaim tune
 """
 
 
 def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: float, pokes: bool) -> str:
     """A scenario file with comments."""
-    strongest = POKE_M_S2[of.believed.network.dim]
+    strongest = POKE_M_S2[of.assumed.network.dim]
     lines = [
         f"# {what}",
         "version = 1",
         f"title = {toml_text(f'{of.title}: {what[0].lower()}{what[1:]}')}",
         _with(f"scene = {toml_text(scene)}", "the simulated tissue, which differs from what scene.toml states"),
-        _with(f"seed = {seed}", "softaim simulate --seed takes another"),
+        _with(f"seed = {seed}", "or another one by softaim simulate --seed"),
         f"duration_s = {seconds:.1f}",
         _with(f"frame_interval_s = {1.0 / FRAMES_PER_S:.6f}", f"{FRAMES_PER_S} frames/s"),
     ]
@@ -106,17 +106,17 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
             _with("[tremor]", "of the table, on every mass"),
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
-            _with("[pokes]", "of a rod, on one of these nodes at a time: none inside, where no rod reaches"),
-            f"nodes = [{', '.join(toml_text(node) for node in of.believed.measured_nodes)}]",
-            _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, by the mass of its node"),
-            _with("shortest_s = 0.1", "half a sine wave, from so short ..."),
-            _with("longest_s = 0.4", "... to so long"),
+            _with("[pokes]", "by a rod, on one of these outer nodes at a time"),
+            f"nodes = [{', '.join(toml_text(node) for node in of.assumed.measured_nodes)}]",
+            _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, over the mass of its node"),
+            _with("shortest_s = 0.1", "half a sine wave, shortest ..."),
+            _with("longest_s = 0.4", "... and longest"),
             _with("pause_s = 1.5", "between two, on average"),
         ]
-    if of.believed.network.dim == 3:
+    if of.assumed.network.dim == 3:
         lines += [
             "",
-            _with("[marks]", "in space a tracker's marks.csv takes the place of a film"),
+            _with("[marks]", "in space a tracker's marks.csv replaces a film"),
             _with(f"sd_mm = {NEAR_SD_MM}", "of a mark, an axis"),
         ]
     else:
@@ -126,21 +126,21 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _with(line: str, comment: str) -> str:
-    """A line of a file, and what it means."""
+    """A line of a file with its meaning."""
     return f"{line:<36} # {comment}"
 
 
 def needle_page(of: Template) -> str:
     """The needle's file with comments."""
-    target = of.believed.target.node
+    target = of.assumed.target.node
     entry, way = np.round(1e3 * of.entry_m, 1) + 0.0, np.round(of.direction, 4) + 0.0
     lines = [
-        "# The needle for softaim advise; what is left out has its usual value, see docs/guidance.md.",
+        "# The needle for softaim advise; omitted keys have defaults, see docs/guidance.md.",
         "version = 1",
         _with(f"entry_mm = {toml_value(entry)}", "where it enters the tissue"),
         _with(f"direction = {toml_value(way)}", f"to where the target {target} is once the needle has pushed it"),
-        _with(f"speed_mm_s = {SPEED_MM_S}", "it goes straight, at this speed"),
-        _with("depth_mm = 0.0", "of the tip beyond the entry, now"),
+        _with(f"speed_mm_s = {SPEED_MM_S}", "along a straight line"),
+        _with("depth_mm = 0.0", "present depth of the tip beyond the entry"),
         _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),
         _with("notch_offset_mm = 5.0", "from the tip back to the notch: measure your needle"),
         "notch_length_mm = 20.0",
@@ -151,18 +151,18 @@ def needle_page(of: Template) -> str:
         _with(f"radius_mm = {RADIUS_MM}", "around the target"),
         "",
         "[advice]",
-        _with("go = 0.9", "GO from this probability of a hit on"),
-        _with(f"horizon_s = {HORIZON_S}", "a start that is better is looked for so far ahead"),
+        _with("go = 0.9", "least probability of a hit for GO"),
+        _with(f"horizon_s = {HORIZON_S}", "how far ahead a better start is searched"),
     ]
     return "\n".join(lines) + "\n"
 
 
 def steps_page(of: Template) -> str:
-    """STEPS.md: what to type, in order, and why."""
-    film = of.believed.network.dim == 2
+    """STEPS.md: the commands in order, with reasons."""
+    film = of.assumed.network.dim == 2
     words = {
         "title": of.title,
-        "target": of.believed.target.node,
+        "target": of.assumed.target.node,
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
         "real": REAL_FILM if film else REAL_MARKS,
     }
@@ -176,9 +176,9 @@ def _filled(text: str, words: Mapping[str, str]) -> str:
 
 
 REAL_FILM = """\
-With a phantom that stands on the table, films take the place of step 2: calibrate the camera (`softaim calibrate`),
+With a real phantom, films replace step 2: calibrate the camera (`softaim calibrate`),
 learn the hues of the marks (`softaim hue FILM --at U,V`), write both into `scene.toml`, and record. In `still` and
-`calibration` every mark is seen, the target's, too; in `rec` those inside may be covered.
+`calibration` every mark is seen, also the target's; in `rec` those inside may be covered.
 
 ```sh
 softaim record 0 --out still --scene scene.toml --seconds 2
@@ -188,28 +188,28 @@ softaim record 0 --out rec --scene scene.toml --seconds 20
 """
 
 REAL_MARKS = """\
-With a real body, recordings of a tracker take the place of step 2: folders with `scene.toml` and `marks.csv`
-(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, those inside, too, as by CT or
-ultrasound; in `rec` those on the outside.
+With a real body, recordings of a tracker replace step 2: folders with `scene.toml` and `marks.csv`
+(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, also those inside, by CT or
+ultrasound; in `rec` only those on the outside.
 """
 
 STEPS = """\
 # <title>: from nothing to advice
 
-Type these lines in this folder, in this order. They take some minutes in all, and each says what it found.
+Type these lines in this folder, in this order. They take some minutes in all, and each prints its result.
 
 | file | what it is |
 | --- | --- |
-| `scene.toml` | what you assume: the network, its marks, its target <target>. Change it to what you have |
+| `scene.toml` | your assumptions: the network, its marks, its target <target>. Adapt it to your tissue |
 | `needle.toml` | the needle that is advised |
-| `truth/scene.toml` | the simulated tissue. Nothing but `simulate` reads it: it is there to be found out |
+| `truth/scene.toml` | the simulated tissue, to be identified. Only `simulate` reads it |
 | `truth/all_marks.toml` | the same, all marks measured: for calibration |
-| `still.toml`, `calibration.toml`, `scenario.toml` | what happens to it in three simulated recordings |
+| `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of three simulated recordings |
 
-The constants of `truth/` are not those of `scene.toml`: stiffnesses are off by some 10 %, dashpots, drag and friction
-by some 20 %, and each spring by a few per cent more. So it rests elsewhere than you drew it, as in life.
+The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
+some 20 %, and each spring by a few per cent more. So it does not rest as drawn, like real tissue.
 
-## 1. Check what you wrote down
+## 1. Check the scene
 
 ```sh
 softaim check scene.toml --out check
@@ -217,7 +217,7 @@ softaim check scene.toml --out check
 
 Look at `check/check.png`. `missing` names what the next steps bring.
 
-## 2. Record, simulated
+## 2. Simulate recordings
 
 Each is <recorded>, with its truth for scoring.
 
@@ -228,33 +228,33 @@ softaim simulate scenario.toml --out rec
 ```
 
 <real>
-## 3. Where it rests
+## 3. Identify the rest shape
 
-Rest lengths from the picture at rest: else gravity lets the model sag, and the target is estimated beside its place.
+Rest lengths come from the picture at rest: otherwise the model sags under gravity, and the target's estimate is biased.
 
 ```sh
 softaim identify still --at-rest --scene scene.toml --out rest.toml
 ```
 
-## 4. Its constants
+## 4. Identify the constants
 
-Stiffness, dashpots, drag and friction from a recording in which it is pushed about and the target is seen. Push where
-the measured marks are: a push on any other node is taken for a wrong constant.
+Stiffness, dashpots, drag and friction come from a recording with pushes in which the target is seen. Push where the
+measured marks are: a push on any other node would look like a wrong constant.
 
 ```sh
 softaim identify calibration --scene rest.toml --out identified.toml
 ```
 
-## 5. Its noise
+## 5. Tune the noise levels
 
-Tuned before advice, by how well each mark follows from the others: levels that are too high make it wait, levels that
-are too low let it go too early.
+Tune before advice, by the prediction of each mark from the others: with too high levels advice waits, with too low
+levels it gives GO too early.
 
 ```sh
 softaim tune rec --scene identified.toml --out tuned.toml
 ```
 
-## 6. Follow the target
+## 6. Track the target
 
 ```sh
 softaim track rec --scene tuned.toml --out track
@@ -262,7 +262,7 @@ softaim track rec --scene tuned.toml --out track
 
 `track/path.png` shows the target's path, true and estimated, with its ellipses.
 
-## 7. Ask for advice
+## 7. Get advice
 
 ```sh
 softaim advise rec --scene tuned.toml --needle needle.toml --out advice

@@ -1,4 +1,4 @@
-"""A new project: a template of the kind that is asked for, and its files. What `softaim new` makes."""
+"""A new project: a template of the chosen kind, and its files. What `softaim new` makes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from experiments.projects.template import Template, template
 N_MASSES = {"plane": 5, "breast": 10}
 
 UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
-"""Where the needle comes from, seen from the target, in the plane and in space."""
+"""Direction from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S = 2.0, 20.0, 10.0
 
 
 class Kind(StrEnum):
-    """What a project is of."""
+    """Kinds of projects."""
 
     PLANE = "plane"
     BREAST = "breast"
@@ -42,7 +42,7 @@ def project(
 ) -> Template:
     """The template of a project of this kind; raises InputError for choices that do not belong to it.
 
-    masses: how many, of a phantom that comes with the program; young_kpa: Young's modulus [kPa], of what is elastic
+    masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
     nodes, springs: files of a mesh; seed: of the simulated tissue's constants
     """
     belongs = {
@@ -74,9 +74,9 @@ def project(
 
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
-    """Write the files of a project to a folder that exists; seed: its recordings have the three seeds that follow."""
+    """Write the files of a project to an existing folder; seed: its recordings have the next three seeds."""
     scenes = {
-        "scene.toml": (of.believed, f"{of.title}: what is assumed about it.\ndocs/recording.md has all keys.", UNTUNED),
+        "scene.toml": (of.assumed, f"{of.title}: the assumptions.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),
         "truth/all_marks.toml": (
             of.truth_all_seen,
@@ -89,8 +89,8 @@ def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
         write_whole(folder / name, scene_page(scene, heading, after=after))
     recordings = {
         "still.toml": ("At rest, every mark seen", "truth/all_marks.toml", STILL_S, False),
-        "calibration.toml": ("Pushed about, every mark seen", "truth/all_marks.toml", CALIBRATION_S, True),
-        "scenario.toml": ("Pushed about, the inside hidden", "truth/scene.toml", SCORED_S, True),
+        "calibration.toml": ("With pushes, every mark seen", "truth/all_marks.toml", CALIBRATION_S, True),
+        "scenario.toml": ("With pushes, the inside hidden", "truth/scene.toml", SCORED_S, True),
     }
     for k, (name, (what, tissue, seconds, pokes)) in enumerate(recordings.items(), start=1):
         text = scenario_page(of, what=what, scene=tissue, seed=seed + k, seconds=seconds, pokes=pokes)

@@ -1,4 +1,4 @@
-"""What `softaim check` says: a line each for rest, motion, steps, marks and target, and for what is missing."""
+"""Output of `softaim check`: one line each for rest, motion, steps, marks and target, and for missing parts."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from experiments.plain import counted
 from experiments.projects.check import SceneCheck
 
 N_NAMED = 6
-"""Of marks or nodes, so many are named; the others are counted."""
+"""Number of marks or nodes that are named; the others are counted."""
 
 N_LOWEST = 3
-"""Frequencies told."""
+"""Number of listed frequencies."""
 
 SURE = 0.9
-"""A hit that is less probable than this, aimed at best, is told of: from it on advice is GO by default."""
+"""Hit probability with the best aim below which a warning is given: the default threshold of GO."""
 
 SURER = 0.95
-"""A filter's sigma at rest by the bound's, below which it is told of [1]."""
+"""Ratio of a filter's sigma at rest to the bound below which a warning is given [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """Something that a scene lacks: what, and what to do next."""
+    """A missing part of a scene, and the next step."""
 
     what: str
     next: str
 
 
 def check_report(done: SceneCheck) -> dict[str, object]:
-    """What `softaim check --json` prints, and check.json holds."""
+    """The output of `softaim check --json`, also in check.json."""
     network, offsets = done.scene.network, 1e3 * done.offsets_m
     target = done.scene.target
     return {
@@ -74,7 +74,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
 
 
 def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
-    """Subject and sentence of each line, what is missing last."""
+    """Subject and sentence of each line, missing parts last."""
     lines = [
         ("scene", _scene(done)),
         ("rest", _rest(done)),
@@ -82,7 +82,7 @@ def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
         ("steps", _steps(done)),
         ("marks", _marks(done)),
         ("target", _target(done)),
-        ("errors", f"of the target's variance for advice: {shares_words(done.variance_shares)}"),
+        ("errors", f"shares of the target's variance for advice: {shares_words(done.variance_shares)}"),
     ]
     lacks = [("missing", f"{one.what}. Next: {one.next}") for one in missing(done)]
     return lines + (lacks or [("missing", "nothing")])
@@ -103,10 +103,10 @@ def _scene(done: SceneCheck) -> str:
 def _rest(done: SceneCheck) -> str:
     offsets, network = 1e3 * done.offsets_m, done.scene.network
     if offsets.max() <= 1e3 * _drawn_to(done):
-        return f"it rests where it is drawn, to {offsets.max():.2f} mm"
+        return f"it rests as drawn, to {offsets.max():.2f} mm"
     node, target = network.names[int(offsets.argmax())], done.scene.target.node
     return (
-        f"it rests up to {offsets.max():.1f} mm from where it is drawn (node {node});"
+        f"it rests up to {offsets.max():.1f} mm from its drawing (node {node});"
         f" the target {target} {offsets[network.index(target)]:.1f} mm"
     )
 
@@ -114,12 +114,12 @@ def _rest(done: SceneCheck) -> str:
 def _motion(done: SceneCheck) -> str:
     motion = done.motion
     lowest = zip(motion.frequencies_hz[:N_LOWEST], motion.damping_ratios[:N_LOWEST], strict=True)
-    told = [f"{hz:.2f} Hz (damping ratio {abs(ratio):.3f})" for hz, ratio in lowest]
-    parts = [f"lowest frequencies {', '.join(told)}"] if told else ["nothing oscillates"]
+    named = [f"{hz:.2f} Hz (damping ratio {abs(ratio):.3f})" for hz, ratio in lowest]
+    parts = [f"lowest frequencies {', '.join(named)}"] if named else ["no oscillations"]
     if len(motion.decays_s):
-        parts.append(f"without oscillation it creeps back, at the slowest to 1/e in {motion.decays_s[0]:.2g} s")
+        parts.append(f"non-oscillating motions decay to 1/e within {motion.decays_s[0]:.2g} s")
     if not done.scene.network.fixed.any():
-        parts.append("nothing holds it: it drifts and turns as a whole")
+        parts.append("it has no anchors: it can drift and turn as a whole")
     if _has_friction(done):
         parts.append("dry friction left out")
     return "; ".join(parts)
@@ -132,26 +132,26 @@ def _steps(done: SceneCheck) -> str:
 
 def _marks(done: SceneCheck) -> str:
     shares = list(done.shares.items())
-    told = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
+    named = [f"{node} {share:.0%}" for node, share in shares[:N_NAMED]]
     others = sum(share for _, share in shares[N_NAMED:])
     if len(shares) > N_NAMED:
-        told.append(f"{counted(len(shares) - N_NAMED, 'other')} {others:.0%}")
-    return f"of what a frame tells about the target: {', '.join(told)}"
+        named.append(f"{counted(len(shares) - N_NAMED, 'other')} {others:.0%}")
+    return f"shares of a frame's information on the target: {', '.join(named)}"
 
 
 def _target(done: SceneCheck) -> str:
     quiet, pushed, own = (f"{1e3 * sigma:.2g} mm" for sigma in (done.quiet_m, done.pushed_m, done.sigma_m))
     if done.sigma_m < SURER * done.quiet_m and not _has_friction(done):
-        own += ", for it also takes neighbours to move alike, which the bound leaves out"
+        own += ", because it also assumes that neighbours move alike, which the bound leaves out"
     return (
-        f"with marks to {1e3 * _mark_sd_m(done):.2g} mm at {1.0 / done.interval_s:.3g} frames/s no filter knows it"
-        f" better than {quiet} an axis while nobody pushes, {pushed} while all marks may be pushed, constants exact;"
+        f"with marks to {1e3 * _mark_sd_m(done):.2g} mm at {1.0 / done.interval_s:.3g} frames/s its sigma is at least"
+        f" {quiet} on each axis without pushes, {pushed} with pushes on all marks, for exact constants;"
         f" this scene's filter, at rest: {own}"
     )
 
 
 def missing(done: SceneCheck) -> list[Missing]:
-    """What the scene lacks, what matters most first."""
+    """Missing parts of the scene, the most important first."""
     return [*_of_target(done), *_of_rest(done), *_of_marks(done), *_of_tables(done)]
 
 
@@ -160,7 +160,7 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
     node = scene.target.node
     if node in scene.measured_nodes and not scene.target.offset_m:
         yield Missing(
-            f"the target {node} has a measured mark: the filter is shown what it is to estimate",
+            f"the target {node} has a measured mark: the filter sees its target",
             f"measured = false in the [[mark]] of {node}, if it will be hidden",
         )
     elif node not in {mark.node for mark in scene.marks}:
@@ -170,25 +170,25 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
         )
     if scene.target.position_sd_m is None:
         yield Missing(
-            f"how well the target's place in the tissue is known is not stated: advice supposes"
-            f" {1e3 * USUAL.position_m:g} mm an axis, and no mark can show it",
-            "position_sd_mm in [target], registration included; a fix of the target makes it smaller",
+            f"the accuracy of the target's position in the tissue is not stated: advice assumes"
+            f" {1e3 * USUAL.position_m:g} mm on each axis, and marks cannot show it",
+            "position_sd_mm in [target], registration included; a fix of the target reduces it",
         )
     if done.estimate.model_only:
         yield Missing(
-            "the marks are too few or too far to carry the target: the model alone speaks",
-            f"measured marks on nodes that are nearer to {node} by springs",
+            "the marks are too few or too far for an estimate of the target: the model dominates",
+            f"measured marks on nodes nearer to {node} along springs",
         )
     if done.sigma_m < SURER * done.quiet_m and _has_friction(done):
         yield Missing(
-            f"the filter is surer than it may be, {1e3 * done.sigma_m:.2g} mm where none can be below"
-            f" {1e3 * done.quiet_m:.2g}: at rest it takes dry friction for drag",
-            "softaim track --check, which widens its covariance by what it misses",
+            f"the filter's sigma, {1e3 * done.sigma_m:.2g} mm, is below the lower bound,"
+            f" {1e3 * done.quiet_m:.2g} mm: at rest it treats dry friction as drag",
+            "softaim track --check, which widens its covariance accordingly",
         )
     if (probability := best_hit(done)) < SURE:
         yield Missing(
-            f"the target cannot be known well enough: aimed at best a point is within its"
-            f" {1e3 * scene.target.radius_m:g} mm with {probability:.0%} at most, while nobody pushes",
+            f"the target cannot be known well enough: with the best aim a point lies within its"
+            f" {1e3 * scene.target.radius_m:g} mm with a probability of {probability:.0%} at most, without pushes",
             "more or nearer marks, a finer camera, or a larger radius_mm",
         )
 
@@ -200,9 +200,9 @@ def _of_rest(done: SceneCheck) -> Iterator[Missing]:
     apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
     as_drawn = np.allclose(np.linalg.norm(apart, axis=1), network.rest_lengths, rtol=1e-6)
     yield Missing(
-        "rest lengths are the distances drawn, and gravity stretches them: where it was drawn it does not rest"
+        "rest lengths are the distances drawn, and gravity stretches them: it does not rest as drawn"
         if as_drawn
-        else "rest lengths do not fit the drawing: where it was drawn it does not rest",
+        else "rest lengths do not fit the drawing: it does not rest as drawn",
         "softaim identify RECORDING --at-rest --out rest.toml, on a recording of the body at rest",
     )
 
@@ -218,31 +218,31 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     bare = [scene.network.names[i] for i in scene.network.free if scene.network.names[i] not in marked]
     if bare and scene.target.node in marked:
         yield Missing(
-            f"{counted(len(bare), 'free node')} without any mark, {_names(bare)}: rest lengths cannot be found there",
-            "a [[mark]] with measured = false on each that the recording at rest shows",
+            f"{counted(len(bare), 'free node')} without a mark, {_names(bare)}: rest lengths cannot be found there",
+            "a [[mark]] with measured = false on each that is seen in the recording at rest",
         )
 
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
     for lens in scene.lenses:
-        yield Missing(f"camera {lens.name} has a lens but no place: no picture of it can be used", POSE)
+        yield Missing(f"camera {lens.name} has a lens but no pose: its pictures cannot be used", POSE)
     if not scene.cameras and not scene.lenses and scene.network.dim == 2:
         yield Missing(
-            "no camera: a film can be neither made nor read",
+            "no camera: films cannot be simulated or read",
             "softaim calibrate, or marks of another tracker in marks.csv",
         )
     if (unnoticed := pose_line(scene)) is not None:
         yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
     left_out = steps_left_out(scene, "track")
     if "identify" in left_out:
-        yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is seen, too")
+        yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is also seen")
     if "tune" in left_out:
         yield Missing(left_out["tune"], "softaim tune, on a recording like those to come")
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Probability that a point aimed at the estimate lies in the target, were the bound while nobody pushes reached."""
+    """Probability that a point aimed at the estimate lies in the target, for the lower bound without pushes."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -262,15 +262,15 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Offset up to which the network counts as resting where it is drawn [m]: a drawing is no finer."""
+    """Offset up to which the network counts as resting as drawn [m]: drawings are no finer."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 
 def _mark_sd_m(done: SceneCheck) -> float:
-    """Standard deviation of the marks, an axis, their calibration's error included [m]."""
+    """Standard deviation of the marks on each axis, including the calibration's error [m]."""
     return float(np.sqrt(np.mean([np.trace(mark.total_cov) / len(mark.position) for mark in done.seen])))
 
 
 def _names(names: tuple[str, ...] | list[str]) -> str:
-    told = ", ".join(names[:N_NAMED])
-    return told if len(names) <= N_NAMED else f"{told} and {counted(len(names) - N_NAMED, 'other')}"
+    named = ", ".join(names[:N_NAMED])
+    return named if len(names) <= N_NAMED else f"{named} and {counted(len(names) - N_NAMED, 'other')}"

@@ -1,6 +1,6 @@
-"""What a new project holds: a scene as one would write it down, and tissue that differs from it, as in life.
+"""Content of a new project: a scene by a user, and simulated tissue that differs from it.
 
-Every number below is one of the template, for the user to change in the files.
+The numbers below define the template; the user changes them in the files.
 """
 
 from __future__ import annotations
@@ -31,65 +31,64 @@ from experiments.formats.scene.target import Target
 from vision import PlaneCamera, fronto_parallel_camera
 
 HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
-"""Of the marks, in turn: a sixth of the circle apart."""
+"""Hues of the marks, in turn: a sixth of the circle apart."""
 
 MARK_SIZE = 1.0 / 6.0
 """Diameter of a mark by the shortest spring."""
 
 RADIUS_MM = 5.0
-"""Of the target."""
+"""Radius of the target."""
 
 LEAST_REACH_MM = 20.0
-"""From the needle's entry to the target, at the least: a target may lie on the outline of the nodes."""
+"""Least distance from the needle's entry to the target, which may lie on the outline of the nodes."""
 
 SIZE_PX, ROOM = (640, 480), 1.6
-"""Of the picture, and how much more of the plane it shows than the body fills."""
+"""Size of the picture, and margin of the plane around the body."""
 
 FINEST_MM = 0.01
-"""Reach of a pixel of the camera, at the least [mm]: to this it is rounded."""
+"""Least size of a camera's pixel [mm], to which it is rounded."""
 
 CALIBRATION_SD_PX = 0.68
-"""Of the light in which scenarios are filmed, `paper`: marks wander by so much."""
+"""Error of marks in the scenarios' light, `paper`."""
 
 AIMING = 6
-"""Fixed-point iterations of the aim under the needle's own push, numerics: the last moves it by less than 0.01 mm."""
+"""Fixed-point iterations of the aim under the needle's own push; numerical: the last moves it by less than 0.01 mm."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
-"""Relative standard deviation by which the simulated tissue's constants are off together: all of a group of springs."""
+"""Relative standard deviation of the simulated tissue's constants, common to a group of springs."""
 
 OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
-"""And each by itself."""
+"""The same for each constant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Template:
-    """A project: what is believed, what is simulated, and a needle.
+    """A project: the assumed scene, the simulated tissue, and a needle.
 
-    believed: the scene that one writes down; it rests where it is drawn
-    truth: the scene of the simulated tissue, drawn where that rests: its constants are off, its marks and target the
-        same
-    entry_m, direction: where a needle enters the tissue, and its way to where it pushes the target, each (dim,)
+    assumed: the user's scene; it rests as drawn
+    truth: the scene of the simulated tissue, drawn at its rest: other constants, the same marks and target
+    entry_m, direction: where a needle enters the tissue, and its direction to the pushed target, each (dim,)
     """
 
     title: str
-    believed: Scene
+    assumed: Scene
     truth: Scene
     entry_m: Floats
     direction: Floats
 
     @property
     def truth_all_seen(self) -> Scene:
-        """The simulated tissue as a calibration sees it: every mark measured, those inside, too."""
+        """The simulated tissue in a calibration: every mark measured, also those inside."""
         return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
 
 
 def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
-    """The project of a phantom; raises InputError where the simulated tissue would not hold its shape.
+    """The project of a phantom; raises InputError if the simulated tissue would not hold its shape.
 
-    hues: of the marks, where they are given [degrees]; way: from the target to where the needle comes from, (dim,)
+    hues: of the marks, if given [degrees]; way: from the target towards the needle's entry, (dim,)
     """
-    believed = scene_with_marks(phantom, hues)
-    network = believed.network
+    assumed = scene_with_marks(phantom, hues)
+    network = assumed.network
     factors = _off(phantom, np.random.default_rng(seed))
     which = parameters(network)
     changed = scale_parameters(network, which, [factors[one.kind][one.index] for one in which])
@@ -102,12 +101,12 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
     entry = start + reach * out
     return Template(
-        title, believed, replace(believed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
+        title, assumed, replace(assumed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
     )
 
 
 def _aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """The direction from an entry [m], (dim,), to where the target is once the needle has pushed it, (dim,)."""
+    """The direction from an entry [m], (dim,), to the target pushed by the needle, (dim,)."""
     start, push = network.positions[network.index(target)], NeedlePush(network, target, FORCES.planned(network))
     for _ in range(AIMING):
         way = start + push.shift(Insertion(entry, direction, 1.0)) - entry
@@ -116,7 +115,7 @@ def _aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Fl
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
-    """The scene of a phantom: marks on its free nodes, those inside for scoring only; a camera where it is flat."""
+    """The scene of a phantom: marks on its free nodes, those inside for scoring only; a camera if it is flat."""
     network = phantom.network
     lengths = np.linalg.norm(
         network.positions[network.springs[:, 0]] - network.positions[network.springs[:, 1]], axis=1
@@ -138,7 +137,7 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
 
 
 def _camera(positions: Floats) -> PlaneCamera:
-    """Squarely before the plane, with room for motion around the body."""
+    """A camera square to the plane, with room for motion around the body."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)

@@ -1,4 +1,4 @@
-"""What clients may ask of a running loop, checked before it is handed over: one error in one line, or a command."""
+"""Commands of clients to a running loop, checked before they are passed on: one error in one line, or a command."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 LONGEST_M = 10.0
-"""No place in a room is farther from the origin [m]: what a client sends beyond is a mistake; chosen."""
+"""Largest distance of a position from the origin [m]: beyond it a client's input is an error; chosen."""
 
 Coordinate = Annotated[float, Field(ge=-1e3 * LONGEST_M, le=1e3 * LONGEST_M)]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
@@ -19,7 +19,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Use no frames from now on, nor record them: the target is predicted, without advice; or use them again."""
+    """Pause the use and recording of frames: the target is predicted, without advice; or resume it."""
 
     command: Literal["pause"]
     on: bool
@@ -33,13 +33,13 @@ class Record(_Command):
 
 
 class Reset(_Command):
-    """Forget the state and start anew with the next frame."""
+    """Forget the state and start again with the next frame."""
 
     command: Literal["reset"]
 
 
 class Fix(_Command):
-    """A direct sighting of the target, by ultrasound, say: where [mm] or [px] in the picture, and how sure [mm]."""
+    """A direct sighting of the target, such as by ultrasound: position [mm], or [px] in the picture, and sd [mm]."""
 
     command: Literal["fix"]
     place_mm: Place | None = None
@@ -48,7 +48,7 @@ class Fix(_Command):
 
 
 class Hue(_Command):
-    """The colour of a mark is that at this place of the picture [px]."""
+    """Set the colour of a mark to that at this position in the picture [px]."""
 
     command: Literal["hue"]
     node: Annotated[str, Field(max_length=200)]
@@ -56,7 +56,7 @@ class Hue(_Command):
 
 
 class NeedleAt(_Command):
-    """Where a tracked needle's tip is [mm], and its direction."""
+    """Position of a tracked needle's tip [mm], and its direction."""
 
     command: Literal["needle"]
     tip_mm: Place
@@ -67,7 +67,7 @@ UNSEEN = {"command": "needle_unseen"}
 
 
 class NeedleUnseen(_Command):
-    """The needle's tracker does not see it: there is no advice on it until its place is told again."""
+    """The tracker does not see the needle: there is no advice on it until its position is sent again."""
 
     command: Literal["needle_unseen"]
 
@@ -77,7 +77,7 @@ _ADAPTER: TypeAdapter[Command] = TypeAdapter(Command)
 
 
 def read_command(found: Any) -> Command:
-    """The command of a decoded JSON object, or of its text. ValueError, in one line, where it is none."""
+    """The command of a decoded JSON object, or of its text. Raises ValueError, in one line, if it is invalid."""
     try:
         return _ADAPTER.validate_json(found) if isinstance(found, str | bytes) else _ADAPTER.validate_python(found)
     except ValidationError as error:
@@ -87,7 +87,7 @@ def read_command(found: Any) -> Command:
 
 
 def is_needle(found: Any) -> bool:
-    """Whether a decoded JSON object, or its text, states a needle, well or not: one that is refused is `UNSEEN`."""
+    """Whether a decoded JSON object, or its text, is a needle, valid or not: a refused one counts as `UNSEEN`."""
     if isinstance(found, str | bytes):
         try:
             found = json.loads(found)

@@ -1,4 +1,4 @@
-"""Where a live run is served: addresses, and the sockets that listen there."""
+"""Addresses of a live run's servers, and their listening sockets."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from experiments.errors import InputError, shown
 
 LOOPBACK = "127.0.0.1"
 PAGE_PORT, IGTL_PORT = 8765, 18944
-"""The page's usual port, and that registered for OpenIGTLink."""
+"""The page's default port, and that registered for OpenIGTLink."""
 BACKLOG = 32
 
 
 @dataclass(frozen=True, slots=True)
 class Faces:
-    """How a run is served: sockets that listen, None for what is not served.
+    """The servers of a run: listening sockets, None for those not served.
 
-    token: what a client must know to write; read_open: whether it may read without it
+    token: required to write; read_open: whether a client may read without it
     """
 
     page: socket.socket | None = None
@@ -28,20 +28,20 @@ class Faces:
 
 
 def listening(option: str, address: str, port: int | None) -> socket.socket:
-    """A socket that listens at "HOST:PORT", "HOST" or "PORT"; InputError where it cannot, as for a port that is taken.
+    """A socket that listens at "HOST:PORT", "HOST" or "PORT"; raises InputError, for example for a port in use.
 
-    option: that named it, for the message; port: where the address has none; None: any that is free
+    option: its name, for the message; port: default if the address has none; None: any free one
     """
     host, wanted = _parts(option, address, port)
     try:
         return socket.create_server((host, wanted), backlog=BACKLOG)
     except OSError as error:
         found = (error.strerror or type(error).__name__).lower()
-        raise InputError.at(f"{option} {address}".strip(), "an address that is free", found) from None
+        raise InputError.at(f"{option} {address}".strip(), "a free address", found) from None
 
 
 def usual(port: int) -> socket.socket:
-    """A socket on loopback at this port, or at any that is free where it is taken."""
+    """A socket on loopback at this port, or at any free one if it is in use."""
     try:
         return socket.create_server((LOOPBACK, port), backlog=BACKLOG)
     except OSError:
@@ -49,20 +49,20 @@ def usual(port: int) -> socket.socket:
 
 
 def is_loopback(listener: socket.socket) -> bool:
-    """Whether only this machine reaches it."""
+    """Whether it is reachable from this machine only."""
     return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
 
 
 def address_of(listener: socket.socket) -> str:
-    """HOST:PORT by which to call this listener: its address, or where that is any, the machine's name."""
+    """HOST:PORT of this listener: its address, or the machine's name if it listens on all."""
     host, port = listener.getsockname()[:2]
     return f"{socket.gethostname() if ipaddress.ip_address(host).is_unspecified else host}:{port}"
 
 
 def names_of(listener: socket.socket) -> list[str]:
-    """What a browser may call this listener, as its Host: HOST:PORT each, and at port 80 HOST alone.
+    """Possible Host headers for this listener: HOST:PORT each, and HOST alone at port 80.
 
-    HOST is its address, or any of the machine's where that is any.
+    HOST is its address, or any of the machine's if it listens on all.
     """
     host, port = listener.getsockname()[:2]
     names = _names(ipaddress.ip_address(host))

@@ -1,6 +1,6 @@
-"""The newest of what a live run knows, in the process that serves it: for any number of clients, and no waiting.
+"""The newest state of a live run, in the serving process: for any number of clients, without waiting.
 
-What the messages hold is told in `message`. Runs in one asyncio loop.
+`message` defines the messages. Runs in one asyncio loop.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What was published at once: its number, one more with each, the state as JSON and, of some, a picture as JPEG."""
+    """One published moment: its number, increasing by one, the state as JSON and, for some, a picture as JPEG."""
 
     number: int
     text: bytes
@@ -32,9 +32,9 @@ class Moment:
 class Feed:
     """Newest state of a live run, and the way back for commands.
 
-    send: hands a command, as described in `commands`, to the loop, which may refuse it; it never waits
-    scene: what does not change from frame to frame; viewers are shown it first
-    State: the newest moment; how many clients want pictures.
+    send: passes a command of `commands` to the loop, which may refuse it; does not wait
+    scene: the constant part, sent to viewers first
+    State: the newest moment; number of clients that want pictures.
     """
 
     def __init__(self, scene: Message, send: Callable[[Message], None] = lambda _command: None) -> None:
@@ -44,13 +44,13 @@ class Feed:
         self._changed = asyncio.Event()
 
     def publish(self, text: bytes, picture: bytes | None) -> None:
-        """Take what the loop published."""
+        """Store what the loop published."""
         self.newest = Moment(1 if self.newest is None else self.newest.number + 1, text, picture)
         self._changed.set()
         self._changed = asyncio.Event()
 
     async def after(self, number: int, timeout_s: float | None = None) -> Moment | None:
-        """The newest moment, once its number is above this one; None where none came in time."""
+        """The newest moment, once its number is above this one; None if none came in time."""
         try:
             async with asyncio.timeout(timeout_s):
                 while self.newest is None or self.newest.number <= number:

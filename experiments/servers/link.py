@@ -1,7 +1,7 @@
-"""The loop's end of the servers: the newest state goes to the process that serves it, requests come back.
+"""The loop's end of the servers: it sends the newest state to the serving process, and receives requests.
 
-Neither is waited for: a thread sends the newest state whenever that process has taken in the one before, another reads.
-That process may end, or hang, and the loop goes on.
+The loop does not wait: one thread sends the newest state whenever that process has received the one before, another
+thread reads. If that process ends or hangs, the loop continues.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ from experiments.servers.faces import Faces
 from experiments.servers.process import serve
 
 MOST_REQUESTS = 64
-"""Requests that wait for the loop, at most; then the newest is refused; chosen."""
+"""Most requests that wait for the loop; then the newest is refused; chosen."""
 
 PICTURE_S = 1.0 / 30.0
-"""Pictures are sent no more often [s]: more are not told apart, and each costs 3 ms to compress; chosen."""
+"""Least interval of pictures [s]: more are not distinguishable, and each takes 3 ms to compress; chosen."""
 
 QUALITY = 80
-"""Of the JPEGs, of 100: marks and their rims are plain to see; chosen."""
+"""JPEG quality, of 100: marks and their rims are clearly visible; chosen."""
 
 ENDS_S = 2.0
-"""How long that process has to end [s]; chosen."""
+"""Timeout for the end of that process [s]; chosen."""
 
 
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
-    told: lines that say where, for standard error: see `tell`
-    State, shared with the threads: the state that waits; whether the process is ready for it, and how many of its
-    clients want pictures; requests not yet taken.
+    notices: lines with the addresses, for standard error: see `tell`
+    State, shared with the threads: the waiting state; whether the process is ready for it, and how many of its clients
+    want pictures; requests not yet fetched.
     """
 
-    def __init__(self, faces: Faces, told: Sequence[str] = ()) -> None:
-        self._told = tuple(told)
+    def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
+        self._notices = tuple(notices)
         context = multiprocessing.get_context("spawn")
         self._connection, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, faces), name="softaim servers", daemon=True)
@@ -65,23 +65,23 @@ class Link:
 
     @property
     def wants_picture(self) -> bool:
-        """Whether somebody watches, and the next picture is due."""
+        """Whether there are viewers, and the next picture is due."""
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
-        """What does not change from state to state; clients are served from now on."""
+        """Send the constant part; clients are served from now on."""
         with self._changed:
             self._scene = scene
             self._changed.notify_all()
 
     def tell(self) -> None:
-        """Say where clients are served, once."""
-        for line in self._told:
+        """Print the addresses, once."""
+        for line in self._notices:
             SHOWN.say(line)
-        self._told = ()
+        self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Take the newest state in place of one that still waits; message: makes it, in the sending thread."""
+        """Replace a waiting state by the newest one; message: makes it, in the sending thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()
@@ -89,7 +89,7 @@ class Link:
             self._pictured_s = time.monotonic()
 
     def requests(self) -> Iterator[Mapping[str, Any]]:
-        """What clients have asked for, in order; what is not taken from the iterator stays."""
+        """The requests of clients, in order; those not taken from the iterator stay."""
         while True:
             with self._changed:
                 if not self._requests:
@@ -106,7 +106,7 @@ class Link:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-        for thread in self._threads:  # whose connection has no other end any more
+        for thread in self._threads:  # whose connection is closed at the other end
             thread.join(ENDS_S)
         self._connection.close()
 
@@ -146,11 +146,11 @@ class Link:
 
     def _broken(self, error: Exception) -> None:
         with self._changed:
-            told, self._ended = self._ended, True
+            ended, self._ended = self._ended, True
             self._changed.notify_all()
-        if not told:
+        if not ended:
             LOG.warning(
-                "page and network: their process ended (%s); the run goes on without them", type(error).__name__
+                "page and network: their process ended (%s); the run continues without them", type(error).__name__
             )
 
 

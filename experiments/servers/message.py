@@ -1,6 +1,6 @@
-"""What is told of a live run, as JSON: one message of the scene, then one of each state.
+"""JSON messages of a live run: one of the scene, then one for each state.
 
-Lengths are in mm and mm², times in s; numbers that there are none of are null. For people: docs/live-stream.md.
+Lengths are in mm and mm², times in s; missing numbers are null. For users: docs/live-stream.md.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from experiments.version import version
 
 VERSION = 1
 STALE_MS = 200
-"""Age of the newest state from which on a viewer calls it stale [ms]; asked for by those who stand beside a needle."""
+"""Age of the newest state above which a viewer calls it stale [ms]; a requirement of users at the needle."""
 
 
 def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
-    """How the loop does, as a state has it; interval_s: usual time from frame to frame [s]."""
+    """The loop's performance for a state; interval_s: usual frame interval [s]."""
     return {
         "frames": known.frames,
         "without_frame": known.without_frame,
@@ -44,7 +44,7 @@ def counters_message(known: Counters, interval_s: float | None, memory_mb: float
 def scene_message(
     scene: Scene, source: str, picture_px: tuple[int, int] | None, plan: NeedlePlan | None
 ) -> dict[str, Any]:
-    """What viewers are shown first.
+    """The first message for viewers.
 
     picture_px: width and height of the picture that pixels in states refer to; None for tissue in space without one
     """
@@ -89,13 +89,13 @@ def state_message(
     paused: bool = False,
     errors: str = "",
 ) -> dict[str, Any]:
-    """What is known at one moment.
+    """The message of one state.
 
     utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
-    counters: as `counters_message` has them
-    overlay: where all is seen in the picture; nodes_m: all nodes [m], (n, dim); nis_band: where 95 % of NIS lie
-    needle: where it is; fault: why the estimate may not be relied upon, None where it may
-    errors: which errors have most of the target's variance
+    counters: as in `counters_message`
+    overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); nis_band: 95 % interval of NIS
+    needle: its position; fault: why the estimate is not reliable, None if it is
+    errors: the largest sources of the target's variance
     events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
     """
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
@@ -151,7 +151,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
-    """Where all is seen, in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
+    """The annotation in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],
         "target_px": _px(overlay.target_px),
@@ -192,7 +192,7 @@ def _px(place_px: Floats | None) -> list[float] | None:
 
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
-    """The semi-axes that hold 95 %, (2, 2), a row each; None where there are none."""
+    """The semi-axes of the 95 % ellipse, (2, 2), a row each; None if there are none."""
     if cov_px2 is None or not np.isfinite(cov_px2).all():
         return None
     values, vectors = np.linalg.eigh(cov_px2)

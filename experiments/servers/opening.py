@@ -1,4 +1,4 @@
-"""Open the servers of a live run: where they listen, and the process that serves."""
+"""Open the servers of a live run: listening sockets, and the serving process."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from experiments.servers.link import Link
 
 @contextmanager
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
-    """The process that serves a page and OpenIGTLink, from now until the end; None where neither is wanted.
+    """The process that serves a page and OpenIGTLink, from now until the end; None if neither is requested.
 
-    page, openigtlink: HOST:PORT; without one the page is on loopback, at its usual port or where that is free
-    Addresses go to standard error once clients are served. Raises InputError where one cannot be had.
+    page, openigtlink: HOST:PORT; by default the page is on loopback, at its default port or a free one
+    Addresses are printed on standard error once clients are served. Raises InputError if one is not available.
     """
     lacking = missing("live")
     if page is not None:
@@ -32,15 +32,15 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
         yield None
         return
     token = secrets.token_urlsafe(16)
-    told = []
+    notices = []
     if listener is not None:
-        told.append(f"page: http://{address_of(listener)}/#token={token}")
+        notices.append(f"page: http://{address_of(listener)}/#token={token}")
     if igtl is not None:
-        told.append(f"OpenIGTLink: {address_of(igtl)}")
-    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), told)
+        notices.append(f"OpenIGTLink: {address_of(igtl)}")
+    link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), notices)
     for one in (listener, igtl):
         if one is not None:
-            one.close()  # the process has its own
+            one.close()  # the process has its own copies
     try:
         yield link
     finally:

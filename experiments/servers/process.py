@@ -1,4 +1,4 @@
-"""The process that serves a live run: what the loop sends goes to the feed, what clients ask goes back."""
+"""The process that serves a live run: states from the loop go to the feed, requests of clients go back."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from experiments.servers.feed import Feed
 from experiments.threads import begin_helper
 
 LONGEST = 64 * 1024 * 1024
-"""Bytes of what the loop sends at once, at most: a picture of 8K is 20 MB; chosen."""
+"""Most bytes of one message from the loop: a picture of 8K is 20 MB; chosen."""
 
 
 def serve(connection: Connection, faces: Faces) -> None:
-    """Serve until the loop says that it ends, or is gone."""
+    """Serve until the loop ends or is gone."""
     begin_helper()
     asyncio.run(_Served(connection, faces).run())
 
@@ -32,9 +32,9 @@ class _Served:
         self._ended = asyncio.Event()
 
     async def run(self) -> None:
-        """Until the connection closes."""
+        """Serve until the connection closes."""
         loop = asyncio.get_running_loop()
-        runs = self._servers()  # loads what they need while the loop loads, too
+        runs = self._servers()  # loads their modules while the loop loads, too
         scene = await loop.run_in_executor(None, self._received)
         if not scene:
             return
@@ -63,11 +63,11 @@ class _Served:
         return servers
 
     async def _watched(self, name: str, server: Awaitable[None]) -> None:
-        """Run a server; where it fails the others go on."""
+        """Run a server; if it fails the others continue."""
         try:
             await server
         except Exception as error:
-            self._send({"fault": f"{name}: {type(error).__name__}: {error}; the run goes on without it"})
+            self._send({"fault": f"{name}: {type(error).__name__}: {error}; the run continues without it"})
 
     def _read(self, loop: asyncio.AbstractEventLoop, feed: Feed) -> None:
         while (text := self._received()) and (picture := self._received()) is not None:

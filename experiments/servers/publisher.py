@@ -1,4 +1,4 @@
-"""Shows a live run to those who watch, and does what they ask: an `Attendant`."""
+"""Shows a live run to viewers, and handles their requests: an `Attendant`."""
 
 from __future__ import annotations
 
@@ -39,20 +39,20 @@ from experiments.servers.message import counters_message, scene_message, state_m
 from vision import Frame, SourceError
 
 LAST_EVENTS = 8
-"""Events that a state carries; chosen."""
+"""Number of events in a state; chosen."""
 
 TELLS_S = 2.0
-"""How long a source may take to fail before it is said where the run is served [s]; chosen."""
+"""Time for a source to fail before the addresses are printed [s]; chosen."""
 
 ATTENDS_S = 0.005
-"""How long requests may keep the loop from its next frame [s]; chosen."""
+"""Longest time of requests between two frames [s]; chosen."""
 
 BAND = (0.025, 0.975)
-"""Between these quantiles lie 95 % of NIS."""
+"""Quantiles of the 95 % interval of NIS."""
 
 
 class LastEvents(logging.Handler):
-    """Keeps the last lines that were reported. State: they."""
+    """Keeps the last reported lines. State: these lines."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
@@ -64,7 +64,7 @@ class LastEvents(logging.Handler):
 
 
 class Shows:
-    """An `Attendant` by a link. State: the link; the last events; whether the run is paused or recorded."""
+    """An `Attendant` with a link. State: the link; the last events; whether the run is paused or recorded."""
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
         self.link = link
@@ -79,7 +79,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame of which nothing is estimated yet, or that there is none."""
+        """Show a frame without an estimate, or that there is none."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
@@ -101,7 +101,7 @@ class Shows:
         )
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Hand on what is known now."""
+        """Publish the present state."""
         watched = self.link.wants_picture
         camera = self._camera if shown.frame is None else line.camera
         overlay = nodes_m = image = None
@@ -137,10 +137,11 @@ class Shows:
         )
 
     def attend(self, control: Control) -> None:
-        """Do what was asked since the last turn of the loop; what cannot be done is reported.
+        """Handle the requests since the last turn of the loop; failed ones are reported.
 
-        It ends after `ATTENDS_S`: no client delays a frame by many requests. The rest is done at the next turn.
-        Where it is served is said with the first frame, or when none came for a while: bad input is one line alone.
+        It ends after `ATTENDS_S`, so that many requests do not delay a frame. The rest is handled in the next turn. The
+        addresses are printed with the first frame, or after a while without one: for bad input the error is the only
+        line.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
@@ -149,7 +150,7 @@ class Shows:
             try:
                 command = read_command(request)
                 do(command, control)
-                LOG.info("asked for: %s", command)
+                LOG.info("request: %s", command)
             except (ValueError, InputError, SourceError) as error:
                 LOG.warning("not done: %s", error)
                 if is_needle(request) and control.session.advice is not None:
@@ -161,7 +162,7 @@ class Shows:
         self._paused = control.session.paused
 
     def __enter__(self) -> Self:
-        """As a context manager: events are kept until its end."""
+        """As a context manager: keeps events until its end."""
         LOG.addHandler(self._events)
         return self
 
@@ -170,7 +171,7 @@ class Shows:
 
 
 def do(command: Command, control: Control) -> None:
-    """Do what a client asks. Raises ValueError or InputError where it cannot be done."""
+    """Handle a client's request. Raises ValueError or InputError if it fails."""
     match command:
         case Pause():
             control.session.pause(command.on)
@@ -194,7 +195,7 @@ def do(command: Command, control: Control) -> None:
 
 @lru_cache(maxsize=256)
 def nis_band(degrees: int) -> tuple[float, float] | None:
-    """Between which 95 % of NIS of so many coordinates lie; None of none."""
+    """The 95 % interval of NIS with this many coordinates; None for none."""
     if not degrees:
         return None
     low, high = chi2.ppf(BAND, degrees)

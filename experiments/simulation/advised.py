@@ -1,8 +1,8 @@
-"""Whether the probabilities of `softaim advise` come true: its needle, driven from its entry at times of its advice.
+"""Reliability of the probabilities of `softaim advise`: its needle, inserted from its entry at times of its advice.
 
-At every second the advice is asked for as `softaim advise` asks for it, by the filter of the given scene. Then the
-needle goes in at once, straight along its direction, so deep as was advised, in the true tissue, which gives way; the
-needle neither steers nor waits.
+Every second there is advice as in `softaim advise`, by the filter of the given scene. Then the needle goes in at once,
+straight along its direction, to the advised depth, in the true tissue, which deforms; the needle neither steers nor
+waits.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Advice is asked for so often [s]: insertions of one run are then next to independent; size of the study."""
+"""Interval of advice [s]: insertions of one run are then nearly independent; size of the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
-    """What was advised at a time [s], and what came of it.
+    """Advice at a time [s], and the result of its insertion.
 
-    probability: of a hit, None where none was stated; hit, miss_m: None where no needle went in
+    probability: of a hit, None if none was stated; hit, miss_m: None if no needle went in
     """
 
     time_s: float
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Advice every second from the first frame after the warm-up on; `state`: the tissue's then."""
+    """Advice every second, from the first frame after the warm-up; `state`: the tissue's then."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -77,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """What comes of a needle that goes in now; no forces are known beyond the later time."""
+    """Result of an insertion now; forces are known up to the later time only."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -96,7 +96,7 @@ def inserted(
 
 
 def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, object]:
-    """What was stated of hits and what came true, in all and after GO, and bins of it; see `_compared`."""
+    """Predicted and observed hits, of all insertions and after GO, and bins of them; see `_compared`."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
     advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
@@ -109,30 +109,30 @@ def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, obje
 
 
 def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ...]:
-    """Tenths of the stated probabilities, and how often each came true."""
+    """Ten bins of the predicted probabilities, with observed hit rates."""
     known = [(one.probability, bool(one.hit)) for run in runs for one in run if one.probability is not None]
     return reliability_bins([probability for probability, _ in known], [hit for _, hit in known])
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Insertions, mean probability stated, share of hits with its 95 % interval, and their difference with its own.
+    """Number of insertions, mean predicted probability, hit rate with 95 % interval, and their difference with its sd.
 
-    The difference's is of the runs, each with all its insertions, which are not independent: a jackknife over runs.
+    The difference's sd is a jackknife over runs, because the insertions of a run are not independent.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
     n = sum(len(run) for run in stated)
-    names = ("told", "came_true", "came_true_low", "came_true_high", "difference", "difference_sd")
+    names = ("predicted", "observed", "observed_low", "observed_high", "difference", "difference_sd")
     if not n:
         return {f"{key}insertions": 0, **{f"{key}{name}": None for name in names}}
-    told, hit = float(np.concatenate(stated).mean()), float(np.concatenate(came).mean())
+    predicted, hit = float(np.concatenate(stated).mean()), float(np.concatenate(came).mean())
     low, high = clopper_pearson(int(sum(run.sum() for run in came)), n, 0.95)
-    values = (told, hit, low, high, hit - told, _spread_over_runs(stated, came))
+    values = (predicted, hit, low, high, hit - predicted, _spread_over_runs(stated, came))
     return {f"{key}insertions": n, **{f"{key}{name}": value for name, value in zip(names, values, strict=True)}}
 
 
 def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
-    """Standard deviation of the mean of hits less what was stated, by leaving each run out; None of a single run."""
+    """Standard deviation of the mean of observed less predicted hits, by leaving each run out; None for one run."""
     sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
     sizes = np.array([len(run) for run in stated])
     n = len(sums)

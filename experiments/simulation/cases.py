@@ -1,7 +1,6 @@
-"""What a needle is tried on: a scenario's tissue, the scene that the filter is given, the needle and its lesion.
+"""The case of an insertion: a scenario's tissue, the scene of the filter, the needle and its lesion.
 
-The tissue that comes with the program is tried with the settings of the study, a scene of one's own with those of its
-file; `docs/insertion.md` has both.
+The shipped tissue uses the settings of the study, a user's scene those of its file; `docs/insertion.md` has both.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, carried, rest_shape
+from dynamics import MassSpringNetwork, rest_shape, supported
 from estimators import AdviceSettings, FilterSettings, Hit, Insertion, Lesion, Needle
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -22,47 +21,47 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
-"""Seeds below were used to choose figures by, or seen before settings changed; results are from this one on."""
+"""Seeds below were used for choices, or seen before settings changed; results start with this one."""
 
 BREATHING_WARM_S = 12.0
-"""Marks are seen for so long before the needle may start where the tissue breathes [s]: two breaths; chosen."""
+"""Time with marks before the needle may start in breathing tissue [s]: two breaths; chosen."""
 
 ENTRY_M = (0.015, 0.020)
-"""Where the needle enters the phantom, from where the target rests [m]: 25 mm of tissue; a parameter of the study."""
+"""Entry of the needle in the phantom, relative to the resting target [m]: 25 mm of tissue; a parameter of the study."""
 
 SPEED_M_S = 0.05
-"""Of a needle without a file [m/s]."""
+"""Speed of a needle without a file [m/s]."""
 
 DEEPEST_M = 0.06
-"""A needle that is so deep in the phantom and has not met its target is drawn back or has missed [m]; of the study."""
+"""Depth in the phantom at which a needle is drawn back or has missed [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""The same in a scene of one's own, beyond where the target rests [m]: as in the phantom."""
+"""The same in a user's scene, beyond the resting target [m]: as in the phantom."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
 """One outer mass at a time is poked: 3.4 m/s² is the root mean square on a coordinate of a half sine in any direction
-whose peak is 3 to 10 m/s², as `poked` has them."""
+with a peak of 3 to 10 m/s², as in `poked`."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """All outer masses may be pushed at once."""
 
 AT_REST_M = 1e-9
-"""A network that rests no further from where it is drawn rests there: rounding [m]."""
+"""Distance from its drawing up to which a network rests as drawn: rounding [m]."""
 
 TIP = Needle(hit=Hit.TIP)
-"""What hits in the phantom, and how uncertain it is; `docs/guidance.md`."""
+"""The needle in the phantom, and its uncertainty; `docs/guidance.md`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Case:
-    """One insertion to be tried: the scenario, a seed, the tissue, the filter's scene, the needle, the camera.
+    """One insertion: the scenario, a seed, the tissue, the filter's scene, the needle, the camera.
 
-    truth: the tissue as it is, drawn where it rests; given: the scene that the filter has, with its settings
-    plan: needle, entry, direction, speed, lesion, forces; straight: the insertion that advice is asked of
+    truth: the true tissue, drawn at rest; given: the scene of the filter, with its settings
+    plan: needle, entry, direction, speed, lesion, forces; straight: the insertion for advice
     deepest_m: at which a needle is drawn back or has missed [m]
     steer_m_s: how fast the robot may move the needle's line sideways [m/s]
-    warm_s, patience_s: marks are seen for so long before the needle may start, and it must be there so long after [s]
-    strength: of the scenario's pokes and breathing, by what they are; advice: whether it is asked for, too
+    warm_s, patience_s: time with marks before the needle may start, and time for it to arrive after that [s]
+    strength: factor on the scenario's pokes and breathing; advice: whether to evaluate it, too
     """
 
     scenario: Scenario
@@ -85,7 +84,7 @@ class Case:
 
     @property
     def n_frames(self) -> int:
-        """That the camera takes until patience ends."""
+        """Frames of the camera until patience ends."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
     @property
@@ -105,8 +104,8 @@ def case_of(
 ) -> Case:
     """The case of a scenario, its seed the first; raises InputError for files that do not fit.
 
-    scene_path: of the scene that the filter has, the scenario's own where none is given
-    needle_path: of the needle; speed [m/s] and radius of the lesion [m] count before what it has
+    scene_path: of the filter's scene, by default the scenario's
+    needle_path: of the needle; speed [m/s] and radius of the lesion [m] override its values
     """
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
@@ -143,26 +142,26 @@ def case_of(
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings for the phantom under a scenario: whether outer masses are pushed one at a time or together."""
+    """Filter settings for the phantom in a scenario: for outer masses pushed one at a time or together."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network drawn where it rests, `carried`: a needle's contact and the target at rest are seen from there."""
-    network = carried(network)
+    """The network drawn at its rest, `supported`: the reference for a needle's contact and the resting target."""
+    network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
 
 
 def resting_target(scene: Scene) -> Floats:
-    """Where the target is in the network as drawn [m], (dim,)."""
+    """The target in the network as drawn [m], (dim,)."""
     network = scene.network
     return target_map(network, scene.target.point).position(network.positions[network.free].ravel())
 
 
 def way_m(scene: Scene, plan: NeedlePlan) -> float:
-    """From the entry to where the tip is at a target that rests [m]."""
+    """Distance from the entry to the tip at a resting target [m]."""
     return float(np.linalg.norm(resting_target(scene) - plan.insertion.entry)) + plan.needle.reach_m
 
 
@@ -173,9 +172,9 @@ def phantom_plan(scene: Scene) -> NeedlePlan:
 
 
 def scene_plan(scene: Scene) -> NeedlePlan:
-    """A needle from above, against gravity, that points at the resting target, its tip to hit the scene's lesion.
+    """A needle from above that points at the resting target; its tip has to hit the scene's lesion.
 
-    It enters as high as the highest node rests, and no nearer to the target than in the phantom.
+    It enters at the height of the highest node at rest, and no nearer to the target than in the phantom.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))
@@ -188,9 +187,9 @@ def scene_plan(scene: Scene) -> NeedlePlan:
 
 
 def _check_given(path: Path, given: Scene, truth: Scene) -> None:
-    """Raise InputError where the scene of the filter is not one of the scenario's tissue."""
+    """Raise InputError if the scene of the filter does not fit the scenario's tissue."""
     if given.network.dim != truth.network.dim:
-        expected = f"{truth.network.dim} numbers, as the scenario's scene has"
+        expected = f"{truth.network.dim} numbers, as in the scenario's scene"
         raise InputError.at(f"{path}: network.gravity_m_s2", expected, str(given.network.dim))
     free = {truth.network.names[i] for i in truth.network.free}
     for i, mark in enumerate(given.marks):

@@ -1,7 +1,7 @@
-"""A needle driven into moving tissue by one policy, the loop closed: sight, estimate, command, and the tissue's answer.
+"""A needle inserted into moving tissue by one policy, in closed loop: sight, estimate, command, tissue response.
 
-At every frame the policy gives where the target is or will be, and the robot moves the needle's line towards it no
-faster than it can. COMMIT_S before arrival the line is fixed: that is the commitment, at which a probability is given.
+At every frame the policy gives the target's position, now or predicted, and the robot moves the needle's line towards
+it at a limited speed. COMMIT_S before arrival the line is fixed: at this commitment a probability is given.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from experiments.simulation.policies import Policy, across, horizon_s, predicted
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
-"""The line of the needle is fixed so long before arrival [s]: two frames, delays of the study's camera and robot."""
+"""Time before arrival at which the needle's line is fixed [s]: two frames, delays of the study's camera and robot."""
 
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
-"""Between these, evenly by its logarithm, the lesion is drawn by which probabilities are judged [m]; of the study."""
+"""Range of the radius of the drawn lesion for the test of probabilities, uniform in its logarithm [m]; of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""When to start: poked tissue cannot be predicted better half a second ahead; the commitment asks for the needle's
-own `go`, and a policy that may retract does so where a hit is less probable."""
+"""Thresholds for the start: poked tissue cannot be predicted better half a second ahead. The commitment requires the
+needle's own `go`; a policy that may retract does so below it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
-    """What came of one policy in one world.
+    """Result of one policy in one world.
 
-    probability: of a hit in the lesion, given at the commitment; None where the policy gives none or never committed
-    drawn_probability, drawn_hit: the same for a lesion of drawn_radius_m, which is drawn, and whether it was hit
-    miss_m: from what is to hit, the tip or the notch's middle, to the true target at arrival [m], None where the
-        needle never arrived
-    seconds: from leave to start until arrival [s]; insertions: begun
+    probability: of a hit in the lesion, at the commitment; None if the policy states none or never committed
+    drawn_probability, drawn_hit: the same for a lesion with the drawn radius drawn_radius_m, and whether it was hit
+    miss_m: distance of the tip or the notch's middle from the true target at arrival [m], None if the needle never
+    arrived
+    seconds: from permission to start until arrival [s]; insertions: number begun
     """
 
     policy: str
@@ -62,7 +62,7 @@ class Tried:
 
 @dataclass(slots=True)
 class _Robot:
-    """Where the needle is: depth along its axis [m], beside its first line along each of `across` [m], what it does."""
+    """The needle's state: depth along its axis [m], offset from its first line along `across` [m], its action."""
 
     axis: Floats
     beside: Floats
@@ -72,7 +72,7 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """Where the tip is, or would be so much deeper and aside [m], (dim,)."""
+        """The tip, or the tip moved deeper and aside by these lengths [m], (dim,)."""
         place = entry + (self.depth + deeper) * self.axis
         ways = self.beside if aside is None else self.beside + aside
         for way, direction in zip(ways, across(self.axis), strict=True):
@@ -81,7 +81,7 @@ class _Robot:
 
 
 def within(ways: Floats, most: float) -> Floats:
-    """The vector, shortened to this length where it is longer."""
+    """The vector, limited to this length."""
     length = float(np.linalg.norm(ways))
     return ways if length <= most else ways / length * most
 
@@ -95,7 +95,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Drive the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
+    """Insert the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -115,7 +115,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
                 robot.axis, robot.beside = way / np.linalg.norm(way), np.zeros(lesion.dim - 1)
                 robot.doing, robot.insertions = "going", robot.insertions + 1
         if robot.doing == "going" and policy.waits and policy.fault(now) is not None:
-            robot.doing = "back"  # as ABORT has it
+            robot.doing = "back"  # as for ABORT
         if robot.doing == "going":
             path = policy.path(_way(world, robot, speed_m_s))
             arrival, goal = _reached(path, world, robot.axis, robot.depth)
@@ -159,7 +159,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """What was committed to: from a time on, for left_s [s], aside by so much [m]; where tip and target should be."""
+    """A commitment: start time, duration left_s [s], offset [m]; expected tip and target."""
 
     now_s: float
     left_s: float
@@ -170,13 +170,13 @@ class _Shot:
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
-        """Of a hit, None where there is no density of the target."""
+        """Probability of a hit, None without a density of the target."""
         if self.target is None:
             return None
         return hit_probability(self.target, self.tip, self.axis, lesion, needle=self.needle)
 
     def offset(self, world: World, robot: _Robot, state: Floats) -> Floats:
-        """From the true target to the tip, or the notch's middle, at arrival [m], (dim,)."""
+        """Vector from the true target to the tip, or the notch's middle, at arrival [m], (dim,)."""
         arrived = state
         if self.left_s > 0.0:
             drive = _drive(world, robot, world.case.plan.insertion.speed_m_s, self.aside_m / self.left_s)
@@ -186,7 +186,7 @@ class _Shot:
 
 
 def tip_error(cov: Floats, noise: Floats) -> Floats:
-    """An error of the tip [m], (dim,), of this covariance, from standard normal numbers; no error of no covariance."""
+    """An error of the tip [m], (dim,), with this covariance, from standard normal numbers; zero for a zero one."""
     return np.linalg.cholesky(cov) @ noise if cov.any() else np.zeros(len(noise))
 
 
@@ -225,9 +225,9 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """When the needle is as deep as it has to be [s], and where the target is then; the path's end where it never is.
+    """Time at which the needle reaches the target's depth [s], and the target then; the path's end if it never does.
 
-    axis: None for a needle that is turned to the target
+    axis: None for a needle turned to the target
     """
     plan = world.case.plan
     speed, away = plan.insertion.speed_m_s, path.means - world.entry

@@ -1,4 +1,4 @@
-"""Robotic insertion, closed loop, simulated: what the estimate, looking ahead and waiting are worth to a needle.
+"""Simulated robotic insertion in closed loop: the benefit of the estimate, of prediction and of waiting.
 
 `softaim insert SCENARIO --out DIR`: policies compared on the same truths, seed by seed. `docs/insertion.md` has the
 figures obtained.
@@ -27,7 +27,7 @@ from experiments.simulation.world import world_of
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """What was tried: every policy in every run, n_runs lists of one `Tried` each; and of the advice in each."""
+    """Results: every policy in every run, n_runs lists of one `Tried` each; and insertions by advice in each."""
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
@@ -45,18 +45,18 @@ def insert(
     *,
     workers: Workers = OWN_PROCESS,
 ) -> Trials:
-    """Try every policy in n_runs worlds. Raises InputError for a scenario that cannot be."""
+    """Try every policy in n_runs worlds. Raises InputError for an impossible scenario."""
     jobs = [replace(case, seed=case.seed + k) for k in range(n_runs)]
     done = results(one_run, jobs, workers, advance)
     return Trials(case, tuple(tried for tried, _ in done), tuple(of_run for _, of_run in done))
 
 
 def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]]:
-    """Every policy in the world of one case, and what comes of advice in it."""
+    """Every policy in the world of one case, and insertions by advice in it."""
     world = world_of(case)
     state, paper, warm = warmed(world)
     tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]
-    # one after the other: all have the one filter, set back to where it was
+    # one after the other: all share one filter, which is restored
     tried += [attempt(world, policy(world, warm), state) for policy in (Filtered, Ahead, Waiting)]
     return tuple(tried), advised(world, warm, state) if case.advice else ()
 
@@ -87,8 +87,8 @@ def summary(done: Trials) -> dict[str, object]:
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
     """Hit rate with its 95 % interval [clopper1934], misses of those that arrived, means over runs.
 
-    seconds_to_hit: of those that hit; insertions: begun a run; retractions: of them, drawn back; never: not arrived
-    told, came_true: mean probability at the commitments, None where the policy states none, and share of hits of them
+    seconds_to_hit: of hits; insertions: number begun in a run; retractions: number drawn back; never: not arrived
+    predicted, observed: mean probability at the commitments and their hit rate; None where the policy states none
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
@@ -107,13 +107,13 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
         "insertions": float(np.mean([one.insertions for one in tried])),
         "retractions": float(np.mean([one.insertions - (one.miss_m is not None) for one in tried])),
         "never": sum(one.miss_m is None for one in tried),
-        "told": float(np.mean(stated)) if stated else None,
-        "came_true": float(np.mean(came)) if came else None,
+        "predicted": float(np.mean(stated)) if stated else None,
+        "observed": float(np.mean(came)) if came else None,
     }
 
 
 def table(done: Trials) -> pd.DataFrame:
-    """runs.csv: a row for each run and policy; mm and seconds, empty where there is nothing."""
+    """runs.csv: a row for each run and policy; mm and seconds; empty without a value."""
     rows = [
         {
             "seed": done.case.seed + k,
@@ -123,8 +123,8 @@ def table(done: Trials) -> pd.DataFrame:
             "seconds": one.seconds,
             "insertions": one.insertions,
             "p_hit": one.probability,
-            "told_radius_mm": 1e3 * one.drawn_radius_m,
-            "told": one.drawn_probability,
+            "predicted_radius_mm": 1e3 * one.drawn_radius_m,
+            "predicted": one.drawn_probability,
         }
         for k, run in enumerate(done.runs)
         for one in run
@@ -133,24 +133,24 @@ def table(done: Trials) -> pd.DataFrame:
 
 
 def advised_table(done: Trials) -> pd.DataFrame:
-    """advised.csv: a row for each advice that was asked for; empty where no needle went in."""
+    """advised.csv: a row for each advice; empty where no needle went in."""
     rows = [
         {
             "seed": done.case.seed + k,
             "time_s": one.time_s,
             "advice": str(one.advice),
-            "told": one.probability,
+            "predicted": one.probability,
             "hit": None if one.hit is None else float(one.hit),
             "miss_mm": None if one.miss_m is None else 1e3 * one.miss_m,
         }
         for k, run in enumerate(done.advised)
         for one in run
     ]
-    return pd.DataFrame(rows, columns=["seed", "time_s", "advice", "told", "hit", "miss_mm"])
+    return pd.DataFrame(rows, columns=["seed", "time_s", "advice", "predicted", "hit", "miss_mm"])
 
 
 def write_insertions(done: Trials, folder: Path) -> None:
-    """Write summary.json, runs.csv and advised.csv to a folder that exists."""
+    """Write summary.json, runs.csv and advised.csv to an existing folder."""
     write_whole(folder / "summary.json", json.dumps(summary(done), indent=2) + "\n")
     table(done).to_csv(folder / "runs.csv", index=False, float_format="%.6g")
     advised_table(done).to_csv(folder / "advised.csv", index=False, float_format="%.6g")

@@ -17,20 +17,20 @@ from experiments.simulation.simulate import draw, hues_of, poke_force, scene_of,
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Motion that is made up for at most, as after nobody took pictures, or compiling [s]; choice: takes 0.4 s."""
+"""Most motion to catch up, for example after a pause or compilation [s]; choice: takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
-"""Of the motion: tolerances [1; m, m/s] and the longest step [s], as long as tremor is straight; choice: 0.003 mm off,
-for a tenth of the time of tighter tolerances, which reject steps across its bends."""
+"""Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: an
+error of 0.003 mm, in a tenth of the time of tighter tolerances, which reject steps across its bends."""
 
 COMES_AGAIN_S = 360.0
-"""Forces are drawn for so long, and then come again [s]; choice: for an hour they take the first picture 0.3 s more."""
+"""Period of the drawn forces, after which they repeat [s]; choice: an hour delays the first picture by 0.3 s."""
 
 
 class PhantomCamera:
-    """A camera before the poked phantom, moved by SciPy's RK45 in real time and drawn as asked for.
+    """A camera before the poked phantom, moved by SciPy's RK45 in real time and drawn on request.
 
-    State: the phantom's state (n_state,) at time_s since it began to move, and when that was on the clock; its picture.
+    State: the phantom's state (n_state,) at time_s since it began to move, and that moment on the clock; its picture.
     """
 
     def __init__(
@@ -58,21 +58,21 @@ class PhantomCamera:
         self.time_s = 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """It always is."""
+        """Always true."""
         return True
 
     @property
     def positions(self) -> NDArray[np.float64]:
-        """Where all nodes are in the frame that was grabbed last [m], shape (n_nodes, dim)."""
+        """Positions of all nodes in the last grabbed frame [m], shape (n_nodes, dim)."""
         network = self.scene.network
         positions = network.positions.copy()
         positions[network.free] = unpack(self._state, network.dim)[0]
         return positions
 
     def grab(self) -> bool:
-        """Wait for the frame due next, or take the one due now if drawing fell behind; far behind, it stood still.
+        """Wait for the next due frame, or take the one due now if drawing fell behind; far behind, the phantom pauses.
 
-        It is drawn before it is due: light takes no time, and a latency is to be that of what sees it.
+        It is drawn before it is due, so that the measured latency does not include drawing.
         """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
@@ -93,7 +93,7 @@ class PhantomCamera:
         return True, self._image
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: when the phantom stood as it does, on the clock [ms]; 0 for all else."""
+        """CAP_PROP_POS_MSEC: time of the picture on the clock [ms]; 0 for other properties."""
         return 1e3 * (self._began_s + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:
@@ -111,4 +111,4 @@ class PhantomCamera:
         self.time_s = due
 
     def release(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to release."""

@@ -1,4 +1,4 @@
-"""The camera before the simulated phantom in a process of its own: it takes no time of the loop."""
+"""The camera before the simulated phantom in its own process, so that it does not take time of the loop."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 from experiments.threads import begin_helper
 
 PHANTOM, SCENARIO = "phantom", "webcam"
-"""What the simulated phantom is called as a source, and its scenario."""
+"""Name of the simulated phantom as a source, and its scenario."""
 
 HEADER = struct.Struct("<dII")
-"""Before the pixels of a picture: its exposure time on the monotonic clock [s], which all processes share; its width
-and height [px]."""
+"""Header of a picture: its exposure time on the monotonic clock [s], which all processes share; its width and height
+[px]."""
 
 ENDS_S = 2.0
-"""How long that process has to end [s]; chosen."""
+"""Timeout for the end of that process [s]; chosen."""
 
 
 def film(connection: Connection, fps: float | None) -> None:
-    """Once it is asked to, send the phantom's pictures as they are due, until nobody takes them."""
+    """After a request, send the phantom's pictures when they are due, until the reader is gone."""
     begin_helper()
-    # here: the process that begins this one is not to wait for what it loads
+    # imported here, so that the parent process does not wait for it
     from experiments.formats.scenario import read_scenario
     from experiments.simulation.phantom_camera import PhantomCamera
 
@@ -35,7 +35,7 @@ def film(connection: Connection, fps: float | None) -> None:
     if fps is not None:
         scenario = scenario.model_copy(update={"frame_interval_s": 1.0 / fps})
     camera = PhantomCamera(scenario)
-    camera.grab()  # loads what the first picture would wait for
+    camera.grab()  # loads what the first picture needs
     try:
         connection.recv_bytes()
         while camera.grab():
@@ -43,16 +43,16 @@ def film(connection: Connection, fps: float | None) -> None:
             image = camera.retrieve()[1]
             connection.send_bytes(HEADER.pack(exposure_s, image.shape[1], image.shape[0]) + image.tobytes())
     except (OSError, EOFError):
-        pass  # nobody does any more
+        pass  # the reader is gone
     finally:
         connection.close()
 
 
 class PhantomProcess:
-    """Pictures of a `PhantomCamera` that runs elsewhere, as cv2.VideoCapture gives them.
+    """Pictures of a `PhantomCamera` in another process, with the interface of cv2.VideoCapture.
 
-    It begins at once, and loads for seconds: meanwhile others may, too. The phantom stands still until it is opened.
-    fps: frames a second in place of the scenario's. State: the process, and what it sent last.
+    It starts at once and loads for seconds, in parallel with others. The phantom does not move until it is opened.
+    fps: frame rate in place of the scenario's [frames/s]. State: the process, and its last message.
     """
 
     def __init__(self, fps: float | None = None) -> None:
@@ -64,7 +64,7 @@ class PhantomProcess:
         self._sent = b""
 
     def opened(self) -> Self:
-        """The same, once the first picture came; OSError or EOFError where none does."""
+        """Wait for the first picture and return this object; OSError or EOFError if none comes."""
         self._connection.send_bytes(b"begin")
         self._sent = self._connection.recv_bytes()
         return self
@@ -82,13 +82,13 @@ class PhantomProcess:
         return True
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
-        """The picture that came last, a copy: what is compiled for pictures is for such as can be written."""
+        """A copy of the last picture: kernels are compiled for writable pictures."""
         _exposure_s, width, height = HEADER.unpack_from(self._sent)
         pixels = np.frombuffer(self._sent, dtype=np.uint8, offset=HEADER.size)
         return True, pixels.reshape(height, width, 3).copy()
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: when the picture that came last was taken, on the clock [ms]; 0 for all else."""
+        """CAP_PROP_POS_MSEC: time of the last picture on the clock [ms]; 0 for other properties."""
         return 1e3 * float(HEADER.unpack_from(self._sent)[0]) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def release(self) -> None:

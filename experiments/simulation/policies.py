@@ -36,17 +36,17 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""The breath is learnt from then on [s], for the first estimates have large errors; a parameter of the study."""
+"""Start of the breathing model [s], because the first estimates have large errors; a parameter of the study."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""So many ways of the needle, and so long, ahead reach predictions: later starts, a target that moves away; size of the
+"""Prediction range, in paths of the needle and in time, for later starts and a target that moves away; size of the
 study's tables."""
 
 
 class Policy:
-    """What steers a needle: at where the target stands, as far as it says nothing else. State: when and where that is.
+    """A policy that steers a needle, by default to the present target. State: its time and position.
 
-    waits: whether it starts on GO, and retracts on a fault or where a hit is improbable
+    waits: whether it starts on GO, and retracts on a fault or if a hit is improbable
     """
 
     name, waits = "", False
@@ -54,36 +54,36 @@ class Policy:
     place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Take in a frame; push: the needle's since the last one, as predicted [N], (n_free, dim)."""
+        """Update with a frame; push: the needle's predicted push since the last one [N], (n_free, dim)."""
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Where the target is expected from now on; pushes: the needle's in the frames ahead, as predicted."""
+        """Predicted target from now on; pushes: the needle's predicted pushes in the frames ahead."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """The density of the target's place then, None where there is none.
+        """The density of the target's position then, None if there is none.
 
-        parts: of the needle's force from now until then, as predicted [N], (2, n_free, dim), see `predicted_parts`
+        parts: of the needle's predicted force from now until then [N], (2, n_free, dim), see `predicted_parts`
         """
         return None
 
     def fault(self, now_s: float) -> str | None:
-        """Why it gives no guidance now, None where it does."""
+        """Why there is no guidance now, None if there is."""
         return None
 
 
 def covariance(estimate: TargetEstimate) -> Floats:
-    """That of an estimate of a filter [m²], (dim, dim)."""
+    """The covariance of a filter's estimate [m²], (dim, dim)."""
     if estimate.cov is None:
         raise ValueError("estimate: expected a covariance, found none")
     return estimate.cov
 
 
 def horizon_s(world: World) -> float:
-    """How far ahead the target is predicted [s], whole frames."""
+    """Prediction range of the target [s], in whole frames."""
     case = world.case
     ahead_s = WAYS * way_m(case.truth, case.plan) / case.plan.insertion.speed_m_s + MARGIN_S
     return float(np.ceil(ahead_s * case.frames_per_s * (1.0 - 1e-9)) / case.frames_per_s)
@@ -104,8 +104,8 @@ def predicted_push(
 ) -> Floats:
     """Forces on the free nodes [N] that the needle makes in the next n steps of step_s [s], (n, n_free, dim).
 
-    By its stated constants. Full cutting and friction forward, friction back.
-    beside: of its first line along each of `across` [m], (dim - 1,)
+    With its stated constants: full cutting and friction forward, friction back.
+    beside: offset from its first line along each of `across` [m], (dim - 1,)
     """
     return predicted_parts(world, axis, depth, beside, speed, n, step_s).sum(axis=0)
 
@@ -113,13 +113,13 @@ def predicted_push(
 def predicted_parts(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """As `predicted_push`, what cutting does and what friction does, each of its own constant, (2, n, n_free, dim)."""
+    """As `predicted_push`, separately for cutting and friction, (2, n, n_free, dim)."""
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
     tips: Floats = world.entry + depths[:, None] * axis
     for aside, direction in zip(beside, across(axis), strict=True):
         tips = tips + aside * direction
-    network, stated = world.believed, world.case.plan.forces.constants()
+    network, stated = world.assumed, world.case.plan.forces.constants()
     cutting, friction = (
         sliding_friction(network, needle_with(network, world.entry, stated | {without: 0.0}), tips, axis, depths)
         for without in ("friction_N_m", "cutting_N")
@@ -137,18 +137,18 @@ def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
 
 
 class Rest(Policy):
-    """Aim once, at where the target rests."""
+    """Aim once, at the resting target."""
 
     name = "rest"
 
     def __init__(self, world: World) -> None:
-        network, self.time_s = world.believed, 0.0
+        network, self.time_s = world.assumed, 0.0
         target = target_map(network, world.case.given.target.point)
         self.place = target.position(network.positions[network.free].ravel())
 
 
 class Paper(Rest):
-    """Aim at the open loop's present target. State: that simulation, place now."""
+    """Aim at the open loop's present target. State: that simulation."""
 
     name = "open-loop"
 
@@ -157,13 +157,13 @@ class Paper(Rest):
         self._loop = OpenLoop(world.case.given.network, world.case.given.target.point)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """The simulation goes on to the frame."""
+        """Advance the simulation to the frame."""
         self.time_s, self.place = time_s, self._loop.update(time_s, marks).mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, its last estimate, the breath; tables of policies, and of advice."""
+    """A filter after the warm-up: its state, its last estimate, the breathing model; tables of policies and advice."""
 
     tissue: TissueFilter
     then: FilterSnapshot
@@ -182,30 +182,30 @@ class Filtered(Policy):
         self.tissue, self.estimate, self._tables = warm.tissue, warm.estimate, warm.tables
         self.time_s, self.place = warm.estimate.time_s, warm.estimate.mean
         self.tissue.restore(warm.then)
-        self._compliance = compliance(world.believed, world.case.given.target.point)
+        self._compliance = compliance(world.assumed, world.case.given.target.point)
         self._error = world.case.plan.forces.error
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Predict under the predicted push, take in the marks."""
+        """Predict under the predicted push, and update with the marks."""
         self.tissue.predict(time_s, push)
         self.estimate = self.tissue.update(marks)
         self.time_s, self.place = time_s, self.estimate.mean
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's own prediction, and what wrong forces of the needle make of it."""
+        """The filter's prediction, with the effect of wrong needle forces."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
         unknown = force_error_cov(self._compliance, parts, self._error)
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
-        """Of the filter's health."""
+        """The fault of the filter's health."""
         return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
 
 
 class Ahead(Filtered):
-    """Follow where the target will be: by its breath as far as it goes by one, by the filter's equations where not.
+    """Aim at the predicted target: by the breathing model while it holds, otherwise by the filter.
 
-    State: as `Filtered`, and the breath, of the target less the predicted shift by the needle.
+    State: as `Filtered`, and the breathing model of the target without the needle's predicted shift.
     """
 
     name = "filter-ahead"
@@ -215,13 +215,13 @@ class Ahead(Filtered):
         self._breathing = deepcopy(warm.breathing)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """The filter, then the breath."""
+        """Update the filter, then the breathing model."""
         super().see(time_s, marks, push)
         shift = 0.0 if push is None else self._compliance @ push.ravel()
         self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """By the filter's tables, and by the breath as far as the target goes by one."""
+        """By the filter's tables, and by the breathing model while it holds."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -232,7 +232,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """By the breath as far as the target goes by one, by the filter, and what wrong forces of the needle add."""
+        """By the breathing model while it holds, by the filter, plus the effect of wrong needle forces."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -246,19 +246,19 @@ class Ahead(Filtered):
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
-        """Where the target rests under pushes, from where it rests under none [m], (n, dim), to first order."""
+        """Shift of the resting target by pushes [m], (n, dim), to first order."""
         return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 
 class Waiting(Ahead):
-    """As `Ahead`, started on GO, drawn back where a hit becomes improbable."""
+    """As `Ahead`, but started on GO, and drawn back if a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Of the filter of every world with this network, target, marks, settings and uncertainty, pickled to compare."""
+    """Key of the filter of all worlds with this network, target, marks, settings and uncertainty, pickled."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)

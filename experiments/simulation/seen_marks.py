@@ -17,19 +17,19 @@ from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene
 
 MISPLACED_M = (0.03, 0.15)
-"""How far from its place an outlier is [m]."""
+"""Distance of an outlier from the true position [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the free nodes were: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
+    """Motion of the free nodes: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
 
     times_s: Floats
     positions: Floats
 
 
 def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:
-    """Which marks are not seen, (n_frames, n_marks), and how far outliers are from their places [m], of this shape."""
+    """Which marks are not seen, (n_frames, n_marks), and distances of outliers from true positions [m], same shape."""
     lost = rng.random(shape[:2]) < marks.lost
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
@@ -40,8 +40,8 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
     """The measured marks of a scene at each time of a motion, and the target's truth.
 
-    Reference marks are seen to the same sd, none is lost. The same generator gives errors in the same directions for
-    every sd_mm, and loses more of the same marks.
+    Reference marks have the same sd, and none is lost. The same generator gives errors in the same directions for every
+    sd_mm, and a larger share of losses includes the smaller.
     """
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}

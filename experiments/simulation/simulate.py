@@ -17,7 +17,6 @@ from dynamics import (
     KINDS,
     MassSpringNetwork,
     NetworkError,
-    carried,
     four_mass_phantom,
     integrate_adaptive,
     pack,
@@ -25,6 +24,7 @@ from dynamics import (
     rest_shape,
     scale_parameters,
     stable_step,
+    supported,
     unpack,
 )
 from dynamics.phantoms.four_mass import HIDDEN
@@ -44,16 +44,16 @@ from experiments.threads import ahead
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
-"""Of the target in the phantom [m]; a parameter of the study."""
+"""Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
 """Level of the discrepancy of a simulated phantom, whose model is the truth, by its extent [1]; chosen."""
 
 TRUTH = 0.2
-"""Share of the work before a film that the truth is taken for, of what is shown as done."""
+"""Share of the truth in the progress before a film."""
 
 STIFF_S = 1e-4
-"""Where explicit steps would have to be shorter [s], implicit ones are taken: numerical, they then cost less."""
+"""Least explicit step [s]; if it would be shorter, implicit steps are used; numerical: they are then cheaper."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +69,7 @@ class Force:
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """The scene of the scenario: its file's, or that which a camera before its phantom sees. Raises InputError."""
+    """The scene of the scenario: its file's, or that of a camera before its phantom. Raises InputError."""
     if scenario.scene is not None:
         return read_scene(Path(scenario.scene))
     network = four_mass_phantom()
@@ -103,7 +103,7 @@ def exposures(scenario: Scenario) -> Floats:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """White acceleration of the given density, straight between knots, on every free node [N], (n_free, dim)."""
+    """White acceleration of the given density, linear between knots, on every free node [N], (n_free, dim)."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -162,7 +162,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Rows of these nodes, which `completed` names."""
+    """Rows of these nodes, which `completed` has set."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 
@@ -175,7 +175,7 @@ def _row(network: MassSpringNetwork, node: str) -> int:
 
 
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
-    """The network with the true constants of this seed, as far from a scene's as the scenario states."""
+    """The network with the true constants of this seed, which differ from the scene's as the scenario states."""
     if scenario.constants is None:
         return network
     spread = scenario.constants.model_dump()
@@ -187,7 +187,7 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
 def start_and_forces(
     network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator
 ) -> tuple[Floats, list[Force]]:
-    """Where the free nodes start from [m], (n_free, dim), and what acts on them. Raises InputError."""
+    """Initial positions of the free nodes [m], (n_free, dim), and the forces on them. Raises InputError."""
     rest = network.positions[network.free]
     held = np.zeros_like(rest)
     if scenario.release is not None:
@@ -213,9 +213,9 @@ def true_motion(
     rng: np.random.Generator,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Truth:
-    """Where the scenario's nodes are at its exposure times; a network without anchors is `carried`.
+    """Positions of the scenario's nodes at its exposure times; a network without anchors is `supported`.
 
-    `advance` gets the share done, in hundredths. Raises InputError.
+    `advance` is called with the share done, in hundredths. Raises InputError.
     """
     times = exposures(scenario)
     start, forces = start_and_forces(network, scenario, rng)
@@ -230,11 +230,11 @@ def true_motion(
 
     try:
         states = integrate_adaptive(
-            carried(network),
+            supported(network),
             pack(start, nothing),
             times,
             force=acting,
-            # explicit: from knot to knot a step or two, a method of higher order gains nothing
+            # explicit: with one or two steps between knots a method of higher order gains nothing
             method="Radau" if stable_step(network) < STIFF_S else "RK45",
             rtol=1e-6,
             atol=1e-8,
@@ -247,7 +247,7 @@ def true_motion(
 
 
 def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
-    """Frames of the motion as the scenario's camera gives them, (height, width, 3) BGR."""
+    """Frames of the motion by the scenario's camera, (height, width, 3) BGR."""
     camera = scene.cameras[0]
     network = scene.network
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
@@ -290,7 +290,7 @@ def simulate(
 ) -> None:
     """Write the recording of a scenario to the folder `out`; `advance` gets the share done. Raises InputError.
 
-    filmed: False: marks.csv in place of the film, as where the scene has no camera
+    filmed: False: marks.csv in place of the film, as without a camera
     """
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
@@ -316,9 +316,9 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """The scene as its file has it, `simulate` after it; where that leaves cameras to other files, written out.
+    """The scene of its file with the step `simulate`; cameras of other files are written out.
 
-    Where the truth had other constants than the scene, `simulate` is not among its steps.
+    If the truth has other constants than the scene, `simulate` is not among its steps.
     """
     done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)
@@ -337,7 +337,7 @@ def _write_film(
     path: Path,
     advance: Callable[[float], None],
 ) -> None:
-    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # a container takes no lower rate; frames.csv has the times
+    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the container's least; frames.csv has the times
     stored = scenario.video
     size_px = scene.cameras[0].size_px
     with (

@@ -1,6 +1,6 @@
-"""The world that a needle is driven into: the tissue's truth, richer than the filter's model, and its marks.
+"""The world of an insertion: the true tissue, richer than the filter's model, and its marks.
 
-Forces on all masses, hidden ones included, friction, and a needle whose constants the filter does not know, by steps
+It has forces on all masses, hidden ones included, friction, and a needle with constants unknown to the filter, in steps
 sixteen times finer than the filter's (`dynamics.needle.steered`).
 """
 
@@ -29,23 +29,23 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import start_and_forces, true_network
 
 KNOT_S = 1.0 / 480.0
-"""Outside forces are straight over this time [s]: four knots for each of the tremor's."""
+"""External forces are linear over this time [s]: four knots for each of the tremor's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """What is the same for every policy.
+    """The part that all policies share.
 
-    network: the tissue's; believed: the filter's, drawn where it rests; aim: from a state of the tissue to its target
-    knots: outside forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
+    network: the tissue's; assumed: the filter's, drawn at rest; aim: from a state of the tissue to its target
+    knots: external forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
     noise: of the measured marks [m], (n_frames, n_marks, dim); missed: marks that are not seen, (n_frames, n_marks)
-    tip_noise: standard normal, (dim,): error of the tip at last, in standard deviations
-    share: in (0, 1), for what is drawn once a run
+    tip_noise: standard normal, (dim,): final error of the tip, in standard deviations
+    share: random number in (0, 1) for the run
     """
 
     case: Case
     network: MassSpringNetwork
-    believed: MassSpringNetwork
+    assumed: MassSpringNetwork
     aim: TargetMap
     knots: SampledForces
     needle: NeedleMechanics
@@ -57,12 +57,12 @@ class World:
 
     @property
     def entry(self) -> Floats:
-        """Of the needle [m], (dim,)."""
+        """Entry of the needle [m], (dim,)."""
         return self.case.plan.insertion.entry
 
     @property
     def pierced(self) -> bool:
-        """Whether the skin offers no resistance."""
+        """Whether the skin has no resistance."""
         return self.case.plan.forces.puncture_N == 0.0
 
     def frame_s(self, k: int) -> float:
@@ -70,11 +70,11 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """Where the target is in a state [m], (dim,)."""
+        """The target in a state [m], (dim,)."""
         return self.aim.position(state)
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
-        """What the camera sees of a state at a frame."""
+        """The marks of a state at a frame."""
         sd = 1e-3 * self.case.seen.sd_mm
         cov = sd**2 * np.eye(self.network.dim)
         return [
@@ -86,13 +86,13 @@ class World:
     def moved(
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
-        """The tissue under the needle from one time to another [s], and whether the skin has given way."""
+        """The tissue under the needle from one time to another [s], and whether the skin is punctured."""
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 
 
 def world_of(case: Case) -> World:
-    """The world of a case, by its seed alone. Raises InputError for a scenario that cannot be."""
+    """The world of a case, determined by its seed. Raises InputError for an impossible scenario."""
     network, nodes = at_rest(true_network(case.truth.network, case.scenario, case.seed)), case.given.measured_nodes
     rng = np.random.default_rng([case.seed, 7])
     lasting = case.n_frames / case.frames_per_s + 1.0
@@ -127,7 +127,7 @@ def world_of(case: Case) -> World:
 
 
 def needle_with(network: MassSpringNetwork, entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
-    """A needle of these constants in a network, its path given elsewhere; where no skin resists, one that breaks."""
+    """A needle with these constants in a network, without a path; without skin, one that has punctured it."""
     still = NeedlePose(entry, np.zeros(network.dim), 0.0, 0.0)
     most = {**constants, "puncture_N": constants["puncture_N"] or np.finfo(float).tiny}
     return NeedleMechanics(lambda _t: still, entry, reach_m=force_reach_m(network), **most)

@@ -3,7 +3,7 @@
     python -m experiments.studies.architecture          # rewrites both, from the code
     python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
 
-A room is a sub-package. What it holds is the first line of its docstring, what may enter the second paragraph.
+A room is a sub-package. The first line of its docstring is its content, the second paragraph what may enter.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ PACKAGES = ("dynamics", "vision", "estimators", "experiments")
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A sub-package: its name, what it holds, what may enter, the rooms that it imports."""
+    """A sub-package: its name, its content, what may enter, the rooms that it imports."""
 
     name: str
     holds: str
@@ -57,7 +57,7 @@ def rooms_of(package: str) -> list[Room]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Rooms, and packages where names are taken from the package itself, that a module imports."""
+    """Rooms that a module imports, and packages whose names it imports directly."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -73,7 +73,7 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 def layers_of(package: str) -> list[list[str]]:
-    """Names of the rooms of a package in the layers of the import contract, the topmost first."""
+    """Names of a package's rooms in the layers of the import contract, topmost first."""
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
         "contracts"
     ]
@@ -99,7 +99,7 @@ def tables() -> str:
 
 
 def page() -> str:
-    """The text of docs/architecture.md with its tables made from the code."""
+    """The text of docs/architecture.md with tables from the code."""
     return replaced(PAGE.read_text(encoding="utf-8"), {"rooms": tables()})
 
 
@@ -109,7 +109,7 @@ FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {
     "vision": (8.6, ("dynamics",), 8.0, "#e5f2dd"),
     "experiments": (0.0, ("estimators", "vision"), 16.6, "#eee3f3"),
 }
-"""Of each package in the drawing: left, the packages that it stands above, width, colour. The lower ones come first."""
+"""Layout of each package in the drawing: left, the packages below it, width, colour. Lower ones come first."""
 HEIGHT, GAP, BETWEEN = 0.5, 0.36, 0.85
 
 
@@ -129,7 +129,7 @@ def draw(path: Path) -> None:
         tops[package] = low + len(layers) * (HEIGHT + GAP) + 0.15
         _box(axes, (left, low - 0.25), (broad, tops[package] - low + 0.35), colour)
         axes.text(left + 0.1, tops[package] + 0.06, package, fontsize=13, weight="bold", va="top")
-        # a layer of one room stands beside the middle, else arrows from layer to layer would hide each other
+        # a layer with one room is off the middle, so that arrows between layers do not cover each other
         alone = [k for k, layer in enumerate(layers) if len(layer) == 1]
         for k, layer in enumerate(layers):
             y = low + (len(layers) - 1 - k) * (HEIGHT + GAP) + HEIGHT / 2

@@ -1,17 +1,18 @@
-"""How fast it is, against what: everything timed in one run on the same work.
+"""Speed of the parts against references, all timed in one run on the same work.
 
-filter_step: one frame of the filter, three marks of the phantom; and of filterpy's interacting mixture of as many stock
-unscented filters as it has modes, with the same states, noise, rates and marks: its motion in plain NumPy, one sigma
-point after the other, and compiled as ours is.
-full_step: the same with association of marks alike, frame after frame; considered: with ten unknown constants beside.
+filter_step: one frame of the filter, three marks of the phantom; and of filterpy's interacting mixture with as many
+stock unscented filters as modes, and the same states, noise, rates and marks: with its motion in plain NumPy, one sigma
+point after the other, and compiled like ours.
+full_step: the same with association of interchangeable marks, frame after frame; considered: with ten unknown
+constants.
 bodies: frames of grids in space, springs along edges and diagonals: 18 free nodes of which 17 are marked, 48 of which
 40 are.
-advice: what `guide` does in two parts: one second of the target's path, at 30 times; advice from a path, 21 starts
+advice: the two parts of `guide`: one second of the target's path, at 30 times; advice from a path, 21 starts
 over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
-live_frame: all that a live loop adds to a frame for it: the breath's fit, 1.5 s of path by tables, advice from it on 4
-starts; and the path by tables alone.
+live_frame: the part of advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4
+starts; and the path from tables alone.
 recording: advice, noise levels and the smoother on a recording, by its frames: `bench_recording`.
-detect: four red marks in pictures of 1280x720; all of the picture, the marks where they are expected, and OpenCV's
+detect: four red marks in pictures of 1280x720; in the whole picture, where they are expected, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed.
 """
@@ -88,7 +89,7 @@ def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
 
 
 def repeated_ms(work: Callable[[], object], repeats: int) -> float:
-    """Median duration of a piece of work [ms], after one run that is not counted."""
+    """Median duration of a piece of work [ms], after one uncounted run."""
     work()
     return 1e3 * float(np.median([seconds_of(work) for _ in range(repeats)]))
 
@@ -109,7 +110,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
     add_noise(noises, found, own.variances)
     points = filterpy.MerweScaledSigmaPoints(process.n, 1.0, 0.0, 0.0)
     velocity, force, n = process.parts["velocity"], process.parts["force"], network.n_state
-    short_s = 1e-6  # over it a force changes the speed alone
+    short_s = 1e-6  # within it a force changes only the speed
     pushes, fading = process.linearize(own.mean, short_s).matrix[velocity, force] / short_s, found.matrix.diagonal()[n:]
 
     def plain(x: Floats, dt: float) -> Floats:
@@ -160,7 +161,7 @@ def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
-    """The whole filter, frame after frame, with exact constants and with uncertain ones."""
+    """The whole filter, frame after frame, with exact and with uncertain constants."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = resting_frames(network, OUTER, 0.00414, n_frames)
@@ -176,7 +177,7 @@ def bodies(n_frames: int = 40) -> dict[str, float]:
 
 
 def _grid_ms(side: int, n_frames: int) -> float:
-    """Of a cube of 6 cm of so many nodes a side that stands on its lowest layer, its surface marked."""
+    """The filter of a cube of 6 cm with this many nodes a side, on its lowest layer, with marks on its surface."""
     layer = np.arange(float(side))
     places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
@@ -254,7 +255,7 @@ def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
 
 
 def detect(n_frames: int = 60) -> dict[str, float]:
-    """Marks found in whole pictures and where they are expected, against OpenCV's detector of blobs."""
+    """Marks found in whole pictures and where they are expected, against OpenCV's blob detector."""
     rng = np.random.default_rng(0)
     radius, names = 12.0, ("M1", "M2", "M3", "M4")
     homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
@@ -318,4 +319,4 @@ BENCHMARKS: dict[str, tuple[float, Callable[[], dict[str, float]]]] = {
     "loop_640x480": (0.9, loop_640x480),
     "film_640x480": (1.0, lambda: film_640x480(*_filmed_webcam(60))),
 }
-"""Each with the share of all work that is done after it."""
+"""Each with the share of work done after it."""

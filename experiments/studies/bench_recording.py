@@ -1,8 +1,8 @@
-"""How fast what goes through whole recordings is: advice on a needle, the level of the discrepancy, the smoother.
+"""Speed of work on whole recordings: advice on a needle, the level of the discrepancy, the smoother.
 
 One recording of the phantom at rest, three marks to 1 mm, 30 frames/s; figures of `softaim bench`, row `recording`.
-advise: a frame's advice, 21 starts over 2 s, from a path by tables, and from one by `TissueFilter.predict_path`.
-tune: `tune_strain` on 50 frames, for each frame of them, and how many passes of the filter that is worth.
+advise: a frame's advice, 21 starts over 2 s, with a path from tables, and from `TissueFilter.predict_path`.
+tune: `tune_strain` on 50 frames, for each frame, and as a number of passes of the filter.
 smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same frames.
 """
 
@@ -32,7 +32,7 @@ N_ADVISED, N_BY_FILTER, N_TUNED, N_SMOOTHED = 30, 3, 50, 60
 
 
 def seconds_of(work: Callable[[], object]) -> float:
-    """How long a piece of work takes [s]."""
+    """Duration of a piece of work [s]."""
     began = time.perf_counter()
     work()
     return time.perf_counter() - began
@@ -44,7 +44,7 @@ def median_ms(seconds: Sequence[float]) -> float:
 
 
 def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int) -> Frames:
-    """Marks of a body that rests as drawn, to so much an axis [m]."""
+    """Marks of a body at rest as drawn, with this standard deviation on each axis [m]."""
     at = network.positions[[network.index(node) for node in nodes]]
     places = at + np.random.default_rng(0).normal(0.0, sd_m, (n_frames, *at.shape))
     return frames_of(FRAME_S * np.arange(n_frames), places, nodes, sd_m)
@@ -61,7 +61,7 @@ def _filter() -> TissueFilter:
 
 
 def _pass_s(frames: Frames) -> float:
-    """Seconds of the filter's way through frames."""
+    """Time of the filter through frames [s]."""
     return seconds_of(partial(passed, _filter(), frames))
 
 
@@ -85,14 +85,14 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """The level of the discrepancy by the frames, and what a pass through them takes in the same run."""
+    """The discrepancy level from the frames, and the time of a pass through them in the same run."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
-    """The smoother's way through the frames and back, and the filter's alone."""
+    """The smoother through the frames and back, and the filter alone."""
     fixed_interval(_filter(), frames[:3])
     pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}

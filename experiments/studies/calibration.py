@@ -1,10 +1,9 @@
 """Study of a camera with a constant calibration error in a run: bias and covariance of the target.
 
 Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
-the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and place have errors along directions
-drawn once for each run and scaled to an error of marks of so much on average (rms, both axes). Two filters on the same
-marks, given the same directions: one takes them as independent in each frame (n_calibration 0), one considers them as
-constant.
+the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and pose have errors along directions drawn
+once for each run, scaled to a given mean error of marks (rms, both axes). Two filters get the same marks and
+directions: one takes the errors as independent in each frame (n_calibration 0), one considers them as constant.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
 
@@ -41,8 +40,8 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Before scaling, chosen. Whole: lens and place as a calibration from a dozen pictures leaves them; marks move mostly
-alike. Turned: the lens is known; the camera is turned about its axis and nearer or further."""
+"""Errors before scaling, chosen. Whole: lens and pose as after a calibration from a dozen pictures; marks move mostly
+alike. Turned: the lens is exact; the camera is turned about its axis and nearer or further."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -93,7 +92,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
 
 
 def figures(runs: list[Run], name: str) -> dict[str, float]:
-    """Of one filter over runs: rms error and rms sigma [mm], the part in the 95 % region, and mean NEES."""
+    """One filter over runs: rms error and rms sigma [mm], share in the 95 % region, and mean NEES."""
     errors, covs = (np.concatenate(parts) for parts in zip(*(one[name] for one in runs), strict=True))
     nees = normalised_error_squared(errors, covs)
     return {

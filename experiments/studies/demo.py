@@ -27,7 +27,7 @@ def tracked(
     *,
     stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
 ) -> Track:
-    """A scenario filmed into the folder `recording` and tracked; seed: in place of its own."""
+    """Film a scenario into the folder `recording` and track it; seed: in place of its own."""
     scenario = read_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
@@ -36,7 +36,7 @@ def tracked(
 
 
 def heads() -> tuple[str, ...]:
-    """The scenarios with their seeds, as tables of the demo have them."""
+    """The scenarios with their seeds, for tables of the demo."""
     return tuple(f"{name}, seed {read_scenario(name).seed}" for name in SCENARIOS)
 
 
@@ -48,8 +48,8 @@ def demo(
 ) -> Figures:
     """Write recordings and tracks of both scenarios to the folder `out`; figures by scenario and method.
 
-    vector: "pdf" or "svg" for such a file beside each picture; stage(name) is called at the start of each piece of work
-    and returns a function of the share done
+    vector: "pdf" or "svg" for a vector file beside each plot; stage(name) is called at the start of each part and
+    returns a function of the share done
     """
     from experiments.plots.track import write_track_plots  # matplotlib is slow to load: only where it is needed
 

@@ -1,4 +1,4 @@
-"""What all studies share: a grid of cases, their runs, the options of a command, and what it prints."""
+"""Common parts of all studies: a grid of cases, their runs, the options of a command, and its output."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 
 
 def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
-    """Options of a study; doc: of its module, whose first line describes it and which has its command.
+    """Options of a study; doc: its module's docstring, with a first line of description and its command.
 
     out: whether its runs are kept in a folder; page: whose tables it can rewrite, of docs/
     """
@@ -39,7 +39,7 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
     command = re.search(r"python -m [\w.]+", text)
     parser = argparse.ArgumentParser(prog=command and command[0], description=text.split("\n", maxsplit=1)[0])
     if out:
-        parser.add_argument("--out", type=Path, required=True, help="a study that was ended goes on")
+        parser.add_argument("--out", type=Path, required=True, help="folder; an interrupted study continues")
     if page:
         parser.add_argument("--page", action="store_true", help=f"rewrite the tables of docs/{page}")
     add_worker_options(parser)
@@ -47,7 +47,7 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
-    """`--seeds`, or another name, and `--first-seed`, which `seeds_of` reads."""
+    """Add `--seeds`, or another name, and `--first-seed`, for `seeds_of`."""
     parser.add_argument(runs, dest="n_seeds", type=_count, default=n, help="runs of each case: %(default)s")
     parser.add_argument("--first-seed", type=int, default=first, help="of them: %(default)s")
 
@@ -64,7 +64,7 @@ def seeds_of(given: argparse.Namespace) -> range:
 
 
 def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The names of an option, all known ones where none is given. Raises InputError for one that is not known."""
+    """The names of an option, by default all known ones. Raises InputError for an unknown one."""
     every = list(known)
     for name in names:
         if name not in every:
@@ -73,19 +73,19 @@ def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]
 
 
 def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers) -> pd.DataFrame:
-    """The rows of all runs, kept in a folder, where they go on. Raises InputError, RunsFailedError."""
+    """The rows of all runs, kept in a folder and continued there. Raises InputError, RunsFailedError."""
     with run_bar(folder.name) as advance:
         return run_study(work, cases, folder, workers, advance).checked()
 
 
 def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
-    """What each run gives, in the order of the jobs; nothing is kept. Raises InputError, RunsFailedError."""
+    """The results of the runs, in the order of the jobs, not kept. Raises InputError, RunsFailedError."""
     with run_bar("runs") as advance:
         return results(work, jobs, workers, advance)
 
 
 def command(main: Main) -> Callable[..., int]:
-    """The main function of a study with its exit code: what is wrong with the input is one line, and 2."""
+    """The main function of a study with its exit code: an input error is one line, with exit code 2."""
 
     @wraps(main)
     def coded(arguments: Sequence[str] | None = None) -> int:
@@ -99,7 +99,7 @@ def command(main: Main) -> Callable[..., int]:
 
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = (0,)) -> str:
-    """A table in Markdown, these columns to the left and the others to the right."""
+    """A table in Markdown, these columns left-aligned and the others right-aligned."""
     ruled = ["---" if k in left else "---:" for k in range(len(heads))]
     return "".join(
         "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)

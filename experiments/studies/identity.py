@@ -1,4 +1,4 @@
-"""Marks of one hue whose names were exchanged: how soon that is noticed, how often mended, how often seen in error.
+"""Exchanged marks of one hue: how soon an exchange is detected, how often corrected, and false detections.
 
     python -m experiments.studies.identity --out study         # 108 runs of each kind, some 10 minutes on two cores
     python -m experiments.studies.identity --runs 4 --out study
@@ -7,9 +7,9 @@ Truth is by SciPy's RK45, 4 s at 30 frames/s, marks with noise. `phantom`: the p
 4.14 mm of noise. `close`: the same masses and springs with three tenths of the distances, 1 mm of noise; when shoved it
 turns over and its marks pass each other. Kinds of run:
 
-never: names as they are. wrong springs: the same, and the filter takes them to be 1.4 times as
+never: right names. wrong springs: the same, and the filter's springs are 1.4 times as
 stiff. for good: two names exchanged from 1.5 s on. a while: for ten frames. from the start: names
-permuted in all frames. slipped by: the same, names fixed in the first 1.5 s. hidden: nobody gives names;
+permuted in all frames. slipped by: the same, names fixed in the first 1.5 s. hidden: no names are given;
 all marks are hidden for half a second in each 1.3 s, and those that come back are named by where the filter expects
 them (`vision.tracking.association`). seldom: the same with 5 frames/s and nothing hidden.
 
@@ -43,15 +43,15 @@ from vision import Detection, Expected, associate_marks
 
 DURATION_S, FRAMES_PER_S = 4.0, 30
 FROM, FOR = 45, 10
-"""Frame of the exchange, and how many frames it lasts where it ends."""
+"""Frame of the exchange, and its duration in frames if it ends."""
 SETTINGS = tuple((where, how) for where in ("phantom", "close") for how in ("quiet", "poked", "shoved"))
 REPORTED = ("never", "wrong springs", "for good", "a while", "from the start", "slipped by")
 BLIND = ("for good", "from the start")
-"""Kinds of run that are done with fixed names, too."""
+"""Kinds of run that are also done with fixed names."""
 WRONG = 1.4
-"""Stiffness in the filter's model, as a share of the true one, where its springs are wrong."""
+"""Stiffness in the filter's model relative to the true one, for wrong springs."""
 NAMELESS = {"hidden": 1, "seldom": 6}
-"""Kinds of run in which nobody gives names: every how manieth frame is taken."""
+"""Kinds of run without given names, and their step of frames."""
 NOISE_M = {"phantom": 0.00414, "close": 0.001}
 CLOSE = 0.3
 END_S = 1.5
@@ -60,7 +60,7 @@ END_S = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """One truth: times [s] (n,), marks and the target as they were and as they are seen [m], (n, ., dim)."""
+    """One truth: times [s] (n,), true and measured marks and target [m], (n, ., dim)."""
 
     network: MassSpringNetwork
     times_s: Floats
@@ -79,7 +79,7 @@ def tissue_of(where: str) -> MassSpringNetwork:
 
 
 def world(where: str, how: str, seed: int) -> World:
-    """What happens in a run, and where the marks are seen."""
+    """The events of a run, and the measured marks."""
     network = tissue_of(where)
     change = {"duration_s": DURATION_S, "seed": seed, "frame_interval_s": 1.0 / FRAMES_PER_S}
     truth = true_motion(network, read_scenario(how).model_copy(update=change), np.random.default_rng([seed, 1]))
@@ -106,7 +106,7 @@ def reported_names(kind: str, rng: np.random.Generator) -> NDArray[np.int64]:
 def named_run(
     one: World, kind: str, reported: NDArray[np.int64] | None, alike: list[tuple[str, ...]]
 ) -> dict[str, object]:
-    """A run with names that another gave, or by where the filter expects marks; alike empty: names are fixed."""
+    """A run with names by another tracker, or by the filter's predictions; alike empty: names are fixed."""
     network = one.network
     if kind == "wrong springs":
         network = replace(network, stiffness=WRONG * network.stiffness)
@@ -126,7 +126,7 @@ def named_run(
             named = AssociatedEstimate(tissue.update(marks), tuple(marks))
         else:
             named = identity.update(marks if reported is None else identity.named(marks))
-        doubts += bool(identity.rivals)
+        doubts += bool(identity.alternatives)
         errors.append(np.linalg.norm(named.estimate.mean - one.target[k]))
         if marks:
             wrong.append(any(mark.node != OUTER[m] for mark, m in zip(named.marks, which, strict=True)))
@@ -141,7 +141,7 @@ def named_run(
 
 
 def expected_names(one: World, k: int, tissue: TissueFilter, *, hidden: bool) -> tuple[list[str], list[int]]:
-    """Names of the marks of a frame by where the filter expects them, and which marks they are; some frames hidden."""
+    """Names of the marks of a frame by the filter's predictions, and the true marks; some frames hidden."""
     cov = one.noise_m**2 * np.eye(one.network.dim)
     seen = [] if hidden and k % 40 >= 25 else [Detection(1e3 * z, 1e6 * cov, 10.0, 0.0, False) for z in one.marks[k]]
     expected = []
@@ -165,7 +165,7 @@ def run(seed: int, where: str, how: str) -> list[dict[str, object]]:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, dict[str, float]]:
-    """By place, motion and kind of run, and by place and kind, what the rows come to."""
+    """Figures of the rows by place, motion and kind of run, and by place and kind."""
     table_figures = {
         " ".join(which): _of_kind(part, rows[(rows["where"] == which[0]) & (rows.how == which[1])])
         for which, part in rows.groupby(["where", "how", "kind"], sort=False)
@@ -176,7 +176,7 @@ def figures(rows: pd.DataFrame) -> dict[str, dict[str, float]]:
 
 
 def _of_kind(part: pd.DataFrame, rows: pd.DataFrame) -> dict[str, float]:
-    """Of runs of one kind, beside all rows: with names that may be exchanged; `else` with fixed names."""
+    """Figures of runs of one kind, beside all rows: with names that may be exchanged; `else` with fixed names."""
     ours, blind = part[part.doubted], part[~part.doubted]
     known = {
         "runs": len(ours),
@@ -206,7 +206,7 @@ def case_rows(case: Case) -> list[dict[str, object]]:
 
 
 def study(n_runs: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
-    """All settings; identity.csv and identity.json in the folder, its runs in `runs` there."""
+    """Run all settings; write identity.csv and identity.json in the folder, runs in `runs` there."""
     cases = [{"where": where, "how": how, "seed": seed} for where, how in SETTINGS for seed in range(n_runs)]
     table = kept_runs(case_rows, cases, out / "runs", workers).drop(columns=list(OWN))
     table_figures = figures(table)

@@ -1,11 +1,11 @@
-"""What the engine costs beyond the runs, and how busy it keeps the cores.
+"""Overhead of the engine beyond the runs, and the use of the cores.
 
     python -m experiments.studies.load                          # 2,000 runs of 50 ms of processor time each
     python -m experiments.studies.load --sweep STUDY.toml       # those of a sweep
 
-prints runs, processes, wall time and, of the time of all processes, the share in which they did runs; and what a run
-costs beyond itself, in wall time of a process (start and end of the cluster included) and in processor time of all
-processes together. On a machine that does other work, too, the latter is what to go by. Figures: docs/sweep.md.
+prints runs, processes, wall time and the share of all processes' time that was spent in runs; and the overhead of a
+run, in wall time of a process (start and end of the cluster included) and in processor time of all processes together.
+On a busy machine the latter is the reliable one. Figures: docs/sweep.md.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from experiments.studies.grid import study_options
 
 
 def busy(case: Case) -> dict[str, float]:
-    """A run that takes so much processor time [ms]."""
+    """A run with this processor time [ms]."""
     until = time.process_time() + 1e-3 * case["ms"]
     while time.process_time() < until:
         pass
@@ -40,12 +40,12 @@ def timed(case: Case, work: Work) -> list[dict[str, object]]:
 
 
 def measured(work: Work, cases: list[Case], workers: Workers) -> dict[str, float]:
-    """What these runs take; work gives `cpu_s`, the processor time of a run."""
+    """Times of these runs; work returns `cpu_s`, the processor time of a run."""
     cpu_s: list[float] = []
 
     def advance(share: float) -> None:
         bar(share)
-        if share in (0.0, 1.0):  # the workers are still there
+        if share in (0.0, 1.0):  # the workers still exist
             cpu_s.append(_cpu_s())
 
     began = time.perf_counter()
@@ -56,7 +56,7 @@ def measured(work: Work, cases: list[Case], workers: Workers) -> dict[str, float
 
 
 def figures(n_runs: int, n_processes: int, wall_s: float, cpu_s: float, runs: Mapping[str, float]) -> dict[str, float]:
-    """By wall time and processor time of all [s], and both, `seconds` and `cpu_s`, of the runs alone, summed."""
+    """Figures from wall time and processor time of all [s], and both, `seconds` and `cpu_s`, summed over the runs."""
     return {
         "runs": n_runs,
         "processes": n_processes,
@@ -68,7 +68,7 @@ def figures(n_runs: int, n_processes: int, wall_s: float, cpu_s: float, runs: Ma
 
 
 def _cpu_s() -> float:
-    """Processor time of this process and of all below it that are there [s]."""
+    """Processor time of this process and of all existing child processes [s]."""
     import psutil
 
     own = psutil.Process()
@@ -87,7 +87,7 @@ def main() -> None:
     if given.sweep is None:
         found = measured(busy, [{"seed": seed, "ms": given.ms} for seed in range(given.runs)], workers)
     else:
-        # here, so that synthetic runs do not wait for the filters to load
+        # imported here, so that synthetic runs do not wait for the filters
         from experiments.formats.sweep_file import read_sweep
         from experiments.pipeline.sweep import cases_of, swept_rows
 

@@ -1,12 +1,12 @@
-"""How well marks are found in drawn frames of known truth, in good light and over the whole range of rooms.
+"""Accuracy of mark detection in synthetic frames of known truth, in good light and over the whole range of rooms.
 
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
-Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; where
-marks are expected has an error of 3 px, an axis. A mark is visible where more than half of it is; what is named after
-it is false where its centre lies beyond the mark's own radius. study/marks.json has
-the figures of docs/marks-study.md, study/marks.csv every mark of every frame.
+Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; expected
+positions have an error of 3 px on each axis. A mark is visible if more than half of it is; a detection with its name is
+false if its centre lies beyond the mark's radius. study/marks.json has the figures of docs/marks-study.md,
+study/marks.csv every mark of every frame.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from vision.tracking.settings import FINDER
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
-"""Seeds below were used to choose figures by; the study's are from this one on."""
+"""Seeds below were used for choices; the study's start with this one."""
 VISIBLE = 0.5
 """Share of a mark that must be seen for it to count as visible."""
 FAR_PX = 4.0
-"""Marks found further than this from their places are counted, though they count in the error, too."""
+"""Marks found further than this from their true positions are counted, and also enter the error."""
 PREDICTED_SD_PX = 3.0
-"""Error of a filter's prediction of a mark [px], an axis; the tissue filter's is less at a millimetre a pixel."""
+"""Error of a filter's prediction of a mark on each axis [px]; the tissue filter's is less at a millimetre a pixel."""
 
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
@@ -81,7 +81,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
         try:
             found = {f.name: f.detection for f in finder.find(one.frame.image, expected)}
         except HueError:
-            # the hue learned from one click takes in the scene, too: the user is asked for another
+            # the hue learned from one click also selects the scene: the user is asked for another
             found = {}
         for k, name in enumerate(names):
             truth = one.frame.centers_px[k]
@@ -101,7 +101,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
-    """What the rows of one level come to."""
+    """Figures of the rows of one level."""
     visible = rows[rows.visible > VISIBLE]
     seen = visible[visible.found.astype(bool)]
     right = seen[~seen.false.astype(bool)]
@@ -127,15 +127,15 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
 
     Returns the frames lost, all frames, and the marks found.
 
-    A filter of constant velocity predicts where each is expected; a frame is lost in which a mark is named by
-    the other's place, beyond the first frame in which they are apart again.
+    A filter of constant velocity predicts each mark; a frame is lost if a mark has the other's position, after the
+    first frame in which they are apart again.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
     angles = rng.uniform(0.0, 2.0 * np.pi) + np.array([0.0, rng.uniform(0.5, 2.0 * np.pi - 0.5)])
     speeds = rng.uniform(1.5, 5.0, 2)
     ways = speeds[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
-    # slower, and they would touch from the first frame to the last
+    # slower marks would touch from the first frame to the last
     ways *= max(1.0, 2.0 / np.hypot(*(ways[0] - ways[1])))
     miss = rng.uniform(-1.5, 1.5, (2, 2)) * radius / 2.0
     times = np.arange(n_frames) - n_frames / 2.0
@@ -157,19 +157,19 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
 
 
 def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
-    """Frames of lost identity in so many crossings."""
+    """Frames of lost identity in this many crossings."""
     lost, frames, _ = np.array(runs_of(crossing, range(n_runs), workers)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
 
 
 def case_rows(case: Case) -> list[dict[str, object]]:
-    """The rows of `run` without the columns of the case, and without what a mark that was not found has not."""
+    """The rows of `run` without the columns of the case, and without empty values."""
     rows = run(case["seed"], case["level"], case["n_frames"]).drop(columns="seed").to_dict("records")
     return [{str(name): value for name, value in row.items() if not pd.isna(value)} for row in rows]
 
 
 def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
-    """Both levels, a run for each seed; marks.csv and marks.json in the folder, its runs in `runs` there."""
+    """Run both levels, once for each seed; write marks.csv and marks.json in the folder, runs in `runs` there."""
     cases = [{"seed": seed, "level": level, "n_frames": n_frames} for level in LEVELS for seed in seeds]
     table = kept_runs(case_rows, cases, out / "runs", workers)
     table = table.drop(columns=["n_frames", *OWN])

@@ -1,4 +1,4 @@
-"""Balls really filmed, followed by their colour and outline, and compared with centres that people labelled by eye.
+"""Filmed real balls, tracked by colour and outline, and compared with centres labelled by people.
 
     python -m experiments.studies.real_balls ../shared/data --out DIR
 
@@ -30,7 +30,7 @@ from experiments.studies.grid import command, print_figures
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, VideoFileFrames, learn_hue
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
-"""film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: balls labelled by eye, some twice (by 1 and 2).
+"""film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by: labelled balls, some twice (by 1 and 2).
 
 u_seen, v_seen: both sides that determine the coordinate were in view.
 """
@@ -38,12 +38,12 @@ u_seen, v_seen: both sides that determine the coordinate were in view.
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """A film and one place in it that shows the ball.
+    """A film and one position in it that shows the ball.
 
     path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
-    focal_px: of the camera, by what is usual in telephones
-    size_sd, follow_size: standard deviation of its size, as a share of it; how much of that a new sight corrects
+    focal_px: of the camera, typical for telephones
+    size_sd, follow_size: relative standard deviation of its size; share of the size error that a new detection corrects
     """
 
     path: str
@@ -63,18 +63,18 @@ FILMS = {
 
 
 GONE = 10
-"""Frames unseen after which a mark is searched anywhere; chosen."""
+"""Frames without a detection after which a mark is searched anywhere; chosen."""
 FASTEST_PX_S = 1500.0
 """Standard deviation of a velocity at the first sight [px/s]; chosen."""
 
 
 class PxFollower:
-    """Where marks are in the picture, frame after frame, whatever they sit on.
+    """Tracks marks in the picture, frame after frame, without a model of their body.
 
     hues: of each mark, by its name
     jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
-    starts_px: where marks are in the first frame, each (2,), give or take start_sd_px; anywhere where there is none
-    State: a filter for each mark that is in view; how many frames each was unseen; the time.
+    starts_px: marks in the first frame, each (2,), with standard deviation start_sd_px; anywhere without one
+    State: a filter for each visible mark; number of frames without each; the time.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
-    """By what a ball at an offset from a picture's middle, (2,), is drawn wider, (2, 2): 1 / cos of the angle."""
+    """Widening of a ball's picture at an offset from the middle, (2,), (2, 2): 1 / cos of the angle."""
     return np.eye(2) + (np.hypot(1.0, np.hypot(*offset_px) / focal_px) - 1.0) * _projector(offset_px)
 
 
@@ -142,7 +142,7 @@ def _projector(along: Floats) -> Floats:
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:
-    """A row a frame: time, whether and where the ball is seen, the covariance of that, what hides it, its radius."""
+    """A row for each frame: time, whether and where the ball is seen, the covariance, occlusion, its radius."""
     with VideoFileFrames(path) as frames:
         clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
@@ -172,7 +172,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
 
 
 def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
-    """How far the ball is found from where it was labelled [px], along u and v, where both its sides are seen there."""
+    """Distance of the detected ball from its label [px], along u and v, if both its sides are seen there."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
@@ -192,7 +192,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """The same of the one mark that `softaim track` follows in a recording of a film of LABELS."""
+    """The same for the one mark of `softaim track` in a recording of a film of LABELS."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):
@@ -205,7 +205,7 @@ def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Follow the ball of every film, write the tables, and print errors against the labels, where there are any."""
+    """Track the ball of every film, write the tables, and print errors against labels, if there are any."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, help="folder of the real pictures")
     parser.add_argument("--out", type=Path, required=True)

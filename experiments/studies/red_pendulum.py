@@ -1,13 +1,13 @@
-"""A red ball on a cord, really filmed: the first time that a covariance of ours meets the real world.
+"""A filmed red ball on a cord: a test of the covariance on real data.
 
 The film is `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f (MIT): 334 frames, 360x640, 29.9 frames/s. A
-hand lets a ball go, it swings, strikes a wall just before its lowest point, and comes to lean on it. One anchor, one
+hand releases the ball; it swings, hits a wall just before its lowest point, and finally leans on it. One anchor, one
 mass, one stiff spring; the wall is not in the model and acts as an unknown force.
 
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
-makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares where
-the filter predicts it with where it was seen: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
+makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares the
+filter's prediction with the measurement: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
 
 The ball swings in a plane turned about the vertical from the picture's, so that its circle is seen as an oval: the
 homography of that plane has one free number, the turn. The scale follows from gravity and the period: between two
@@ -65,10 +65,10 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The plane of the swing as the camera sees it, its unit the pixel at the hook's distance, the hook its origin.
+    """The plane of the swing in the camera; its unit is the pixel at the hook's distance, its origin the hook.
 
-    narrowing: cosine of the angle by which it is turned from the picture; nearing: share by which one unit to the
-    right lies further away; center_px: where the optical axis meets the picture, (2,)
+    narrowing: cosine of the angle between it and the picture; nearing: relative increase of distance for one unit to
+    the right; center_px: where the optical axis meets the picture, (2,)
     radius_px: length of the cord [units]
     """
 
@@ -78,13 +78,13 @@ class Plane:
     radius_px: float
 
     def to_px(self, units_per_m: float = 1.0) -> Floats:
-        """Homography from the plane to the picture, (3, 3), for coordinates of which one metre is so many units."""
+        """Homography from the plane to the picture, (3, 3), for coordinates with this many units in a metre."""
         (u0, v0), (u, v), q = HOOK_PX, self.center_px, self.nearing
         unit = np.array([[u * q + self.narrowing, 0.0, u0], [v * q, -1.0, v0], [q, 0.0, 1.0]])
         return unit @ np.diag([units_per_m, units_per_m, 1.0])
 
     def seen(self, angles: Floats) -> Floats:
-        """Where the ball is seen [px], (n, 2), when the cord stands at these angles from straight down [rad], (n,)."""
+        """Positions of the ball in the picture [px], (n, 2), at these angles from the vertical [rad], (n,)."""
         places = self.radius_px * np.stack(
             [np.sin(angles), -np.cos(angles), np.full(len(angles), 1.0 / self.radius_px)]
         )
@@ -96,7 +96,7 @@ class Plane:
 class Swing:
     """Fit of the free flights: frequency [1/s], rest angle from the picture's vertical [rad], damping [1/s].
 
-    rms_px: what the fit of the flights leaves; strikes: frames in which the ball meets the wall
+    rms_px: residual of the flights' fit; strikes: frames in which the ball hits the wall
     """
 
     frequency: float
@@ -126,7 +126,7 @@ def seen_centers(film: Path) -> tuple[Floats, Floats]:
 
 
 def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], n_flights: int = 10) -> Swing:
-    """The pendulum, and the turn of its plane, that explain where the ball is seen in the first flights."""
+    """The pendulum, and the rotation of its plane, fitted to the ball's positions in the first flights."""
     center_px = (np.array(size_px) - 1.0) / 2.0
     strikes = _strikes(centers_px[:, 0])
     ends = pairwise([FIRST_FREE, *strikes])
@@ -165,7 +165,7 @@ def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float
 
 
 def _strikes(u: Floats) -> list[int]:
-    """Frames in which the ball, moving right, is thrown back within a frame."""
+    """Frames in which the ball, moving right, reverses within a frame."""
     return [
         k
         for k in range(FIRST_FREE, len(u) - 4)
@@ -196,7 +196,7 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
 
 
 def write_recording(film: Path, folder: Path) -> Swing:
-    """Make the film a recording in a folder that exists; the swing that gave its scale."""
+    """Make the film a recording in an existing folder; returns the swing that gave its scale."""
     with vision.VideoFileFrames(film) as frames:
         height, width = next(iter(frames)).image.shape[:2]
     times, centers = seen_centers(film)
@@ -208,13 +208,13 @@ def write_recording(film: Path, folder: Path) -> Swing:
 
 
 def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
-    """Frames in which the mark is kept from the filter: 0.3 s in each second, from offset_s on."""
+    """Frames in which the mark is withheld from the filter: 0.3 s in each second, from offset_s on."""
     since = times_s - offset_s
     return (since >= 0.0) & (since % EVERY_S < WITHHELD_S - 1e-9)
 
 
 def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
-    """Write a recording of the marks that were found, without those withheld; which frames these are."""
+    """Write a recording of the found marks without the withheld ones; returns the frames of these."""
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
@@ -243,26 +243,26 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
         estimates = done.estimates(FILTER)
         for i in np.flatnonzero(hidden):
             errors.append(estimates[i].mean - places[i])
-            # where it was seen is itself not exact
+            # the measurement has an error, too
             covs.append(np.asarray(estimates[i].cov) + mark_covs[i])
             kinds.append(_kind(int(i), hidden, strikes))
     return _figures(np.array(errors), np.array(covs), np.array(kinds)), runs
 
 
 def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
-    """Whether the ball was in the hand, flew freely since it was last seen, had struck the wall, or leaned on it."""
+    """Whether the ball was held, flew freely since it was last seen, had hit the wall, or leaned on it."""
     first = frame - int(np.argmin(hidden[frame::-1]))
     if frame <= FIRST_FREE:
         return "held"
     if first > strikes[-1]:
         return "leaning"
-    return "struck" if any(first <= s <= frame + 1 for s in strikes) else "flying"
+    return "after impact" if any(first <= s <= frame + 1 for s in strikes) else "flying"
 
 
 def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str, dict[str, float]]:
     nees = normalised_error_squared(errors, covs)
     figures = {}
-    for kind in ("all", "flying", "struck", "leaning"):
+    for kind in ("all", "flying", "after impact", "leaning"):
         of = np.ones(len(kinds), dtype=bool) if kind == "all" else kinds == kind
         if of.any():
             figures[kind] = {
@@ -276,7 +276,7 @@ def _figures(errors: Floats, covs: Floats, kinds: NDArray[np.str_]) -> dict[str,
 
 @styled
 def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
-    """Filter's estimates of the withheld ball, with 2-sigma ellipses, against where it was seen, over the film."""
+    """The filter's estimates of the withheld ball, with 2-sigma ellipses, against measurements, over the film."""
     camera = seen.recording.scene.cameras[0]
     with seen.recording.open_frames() as frames:
         image = next(iter(frames)).image[..., ::-1]
@@ -301,7 +301,7 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
 
 
 def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
-    """Everything this script makes, in the folder `out`; the figures of report.json. Raises InputError."""
+    """Make all output of this script in the folder `out`; returns the figures of report.json. Raises InputError."""
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")

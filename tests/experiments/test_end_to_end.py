@@ -92,7 +92,7 @@ def test_the_same_seed_gives_the_same_recording(recording, tmp_path):
 
 @pytest.mark.slow
 def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
-    """marks.csv written by hand, frames.csv saying that an estimate is due when nothing was seen."""
+    """marks.csv by another program, frames.csv with estimates due when nothing was seen."""
     folder = tmp_path / "theirs"
     folder.mkdir()
     (folder / "scene.toml").write_text((recording / "scene.toml").read_text())
@@ -120,32 +120,32 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     sigmas = np.sqrt(0.5 * (rows["xx"] + rows["yy"]))
     assert summary[FILTER]["sigma_mm"] == pytest.approx(sigmas.mean(), rel=1e-6)
     assert summary[FILTER]["sigma_most_mm"] == pytest.approx(sigmas.max(), rel=1e-6)
-    told = capfd.readouterr().out
-    assert "truth is not known" in told
-    assert "None" not in told
-    assert f"{summary[FILTER]['mean_nis']:.2f}" in told
-    assert "3 INITIALISING, 47 TRACKING, 10 COASTING; marks refused: 0" in told
+    reported = capfd.readouterr().out
+    assert "truth is not known" in reported
+    assert "None" not in reported
+    assert f"{summary[FILTER]['mean_nis']:.2f}" in reported
+    assert "3 INITIALISING, 47 TRACKING, 10 COASTING; marks refused: 0" in reported
     assert not (tmp_path / "out" / "error.png").exists()
 
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_marks_predicted_as_if_hidden_are_told_one_by_one(recording, tmp_path, capfd):
+def test_marks_predicted_as_if_hidden_are_reported_one_by_one(recording, tmp_path, capfd):
     """Their errors beside those of the truth: 1.7 mm of mark noise an axis and a target that is known to 0.5 mm."""
     assert softaim("track", recording, "--out", tmp_path / "out", "--check") == 0
-    told = capfd.readouterr().out
+    reported = capfd.readouterr().out
     ours = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
     assert list(ours["check_marks"]) == ["M1", "M3", "M4"]
     for node, one in ours["check_marks"].items():
         assert 0 < one["frames"] <= 57  # three at the start
-        assert f"│ {node} " in told
-        assert f"{one['mean_error_mm']:.2f}" in told
+        assert f"│ {node} " in reported
+        assert f"{one['mean_error_mm']:.2f}" in reported
         assert one["ratio"] == pytest.approx(np.sqrt(one["mean_nees"] / 2))
     frames = np.array([one["frames"] for one in ours["check_marks"].values()])
     nees = np.array([one["mean_nees"] for one in ours["check_marks"].values()])
     assert ours["check_nees"] == pytest.approx(nees @ frames / frames.sum())
     worst = max(one["ratio"] for one in ours["check_marks"].values())
-    assert f"off by up to {worst:.2f} times the predicted" in told
+    assert f"are up to {worst:.2f} times the predicted" in reported
 
 
 @pytest.mark.slow
@@ -172,19 +172,19 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
 
 def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert softaim("live", "--source", "phantom", "--duration", 2, "--out", tmp_path / "out") == 0
-    told = capfd.readouterr().out
+    reported = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
-    counted = re.match(r".*?(\d+) frames and (\d+) moments without one", told, re.DOTALL)
+    counted = re.match(r".*?(\d+) frames and (\d+) moments without one", reported, re.DOTALL)
     assert counted is not None
     assert len(rows) == int(counted[1]) + int(counted[2])
-    assert "latency median" in told
+    assert "latency median" in reported
     assert (np.diff(rows["time_s"]) > 0).all()
     # At most two seconds at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
     # tests/experiments/pipeline/live/test_session.py counts them by a clock of its own.
     assert 1 <= len(rows) <= 70
     assert rows["status"][0] == "INITIALISING"
     assert set(rows["status"]) <= {"INITIALISING", "TRACKING", "COASTING", "LOST"}
-    assert set(re.findall(r"(\d+) ([A-Z]+)", told)) == {
+    assert set(re.findall(r"(\d+) ([A-Z]+)", reported)) == {
         (str(n), status) for status, n in rows["status"].value_counts().items()
     }
     assert np.hypot(rows["x_mm"], rows["y_mm"] - 188.1).max() < 100.0

@@ -31,7 +31,7 @@ def test_help_loads_nothing_that_is_slow() -> None:
     assert not slow & loaded
 
 
-def test_the_program_has_one_thread_for_each_library_unless_told_otherwise() -> None:
+def test_the_program_has_one_thread_for_each_library_by_default() -> None:
     """More of them wait for each other: `fixed_interval` on 600 frames then took 200 s in place of 3."""
     code = (
         "import os, sys; os.environ['OMP_NUM_THREADS'] = '3'; os.environ.pop('OPENBLAS_NUM_THREADS', None)\n"

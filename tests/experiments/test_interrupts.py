@@ -49,7 +49,7 @@ def test_another_fault_of_the_system_stays():
 
 @POSIX
 def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
-    """After a frame: what was estimated until then is told."""
+    """After a frame: earlier estimates are reported."""
     simulate(coarse_webcam().model_copy(update={"duration_s": 1.0}), tmp_path / "rec")
     takes, out = Session.take, tmp_path / "out"
     out.mkdir()

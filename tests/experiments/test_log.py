@@ -42,7 +42,7 @@ def test_afterwards_a_line_is_there_at_once(capfd):
 
 @pytest.mark.parametrize("fault", [BrokenPipeError(), ValueError("I/O operation on closed file"), None])
 def test_a_line_without_a_reader_is_no_fault(monkeypatch, capfd, fault):
-    """It is lost; nothing is raised, and who reads again is told again."""
+    """It is lost; nothing is raised, and a new reader gets new lines."""
 
     class Closed(io.StringIO):
         def write(self, _text):

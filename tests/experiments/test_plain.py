@@ -17,7 +17,7 @@ def test_what_json_cannot_hold_is_null() -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("reported", "expected"),
     [
         (counted(0, "frame"), "0 frames"),
         (counted(1, "mass", "masses"), "1 mass"),
@@ -25,12 +25,12 @@ def test_what_json_cannot_hold_is_null() -> None:
         (advice_line({"GO": 1, "WAIT": 0}), "1 frame: GO 1, WAIT 0"),
     ],
 )
-def test_one_thing_is_in_the_singular(told: str, expected: str) -> None:
-    assert told == expected
+def test_one_thing_is_in_the_singular(reported: str, expected: str) -> None:
+    assert reported == expected
 
 
 def test_a_change_that_rounds_to_nothing_has_no_minus() -> None:
     rows = [{"name": "M1", "value": 1.0, "standard_error": 0.1, "change": x, "kept": False} for x in (-4e-4, -6e-4)]
-    table = constants_table({"constants": rows, "not_told": [], "passes": 1})
+    table = constants_table({"constants": rows, "undetermined_combinations": [], "passes": 1})
     assert list(table.columns[3].cells) == ["+0.0%", "-0.1%"]
     assert str(table.caption).startswith("1 pass. ")

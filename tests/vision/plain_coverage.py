@@ -37,7 +37,7 @@ class _Background:
 
 
 def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
-    """What a component covers of a patch; None where it cannot be told from what lies behind it.
+    """What a component covers of a patch; None where it cannot be distinguished from the background.
 
     patch: (h, w, 3) BGR
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8

@@ -27,7 +27,7 @@ class Board:
     square_m: side of a square [m]
     dictionary, marker_m: of a ChArUco board, its markers' dictionary and side [m]; None for a chessboard
 
-    Raises ValueError that names the field.
+    Raises ValueError, which names the field.
     """
 
     columns: int
@@ -70,7 +70,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of a board that a picture shows: in board axes [m], (n, 3), and where they are seen [px], (n, 2)."""
+    """Corners of a board seen in a picture: in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
 
     board_m: Floats
     seen_px: Floats
@@ -83,7 +83,7 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
     """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None where it is not found.
 
-    A chessboard counts only when it is seen whole, a ChArUco board from settings.fewest_corners corners in two rows on.
+    A chessboard counts only if all of it is seen; a ChArUco board needs settings.fewest_corners corners in two rows.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
@@ -95,7 +95,7 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
     found, rough = cv2.findChessboardCorners(
         grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     )
-    if not found:  # the sector-based search sees some blurred boards that the first misses, and the other way round
+    if not found:  # the sector-based search finds some blurred boards that the first misses, and vice versa
         found, rough = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not found:
         return None
@@ -108,7 +108,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """The grid as seen on the print's face, its first square dark, or where both ends are alike its x to the right."""
+    """The grid as seen on the print's face, with a dark first square, or with x to the right if both ends are alike."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:
@@ -125,7 +125,7 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
 def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
-    for before_opencv_46 in (False, True):  # which of the squares have markers, where there is an even number of rows
+    for before_opencv_46 in (False, True):  # which squares have markers, for an even number of rows
         printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
         printed.setLegacyPattern(before_opencv_46)
         seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)
@@ -138,7 +138,7 @@ def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corner
     if np.linalg.matrix_rank(known[:, :2] - known[0, :2]) < 2:
         return None
     apart = np.linalg.norm(places[:, None] - places[None], axis=2) + np.where(np.eye(len(places)), np.inf, 0.0)
-    # The markers' edges are no edges of squares: the window stays within the white around them.
+    # Marker edges are not edges of squares: the window stays within the white around them.
     white = (1.0 - (board.marker_m or 0.0) / board.square_m) / 2
     return Corners(known, _refined(grey, places, min(settings.corner_window, white) * float(apart.min())))
 

@@ -20,11 +20,11 @@ N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
 
 
 class CalibrationError(ValueError):
-    """Pictures from which no camera can be calibrated; one line that names what was found and what to do."""
+    """Pictures from which no camera can be calibrated; the message is one line: what was found and what to do."""
 
 
 WORST_CONDITION = 1e13
-"""Of J'J, its columns brought to one length; beyond it the inverse has lost all digits but two or three."""
+"""Largest condition number of J'J with normalised columns; beyond it the inverse keeps only two or three digits."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -47,7 +47,7 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """By (15 n_cameras + 6 (n_boards - 1),): cameras one after the other, then all boards but `plane`."""
+        """Moved by a step, (15 n_cameras + 6 (n_boards - 1),): all cameras in order, then all boards except `plane`."""
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
         moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
@@ -65,7 +65,7 @@ class Setup:
 class Adjusted:
     """The best fit.
 
-    setup: where all stands
+    setup: fitted cameras and boards
     residuals_px: seen minus expected of each sighting's corners, each (n, 2) [px]
     cov: covariance of all cameras' parameters, (15 n_cameras, 15 n_cameras), boards marginalised;
         for each camera fx fy cx cy k1 k2 p1 p2 k3, small rotation from the left [rad], translation [m]
@@ -77,7 +77,7 @@ class Adjusted:
 
 
 def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequence[float]) -> Adjusted:
-    """Least squares over lenses, cameras and boards; board `plane` is the world and stays.
+    """Least squares over lenses, cameras and boards; board `plane` defines the world and is fixed.
 
     sds_px: relative accuracy of each camera's corners [px]; their common scale is taken from the residuals
 
@@ -91,7 +91,7 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
         return np.concatenate(each)
 
     def jacobian(step: Floats) -> Floats:
-        # Steps add, rotations turn: the left Jacobian of the rotation group stands between.
+        # Steps are additive, rotations are not: the left Jacobian of the rotation group converts.
         J = _jacobian(start.moved(step, plane), sightings, weights, plane)
         for first in _rotations(len(start.cameras), len(start.boards)):
             J[:, first : first + 3] = J[:, first : first + 3] @ _left_jacobian(step[first : first + 3])
@@ -110,17 +110,17 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
 
 
 def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Where points of the world, (n, 3) [m], are seen, (n, 2) [px]."""
+    """Projection of world points, (n, 3) [m], to the picture, (n, 2) [px]."""
     return _projected(lens, camera, points_m)[0]
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of where points of the world, (n, 3) [m], are seen by their places in camera axes, (n, 2, 3)."""
+    """Derivatives of the projection of world points, (n, 3) [m], by their positions in camera axes, (n, 2, 3)."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
 def _projected(lens: Lens, camera: Pose, points_m: Floats) -> tuple[Floats, Floats]:
-    # In camera axes before OpenCV sees them: a rotation vector is inexact near a half turn, where ours are.
+    # Transformed to camera axes before OpenCV: its rotation vectors are inexact near a half turn, where ours are.
     points = points_m @ camera.rotation.T + camera.translation_m
     px, J = cv2.projectPoints(points, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     # columns of J: rotation vector, translation, fx fy, cx cy, k1 k2 p1 p2 k3
@@ -173,7 +173,7 @@ def _cross(vectors: Floats) -> Floats:
 
 
 def _left_jacobian(turn: Floats) -> Floats:
-    """How the rotation exp(turn) turns, from the left, by a small change of `turn`, (3, 3)."""
+    """Derivative of the rotation exp(turn), from the left, by `turn`, (3, 3)."""
     angle = float(np.linalg.norm(turn))
     W = _cross(turn[None])[0]
     if angle < 1e-6:
@@ -182,7 +182,7 @@ def _left_jacobian(turn: Floats) -> Floats:
 
 
 def _inverse_of_square(J: Floats) -> Floats:
-    """The inverse of J'J, after its columns have been brought to one length."""
+    """The inverse of J'J, computed with normalised columns."""
     lengths = np.linalg.norm(J, axis=0)
     if not (np.isfinite(lengths).all() and (lengths > 0).all()):
         raise CalibrationError(f"pictures: expected views that determine the camera, found none that do; {TILT}")
@@ -194,5 +194,5 @@ def _inverse_of_square(J: Floats) -> Floats:
     except np.linalg.LinAlgError:
         condition = np.inf
     if not condition < WORST_CONDITION:
-        raise CalibrationError(f"pictures: expected views that determine the camera, found all too much alike; {TILT}")
+        raise CalibrationError(f"pictures: expected views that determine the camera, found too similar ones; {TILT}")
     return np.asarray((inverse + inverse.T) / 2 / np.outer(lengths, lengths), dtype=np.float64)

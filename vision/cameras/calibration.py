@@ -1,7 +1,7 @@
 """Calibration of a camera from pictures of a board: lens, pose before a plane, and the joint covariance of both.
 
 World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
-The lens is that of [brown1971], the way to calibrate it from planes that of [zhang2000].
+The lens model is that of [brown1971], the calibration from planes that of [zhang2000].
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Calibration:
     pose: world to camera
     uncertainty: rows of independent directions, one standard deviation each, (n, 15): fx fy cx cy [px],
         k1 k2 p1 p2 k3, small rotation from the left in camera axes [rad], translation [m]; the same row is the same
-        direction for all cameras that were calibrated together
+        direction for all cameras of a joint calibration
     images_used: names; images_left_out: "name: reason"
     views: board to camera, for each picture used
     seen_px, residuals_px: corners and seen minus expected, for each picture used (n, 2) [px]
@@ -108,7 +108,7 @@ class Calibration:
 
     @property
     def mm_per_px(self) -> Floats:
-        """How far a pixel at the picture's centre reaches on the plane, across and down [mm], (2,)."""
+        """Size of a pixel at the picture's centre on the plane, across and down [mm], (2,)."""
         centre = (np.array(self.size_px, dtype=np.float64) - 1) / 2
         ray = np.append(cv2.undistortPoints(centre.reshape(1, 1, 2), self.matrix, self.distortion).ravel(), 1.0)
         normal = self.pose.rotation[:, 2]
@@ -161,7 +161,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """The quarter turns, world to board, after which x points most nearly to the right for this camera."""
+    """The number of quarter turns, world to board, that point x most nearly to the right for this camera."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
@@ -180,7 +180,7 @@ def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
 
 
 def board_text(board: Board) -> str:
-    """How a message calls the board."""
+    """Description of the board for messages."""
     if board.dictionary is None:
         return f"the board of {board.columns}x{board.rows} inner corners"
     return f"the ChArUco board of {board.columns + 1}x{board.rows + 1} squares"

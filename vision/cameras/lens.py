@@ -1,4 +1,4 @@
-"""Lenses and poses: what a camera does to rays, and where it stands.
+"""Lenses and poses of cameras.
 
 Camera axes: x right, y down, z forward, as OpenCV has them. Image axes: u right, v down, pixels. Metres.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Most steps to the undistorted place; four do for a lens of k1 = -0.3 at the corner of its picture."""
+"""Most steps of the undistortion; four are enough for a lens of k1 = -0.3 at the corner of its picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,31 +24,31 @@ class Pose:
     translation_m: Floats
 
     def after(self, first: Pose) -> Pose:
-        """The motion `first`, then this one."""
+        """The composition: `first`, then this motion."""
         return Pose(self.rotation @ first.rotation, self.rotation @ first.translation_m + self.translation_m)
 
     def inverse(self) -> Pose:
-        """The motion back."""
+        """The inverse motion."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """By a step, (6,): turned by the small rotation step[:3] [rad] from the left, shifted by step[3:] [m]."""
+        """Moved by a step, (6,): small rotation step[:3] [rad] from the left, shift step[3:] [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """What a camera does to rays: matrix (3, 3) [px] and distortion, as OpenCV has it.
+    """A lens: matrix (3, 3) [px] and distortion, as in OpenCV.
 
     distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, too, (12,)
-    An ideal place is where the point would be seen without distortion, by the same matrix.
+    An ideal position is where the point would be seen without distortion, with the same matrix.
     """
 
     matrix: Floats
     distortion: Floats
 
     def moved(self, step: Floats) -> Lens:
-        """With (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the rest of the distortion stays."""
+        """The lens with (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the rest of the distortion stays."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()
@@ -56,7 +56,7 @@ class Lens:
         return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
-        """Where ideal places, (n, 2), are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        """Distorted positions, (n, 2), of ideal ones, (n, 2), and the Jacobian, (n, 2, 2)."""
         focal, middle = self.matrix[[0, 1], [0, 1]], self.matrix[:2, 2]
         x, y = ((ideal_px - middle) / focal).T
         k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.append(self.distortion, np.zeros(12 - len(self.distortion)))
@@ -83,7 +83,7 @@ class Lens:
         return seen * focal + middle, J
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """The ideal places, (n, 2), of what is seen, (n, 2), by Newton's method; ValueError where there are none."""
+        """Ideal positions, (n, 2), of seen ones, (n, 2), by Newton's method; ValueError where there are none."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)

@@ -28,12 +28,12 @@ class PlaneCamera:
     name: what the camera is called
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
-    calibration_sd_px: error of each mark's place [px], one standard deviation an axis, independent of the others'
-    lens: what bends the picture that the homography gives, None where nothing does
+    calibration_sd_px: error of each mark's position [px], one standard deviation an axis, independent between marks
+    lens: distortion of the homography's picture, None without distortion
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
-    scale_sd: relative error of its millimetres a pixel about mid-picture [1], one standard deviation, one direction
-        more of the calibration; None: not stated
+    scale_sd: relative error of its millimetres a pixel about mid-picture [1], one standard deviation: one more
+    direction of the calibration; None: not stated
 
     Raises ValueError that names the field.
     """
@@ -54,7 +54,7 @@ class PlaneCamera:
             )
         calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
         if len(calibration) and self.lens is None:
-            raise ValueError(f"camera {self.name} calibration: expected a lens that it is of, found none")
+            raise ValueError(f"camera {self.name} calibration: expected a lens beside it, found none")
         homography = np.array(self.plane_to_px, dtype=np.float64)
         if homography.shape != (3, 3):
             raise ValueError(f"camera {self.name} plane_to_px: expected shape (3, 3), found {homography.shape}")
@@ -68,7 +68,7 @@ class PlaneCamera:
             raise ValueError(f"camera {self.name} scale_sd: expected 0 or more, found {self.scale_sd}")
         inverse = _inverse(self.name, homography)
         centre = np.array([(self.size_px[0] - 1) / 2.0, (self.size_px[1] - 1) / 2.0, 1.0])
-        # The sign of a homography is free. Here the third coordinate is positive for all that lies before the camera.
+        # The sign of a homography is free. Here the third coordinate is positive for all points before the camera.
         sign = float(np.sign(inverse[2] @ centre))
         if sign == 0:
             raise ValueError(
@@ -92,11 +92,11 @@ class PlaneCamera:
         return replace(self, plane_to_px=self.plane_to_px @ motion)
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points beyond the horizon."""
+        """Projection of points of the plane [m], (n, 2), to the picture [px], (n, 2); ValueError beyond the horizon."""
         return self._seen(points_m)[0]
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points of the plane [m], (n, 2), seen at these places [px], (n, 2); ValueError beyond the horizon."""
+        """Points of the plane [m], (n, 2), at positions in the picture [px], (n, 2); ValueError beyond the horizon."""
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
@@ -110,7 +110,7 @@ class PlaneCamera:
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def mm_per_px(self, point_m: ArrayLike) -> Floats:
-        """How far one pixel reaches on the plane at that point, across and down [mm], shape (2,)."""
+        """Size of one pixel on the plane at that point, across and down [mm], shape (2,)."""
         J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
@@ -121,9 +121,9 @@ class PlaneCamera:
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
         """The picture of a ball about that point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
 
-        A ball is not foreshortened as a disc of its plane is: its scale is that along the direction in which the plane
-        keeps its length, the greater singular value of the Jacobian. Differs from a pinhole's picture, which away from
-        mid-picture is wider by 1 / cos of the angle off the axis: a homography does not say that angle.
+        A ball is not foreshortened like a disc on the plane: its scale is that along the direction without
+        foreshortening, the greater singular value of the Jacobian. Differs from a pinhole's picture, which is wider
+        away from mid-picture by 1 / cos of the angle off the axis: a homography does not contain that angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
@@ -132,7 +132,7 @@ class PlaneCamera:
         """Offset of the middle of a disc's picture from the picture of its middle [px], (n, 2).
 
         points_m: middles of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
-        Perspective draws the near half larger: of a circle it makes an ellipse with another centre. A lens bends, too.
+        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion adds to it.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -145,7 +145,7 @@ class PlaneCamera:
 
     @property
     def pose(self) -> Pose:
-        """Where a camera with a lens stands, from the plane's axes (z = 0) to its own; ValueError without a lens."""
+        """Pose of a camera with a lens, from the plane's axes (z = 0) to its own; ValueError without a lens."""
         if self.lens is None:
             raise ValueError(f"camera {self.name}: expected a lens, found none")
         # H = s K [r1 r2 t]: columns of a rotation have length 1
@@ -169,7 +169,7 @@ class PlaneCamera:
         return len(self.calibration) + bool(self.scale_sd)
 
     def _lens_error(self, p: Floats) -> Floats:
-        """The same of lens and pose only; p: [m], (n, 2)."""
+        """The same for lens and pose only; p: [m], (n, 2)."""
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         pose = self.pose
@@ -178,7 +178,7 @@ class PlaneCamera:
         _, all_of_it = cv2.projectPoints(
             turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
         )
-        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, and what else a lens has
+        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, further lens parameters
         J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, -1)[:, :, :15]
         by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
         by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
@@ -186,7 +186,7 @@ class PlaneCamera:
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 
     def _seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
-        """Where points of the plane are seen, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        """Projection of points of the plane, (n, 2), and its Jacobian, (n, 2, 2)."""
         ideal, J = self._mapped(self.plane_to_px, points_m)
         if self.lens is None:
             return ideal, J
@@ -194,7 +194,7 @@ class PlaneCamera:
         return seen, bent @ J
 
     def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """The points of the plane that places show, (n, 2), and the Jacobian of that, (n, 2, 2)."""
+        """The points of the plane at these positions in the picture, (n, 2), and the Jacobian, (n, 2, 2)."""
         if self.lens is None:
             return self._mapped(self.px_to_plane, points_px)
         ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
@@ -216,7 +216,7 @@ class PlaneCamera:
 
 
 def _inverse(name: str, homography: Floats) -> Floats:
-    # Metres against pixels put factors of 1000 between the columns: scale them out before the rank is judged.
+    # Metres and pixels differ by factors of 1000 between the columns: scale them before testing the rank.
     columns = np.linalg.norm(homography, axis=0)
     rows = np.linalg.norm(homography / np.where(columns > 0, columns, 1.0), axis=1)
     scaled = homography / np.where(columns > 0, columns, 1.0) / np.where(rows > 0, rows, 1.0)[:, None]
@@ -233,7 +233,7 @@ def fronto_parallel_camera(
     *,
     calibration_sd_px: float = 0.0,
 ) -> PlaneCamera:
-    """A camera square to the plane: its picture's centre sees centre_m [m], one pixel is mm_per_px wide and high."""
+    """A camera square to the plane: its picture's middle shows centre_m [m], one pixel is mm_per_px wide and high."""
     if not min(mm_per_px) > 0:
         raise ValueError(f"camera {name} mm_per_px: expected more than 0, found {mm_per_px}")
     across, down = 1e3 / mm_per_px[0], 1e3 / mm_per_px[1]
@@ -248,7 +248,7 @@ def fronto_parallel_camera(
 def posed_camera(
     name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()
 ) -> PlaneCamera:
-    """A camera with this lens that stands so before the plane z = 0 of the world.
+    """A camera with this lens and pose before the plane z = 0 of the world.
 
     calibration: directions in which lens and pose are uncertain, each by one standard deviation, (n_directions, 15)
     """

@@ -16,7 +16,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """What a camera saw: its name, the size of its pictures [px], views of the board, "name: reason" of others."""
+    """Pictures of a camera: its name, their size [px], views of the board, "name: reason" of others."""
 
     name: str
     size_px: tuple[int, int]
@@ -31,12 +31,12 @@ def calibrate_together(
     *,
     settings: CalibrationSettings = DEFAULTS,
 ) -> list[Calibration]:
-    """Calibrate cameras together: each alone, then all lenses and poses; views of one name show the board in one place.
+    """Calibrate cameras jointly: each alone, then all together; views with one name show the board in one position.
 
     plane: the picture whose board is the world, upright as the first camera sees it; default: the last one that
         the first camera used
 
-    Raises CalibrationError, also where the board can be turned unnoticed or the pictures do not join the cameras.
+    Raises CalibrationError, also where the board looks the same when turned or no pictures connect the cameras.
     """
     if not board.has_one_way_up:
         raise CalibrationError(
@@ -69,7 +69,7 @@ def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
 
 
 def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
-    """Poses of the cameras (world to camera) and of the boards (board to world), each from the first that gives it."""
+    """Poses of the cameras (world to camera) and of the boards (board to world), each from its first view."""
     boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
     poses: dict[int, Pose] = {}
     while len(poses) < len(alone):

@@ -11,13 +11,13 @@ class CalibrationSettings:
 
     corner_window: half the window in which a corner is refined, as a share of the least distance between corners [1];
         choice
-    fewest_corners: corners of a ChArUco board, partly seen, that are enough of it [1]; choice
+    fewest_corners: corners that are enough of a partly seen ChArUco board [1]; choice
     fewest_views: pictures that show the board [1]; source: [zhang2000] section 3.1, three views determine the camera
         matrix, and one more shows whether they agree
-    outlier_ratio: a picture is left out where its rms exceeds so many times the median picture's [1]; choice
-    least_tilt_deg: angle that some two boards must face apart, for boards that all face the same way determine no more
-        than one of them (section 4 there) [degrees]; choice
-    largest_focal_sd: relative standard error of a focal length beyond which the pictures are too much alike [1]; choice
+    outlier_ratio: a picture is left out if its rms exceeds this many times the median picture's [1]; choice
+    least_tilt_deg: least angle between some two boards, because parallel boards determine no more than one of them
+    (section 4 there) [degrees]; choice
+    largest_focal_sd: relative standard error of a focal length beyond which the pictures are too similar [1]; choice
     together_px: pictures of one name were not taken together where a camera's rms, adjusted with the others, exceeds
         its own by more than this [px]; choice
 

@@ -1,4 +1,4 @@
-"""Where the centre of a mark is: by what it covers, by its outline, by its rim, whichever is valid.
+"""The centre of a mark: from its coverage, its outline or its rim, whichever is valid.
 
 Image axes: u right, v down, pixels from the corner of a patch.
 """
@@ -21,10 +21,10 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Component:
-    """Pixels that hang together and may be a mark.
+    """Connected pixels that may be a mark.
 
     corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: its pixels, and those of
-    other marks, 1 or 0, (h, w); reach_px: its longer side; clipped: it touches the border of the picture
+    other marks, 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
     """
 
     corner_px: Floats
@@ -37,7 +37,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Center:
-    """As in `Detection`, from the patch's corner."""
+    """As in `Detection`, relative to the patch's corner."""
 
     center_px: Floats
     cov_px2: Floats
@@ -108,12 +108,12 @@ def _by_outline(
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
     if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
-    # its outline gives no information: somewhere within it
+    # the outline gives no information: the centre is somewhere within it
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
 def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
-    """The centre by the steps of colour around a piece, from these circles, (n, 3); None where they make no rim."""
+    """The centre by the steps of colour around a piece, starting from these circles, (n, 3); None without a rim."""
     limits = settings.rim
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
@@ -125,7 +125,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Places inside a piece where the search for marks that hang together begins, (n, 2)."""
+    """Starting points inside a piece for the search of touching marks, (n, 2)."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)
@@ -138,23 +138,23 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
 
 
 def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
-    """Whether centres are those of different marks, and not of one that is larger than it was thought to be."""
+    """Whether the centres are those of different marks, and not of one larger mark."""
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """By how much a piece is spread wider than a mark at rest [px²], (2, 2)."""
+    """Excess spread of a piece over a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
-    # of a disc: a quarter of its radius squared; a blurred edge adds some
+    # a disc's spread is a quarter of its radius squared; a blurred edge adds some
     values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
 
 
 def _squared_apart(seen: Coverage, fitted: Fitted, variance: float) -> float:
-    """Mahalanobis distance of two centres, squared, where each axis has this variance [px²] besides; written out."""
+    """Squared Mahalanobis distance of two centres, with this variance [px²] added on each axis; written out."""
     (u, v), (x, y) = seen.center_px.tolist(), fitted.center_px.tolist()
     ((uu, uv), (_, vv)), ((xx, xy), (_, yy)) = seen.cov_px2.tolist(), fitted.cov_px2.tolist()
     a, b, c, du, dv = uu + xx + variance, uv + xy, vv + yy + variance, x - u, y - v

@@ -1,9 +1,9 @@
-"""Marks in a frame: found by hue, placed between the pixels by how much of each pixel the mark covers.
+"""Marks in a frame: found by hue, located to sub-pixels by the share of each pixel that the mark covers.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 
-A pixel at a mark's edge shows the mark over a share alpha of it and what lies behind over the rest. Where the colour of
-both is known, alpha is a linear function of the pixel; its centre of gravity has no bias from any threshold.
+A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. Where both colours
+are known, alpha is a linear function of the pixel; its centre of gravity has no bias from a threshold.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from vision.detection.records import Detection, HueError, Reason, Rejected
 from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
-"""Area of the least circle that covers, wherever it lies, a whole block of 2 x 2 pixels [px]; source: geometry, that
-block's middle is within sqrt(2) px of the circle's in the worst place, and its corners sqrt(2) px further."""
+"""Area of the smallest circle that covers a whole block of 2 x 2 pixels at any position [px]; source: geometry, the
+block's middle is at most sqrt(2) px from the circle's, and its corners sqrt(2) px further."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -47,13 +47,12 @@ def detect_marks(
     """Marks of these hues, largest first.
 
     frame_bgr: shape (height, width, 3), uint8
-    min_area_px, max_area_px: least and largest area that is seen of a mark [px]
-    region: left, top, width, height of the part to search [px]; all of the frame where None
-    outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest counts; with
-        it, marks that are partly covered are found at their centre
-    expected_px, expected_hues: where marks are expected, (n, 2), and of which hue; they help to separate marks that
-        touch, and which outline a mark has
-    rejected: takes what is no mark, and why; None where nobody asks
+    min_area_px, max_area_px: least and largest visible area of a mark [px]
+    region: left, top, width, height of the part to search [px]; None: the whole frame
+    outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest is used; with it,
+    partly covered marks are found at their centre expected_px, expected_hues: expected positions, (n, 2), and hues of
+    marks; they help to separate touching marks and to select the outline of a mark
+    rejected: receives what is not a mark, and why; None: not asked for
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
     """
@@ -118,11 +117,11 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A picture, the classes of its pixels at 1 / scale of its size, and what a mark is.
+    """A picture, the classes of its pixels at 1 / scale of its size, and the properties of a mark.
 
     outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
-    corner_px: of this picture in the frame, (2,); hues_deg: of those that are expected, none where all are alike
-    rejected: takes what is no mark, where that is asked for
+    corner_px: of this picture in the frame, (2,); hues_deg: of the expected marks, empty if all are alike
+    rejected: receives what is not a mark, if asked for
     """
 
     part: Picture
@@ -160,7 +159,7 @@ class _Search:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
             if not centers:
                 return self._none(Reason.SHAPE, piece, hue_deg)
-        # Of a mark that the border cuts, as much again as is seen may lie outside.
+        # as much of a clipped mark as is seen may lie outside
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(
@@ -177,7 +176,7 @@ class _Search:
         ]
 
     def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
-        """The outline of the mark of this hue that is expected nearest to this place."""
+        """The outline of the expected mark of this hue nearest to this position."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
         distances = np.linalg.norm(self.starts_px - place_px, axis=1)
@@ -193,7 +192,7 @@ class _Search:
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:
-        """The pixels inside this contour, holes filled; None where they are too few or too long to be a mark."""
+        """The pixels inside this contour, holes filled; None if they are too few or too elongated for a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
@@ -219,7 +218,7 @@ class _Search:
         few = pixels < least
         if few or _elongation(component) > self.settings.components.max_elongation:
             corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
-            if pixels:  # none, where the hue was that of neighbours averaged
+            if pixels:  # none, where smoothing alone gave the hue
                 self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
@@ -227,13 +226,13 @@ class _Search:
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
     def _none(self, reason: Reason, piece: Component, hue_deg: float) -> list[Detection]:
-        """No marks; a piece that is none is noted where that is asked for."""
+        """No marks; the rejected piece is recorded if asked for."""
         if self.rejected is not None:
             self.rejected.append(self._rejected(reason, piece, hue_deg))
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """What a contour that is too small for any mark holds; Pick's theorem counts its pixels."""
+        """The content of a contour too small for any mark; Pick's theorem counts its pixels."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -242,7 +241,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """A piece that is no mark: of another size than stated where it is whole or too large, by the numbers."""
+        """A rejected piece, with the numbers: of another size than stated if it is whole or too large."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,9 +262,9 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels are all of a disc, of any size, seen in the shape of an outline; specks are of no shape.
+    """Whether pixels are a whole disc of any size, in the shape of an outline; specks have no shape.
 
-    Of a disc of area A the second moments about its middle add up to A² / 2 pi, of all else to more.
+    The second moments of a disc of area A about its middle add up to A² / 2 pi; any other shape has more.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False
@@ -276,7 +275,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """All that was found in the pieces of a picture; fragments of one mark, as a needle leaves them, put together."""
+    """All that was found in the pieces of a picture; fragments of one mark, as behind a needle, are joined."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []
@@ -296,6 +295,6 @@ def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Dete
 def _elongation(component: Picture) -> float:
     m = cv2.moments(component, binaryImage=True)
     uu, vv, uv = m["mu20"] / m["m00"], m["mu02"] / m["m00"], m["mu11"] / m["m00"]
-    # A pixel is no point: a row of pixels still has the width of one (1/12 px²).
+    # A pixel is not a point: a row of pixels has the width of one (1/12 px²).
     mean, half = (uu + vv) / 2.0 + 1.0 / 12.0, np.hypot((uu - vv) / 2.0, uv)
     return float(np.sqrt((mean + half) / (mean - half)))

@@ -1,4 +1,4 @@
-"""How much of each pixel a mark covers, and with that its centre, its area and the covariance of the centre."""
+"""The share of each pixel that a mark covers, and from that its centre, its area and the covariance of the centre."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Pixels that the background is fitted to, at most: it only saves time, a plane of three numbers needs no more."""
+"""Most pixels for the fit of the background: it only saves time, a plane of three numbers needs no more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """What a mark covers of a patch.
+    """The coverage of a patch by a mark.
 
     center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
     area_px: [px]
     alpha: share of each pixel that the mark covers, (h, w), 0 away from it
-    noise_sd: of one pixel's alpha behind the mark: what its contrast is worth
+    noise_sd: noise of one pixel's alpha behind the mark, which measures the contrast
     color_bgr: of its core
     """
 
@@ -44,12 +44,12 @@ def measure_coverage(
     *,
     thorough: bool = True,
 ) -> Coverage | None:
-    """What a component covers of a patch; None where it cannot be distinguished from what lies behind it.
+    """The coverage of a patch by a component; None where it cannot be distinguished from the background.
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
-    others: not 0 on pixels of other marks of the class, which are no background, (h, w) uint8
-    thorough: whether to see how far the noise hangs together; if not, the covariance is rough
+    others: not 0 on pixels of other marks of the class, which are not background, (h, w) uint8
+    thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     """
     discs = _half_widths(settings.grow_px + max(component.shape) // 16), _half_widths(settings.core_px)
     valid, alpha, figures = kernels.covered(
@@ -65,7 +65,7 @@ def measure_isolated(
     fewest: int,
     settings: CoverageSettings = DETECTION.coverage,
 ) -> tuple[tuple[int, int], Coverage] | None:
-    """The corner [px] of a patch, and what the only mark of a class covers of it, in a part of a picture; else None.
+    """The corner [px] of a patch, and its coverage by the single mark of a class in a box; None otherwise.
 
     box: left, top, right, bottom; classes: number of the class, and the palette as `kernels.alone` has it
     fewest: pixels of a mark
@@ -87,6 +87,6 @@ def _cover(alpha: Floats, figures: Floats) -> Coverage:
 
 @lru_cache(maxsize=64)
 def _half_widths(radius: int) -> Picture:
-    """Of a disc, row by row, (2 radius + 1,)."""
+    """Half widths of a disc, row by row, (2 radius + 1,)."""
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     return (disc.sum(axis=1).astype(np.int64) - 1) // 2

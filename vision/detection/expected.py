@@ -14,7 +14,7 @@ class Expected:
 
     name: the node it sits on
     center_px: expected centre [px], shape (2,)
-    cov_px2: covariance of the expectation alone [px²], shape (2, 2); the detection brings its own
+    cov_px2: covariance of the prediction alone [px²], shape (2, 2); the detection has its own
     hue_deg: the hue of its class
     outline: its shape and size, None where those are not known
     """

@@ -1,4 +1,4 @@
-"""The quick way to a mark that is alone where it is expected, whole and even: the usual case."""
+"""The fast path for the usual case: a single whole, even mark where it is expected."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def detect_isolated(
     expected: Expected,
     settings: DetectionSettings = DETECTION,
 ) -> Detection | None:
-    """The mark expected in this region, where it is the only one of its hue there and nothing there is unusual.
+    """The expected mark in this region, if it is the only one of its hue there and nothing is unusual.
 
-    region: left, top, width, height [px]. None where it is not so: then `detect_marks` finds more.
+    region: left, top, width, height [px]. None otherwise: then `detect_marks` finds more.
     """
     outline = expected.outline
     if outline is None or not outline.even:

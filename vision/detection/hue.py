@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 def hue_distance(a_deg: float, b_deg: float) -> float:
-    """The shorter way round between two hues [degrees], 0 to 180.
+    """The distance of two hues on the circle [degrees], 0 to 180.
 
     >>> hue_distance(355.0, 5.0)
     10.0
@@ -15,7 +15,7 @@ def hue_distance(a_deg: float, b_deg: float) -> float:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The same hue from 0 up to 360 degrees; a hair below 0 is 0, where its remainder would round to 360.
+    """The same hue from 0 up to 360 degrees; a value just below 0 gives 0, where the remainder would round to 360.
 
     >>> on_circle(-1e-15)
     0.0
@@ -25,13 +25,13 @@ def on_circle(hue_deg: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class MarkHue:
-    """What colours count as one kind of mark.
+    """The range of colours of one kind of mark.
 
     hue_deg: the hue, 0 red, 120 green, 240 blue
     half_width_deg: how far from it a pixel's hue may be [degrees]
-    min_saturation, min_value: below these, 0 to 1, a pixel has no hue worth the name
-    seen_deg: the hue that such marks show in the light there is, where it is not hue_deg
-    saturation, value: what they show of these, 0 to 1, where that is known
+    min_saturation, min_value: below these, 0 to 1, a pixel's hue is not used
+    seen_deg: the hue of such marks under the present light, where it differs from hue_deg
+    saturation, value: their saturation and value, 0 to 1, if known
     """
 
     hue_deg: float
@@ -44,7 +44,7 @@ class MarkHue:
 
     @property
     def middle_deg(self) -> float:
-        """Of the hues that count [degrees]."""
+        """Middle of the range of hues [degrees]."""
         return self.hue_deg if self.seen_deg is None else self.seen_deg
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The hue of a kind of mark, learned from a place in a picture that shows one."""
+"""The hue of a kind of mark, learned from a position in a picture that shows one."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """The kind of mark that covers this place, of the pixels around it that are coloured alike, bright or dark.
+    """The kind of mark at this position, learned from the surrounding pixels of the same colour, bright or dark.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
 
-    Raises ValueError for a place outside the picture, HueError where it shows no mark: too few pixels alike, too many,
-    or grey ones.
+    Raises ValueError for a position outside the picture, HueError where it shows no mark: too few or too many equal
+    pixels, or grey ones.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -54,15 +54,15 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
-    """1 on the pixels that hang together with this one and are coloured as it is, else 0, (h, w).
+    """1 on the pixels connected to this one with the same colour, else 0, (h, w).
 
-    In a window around it, Otsu's threshold parts the pixels by how far their colours are from its own, whatever their
-    brightness; the first window, of growing ones, whose border the part does not touch.
+    In a window around it, Otsu's threshold divides the pixels by the distance of their colours from its own, at any
+    brightness. The window grows until its border is free of such pixels.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
     shares = smooth / brightness[:, :, None]
-    # by the distance of the place's colour from grey: colours further away than that count as so far
+    # relative to the distance of this colour from grey, at which distances are cut off
     grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
     distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / grey)
     inside: Picture = np.zeros((height, width), dtype=np.uint8)

@@ -14,7 +14,7 @@ HUE_STEPS = 720
 NARROW_PX = 12
 """Around the pixels of a mark that is measured alone: its edge, and what lies behind it."""
 ON_A_LINE = 1e-6
-"""Determinant of the Gram matrix by its diagonal's product, below which places determine no plane: nearly on a line."""
+"""Determinant of the Gram matrix by its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
 
@@ -51,7 +51,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _grown(component, half_widths):  # type: ignore[no-untyped-def]
-    """The component and all pixels within a disc of it; half_widths: of the disc, row by row."""
+    """The component dilated by a disc; half_widths: of the disc, row by row."""
     height, width = component.shape
     radius = len(half_widths) // 2
     grown = component.copy()
@@ -75,7 +75,7 @@ def _grown(component, half_widths):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _median(counts, n):  # type: ignore[no-untyped-def]
-    """Twice the median of n whole numbers of which there are so many each."""
+    """Twice the median of n whole numbers, from their counts."""
     low, high, below = -1, -1, 0
     for value in range(len(counts)):
         below += counts[value]
@@ -89,7 +89,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """Whether there is one; plane, inverse Gram matrix and noise of the colours behind the mark, all (3, 3)."""
+    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3)."""
     none = np.zeros((3, 3))
     height, width = ring.shape
     total = 0
@@ -137,10 +137,10 @@ def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untype
                     sums[a, c] += places[i, a] * colors[i, c]
     if n_kept < 12 or np.linalg.det(gram) <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
         return False, none, none, none
-    # inverses: three by three is small, and LAPACK's solution of equations takes three times as long to compile
+    # inverses: the matrices are 3 x 3, and LAPACK's solver takes three times as long to compile
     gram_inv = np.ascontiguousarray(np.linalg.inv(gram))
     plane = gram_inv @ sums
-    # All pixels count here: a line or a disc of another hue beside the mark turns the weights away from its colour.
+    # All pixels are used: a line or a disc of another hue beside the mark turns the weights away from its colour.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
     for i in range(n):
@@ -201,7 +201,8 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     variance = squares / weights2
     power = reach**2 * pairs / weight_pairs
     n_pixels = weight_sum**2 / weights2
-    # White noise of n pixels gives the variance give or take reach / sqrt(n) of it: only more than that is grain.
+    # For white noise of n pixels the sum is the variance, up to reach / sqrt(n) of it: only an excess over that is
+    # grain.
     return power if power > variance * (1.0 + 2.0 * reach / np.sqrt(n_pixels)) else variance
 
 
@@ -234,9 +235,9 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half of what alpha differs by from itself turned by 180 degrees about the centre, (h, w), where asked.
+    """Half the difference of alpha from itself turned by 180 degrees about the centre, (h, w), on the given pixels.
 
-    A mark is its own image under that turn. What is left is noise, compression, wear: all that can move the centre.
+    A mark is symmetric under that turn. The difference is noise, compression and wear, which can move the centre.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -261,7 +262,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Colour of the mark, and by what it differs there from what lies behind, (3,) each."""
+    """Colour of the mark, and its contrast to the background there, (3,) each."""
     color, middle = np.zeros(3), np.zeros(3)
     for row in range(solid.shape[0]):
         for column in range(solid.shape[1]):
@@ -309,7 +310,7 @@ def _filled(alpha, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
-    """How the pixels of the edge move the centre.
+    """Sensitivity of the centre to the pixels of the edge.
 
     Returns the length of d center / d alpha of each, (h, w), the sum of its products with itself, (2, 2), and with
     (1, column, row), (2, 3).
@@ -336,13 +337,13 @@ def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, discs, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """What a component covers of a patch: whether that is valid, alpha (h, w) with 0 away from it, and its figures.
+    """The coverage of a patch by a component: whether it is valid, alpha (h, w) with 0 away from it, and its figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
     settings: outlier_sds, the lag up to which noise is correlated [px], edge_gain, floor_px2
     fit_pixels: pixels that the background is fitted to
-    thorough: whether to see how far the noise hangs together; if not, the covariance is rough
+    thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
     outlier_sds, lag, edge_gain, floor_px2 = settings
@@ -367,14 +368,14 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
     area, u, v = _filled(alpha, near, core)
     if not area > 0:
         return False, alpha, figures
-    # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
+    # Noise is weighted by its effect on the centre: compression leaves most of it at the mark's edge.
     leverage, arms, by_plane = _arms(edge, area, u, v)
     # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
         at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
-    # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
+    # Errors of the background's plane reach the centre too; they come from the noise of its fit.
     through = gram_inv @ np.ascontiguousarray(by_plane.T)
     cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
     figures[0], figures[1] = u, v
@@ -387,7 +388,7 @@ def covered(patch, component, others, discs, settings, fit_pixels, thorough):  #
 
 @njit(cache=True, nogil=True)
 def _without_gaps(piece):  # type: ignore[no-untyped-def]
-    """Whether the pixels of a piece lie side by side in each row, so that it encloses nothing."""
+    """Whether the pixels of a piece are contiguous in each row, so that it has no holes."""
     for row in range(piece.shape[0]):
         runs = 0
         for column in range(1, piece.shape[1]):
@@ -399,9 +400,9 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """Whether one piece of a class has so many pixels, and no others are to speak of; it, (h, w); its rows and columns.
+    """Whether a class has one piece of enough pixels, others negligible; the piece, (h, w); its rows and columns.
 
-    Pixels hang together by their sides and corners; what a piece encloses is of it. It must not touch the rim.
+    Pixels are connected by sides and corners; holes count as part of the piece. It must not touch the rim.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -415,7 +416,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
             n, met = 1, 0
             stack[0, 0], stack[0, 1] = row, column
             seen[row, column] = 1
-            while met < n:  # the stack keeps all that was met: it is the piece
+            while met < n:  # the stack keeps all visited pixels: the piece
                 i, j = stack[met, 0], stack[met, 1]
                 met += 1
                 for k in range(max(i - 1, 0), min(i + 2, height)):
@@ -442,7 +443,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
         return False, piece, rim
     if _without_gaps(piece):
         return True, piece, rim
-    # from the rim inward: what is not reached lies inside
+    # from the rim inward: pixels not reached are holes
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0
     outside[0, 0], n = 1, 1
@@ -459,7 +460,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether every other pixel of every other row shows the class at all, and a box around those that do."""
+    """Whether the class occurs on every other pixel of every other row, and a box around these pixels."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -479,12 +480,12 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels):  # type: ignore[no-untyped-def]
-    """The one mark of a class in a part of a picture: whether there is one and no more; corner, alpha and figures.
+    """The single mark of a class in part of a picture: whether there is exactly one; corner, alpha and figures.
 
     frame: (h, w, 3) uint8; box: left, top, right, bottom; number: of the class
     palette: table, least values and least saturations as `classify` has them
     fewest: pixels of a mark at least; pads: px around it, and 1 / that of its longer side besides
-    discs, settings, fit_pixels: as `covered` has them, whose alpha and figures these are, from the corner (u, v)
+    discs, settings, fit_pixels: as in `covered`, which gives alpha and figures, relative to the corner (u, v)
     """
     there, box = _narrowed(frame, box, number, palette)
     none = np.zeros((1, 1))
@@ -492,7 +493,7 @@ def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels
         return False, 0, 0, none, np.zeros(10)
     height, width = box[3] - box[1], box[2] - box[0]
     classes = np.empty((height, width), dtype=np.uint8)
-    # as it is: where noise breaks a mark into pieces, the slow way finds more
+    # not smoothed: where noise breaks a mark into pieces, the slow path finds more
     classify(frame[box[1] : box[3], box[0] : box[2]], palette[0], palette[1], palette[2], classes)
     there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
@@ -502,7 +503,7 @@ def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    thorough = np.bool_(False)  # no literal: of one type with a choice made at run time, so that it is compiled once
+    thorough = np.bool_(False)  # not a literal: one type for a choice made at run time, so that it is compiled once
     others = np.zeros_like(component)
     valid, alpha, figures = covered(patch, component, others, discs, settings, fit_pixels, thorough)
     return valid, box[0] + u0, box[1] + v0, alpha, figures

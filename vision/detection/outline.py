@@ -1,7 +1,7 @@
 """The outline of a mark, and its centre where a needle or a hand covers part of it.
 
-A mark's centre of gravity is its centre only while all of it is seen. What is seen of its outline gives the centre,
-too, less well the shorter the arc, but whatever covers the rest. Image axes: u right, v down, pixels.
+A mark's centre of gravity is its centre only while all of it is seen. The visible part of its outline gives the centre
+whatever covers the rest, less well for a shorter arc. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from vision.arrays import Floats
 from vision.detection.settings import DETECTION, OutlineSettings
 
 N_RAYS = 64
-"""Directions in which the edge is searched, a discretisation: spread over them, errors count by `correlation_px`."""
+"""Directions in which the edge is searched, a discretisation: `correlation_px` accounts for correlated errors."""
 RAYS = np.column_stack(
     [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
 )
-"""Of length 1, (N_RAYS, 2)."""
+"""The directions as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
 """Convergence tolerance: after a step of less than this [sizes] the next is the last."""
 
@@ -31,7 +31,7 @@ class Outline:
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
     size_sd: standard deviation of its size, as a share of it
     area_px: of the whole mark [px], from these
-    even: it is of one colour; of one that is not, such as a ball with its shading, the rim is detected, not the colour
+    even: it has one colour; otherwise, as for a ball with its shading, the rim is detected, not the colour
     """
 
     shape_px: Floats
@@ -54,9 +54,9 @@ class Fitted:
     """A mark fitted to the outline.
 
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
-    share: of all directions, those in which the mark's own edge is seen
-    beyond: of all directions, those in which an edge lies outside it, as for a mark that is smeared or merged
-    size: by that of the outline
+    share: share of directions in which the mark's own edge is seen
+    beyond: share of directions in which an edge lies outside it, as for a smeared or merged mark
+    size: relative to that of the outline
     """
 
     center_px: Floats
@@ -69,11 +69,11 @@ class Fitted:
 def fit_outline(
     alpha: Floats, start_px: Floats, outline: Outline, settings: OutlineSettings = DETECTION.outline
 ) -> Fitted | None:
-    """The mark whose edge is seen best; None where too little of it is.
+    """The mark whose edge is seen best; None if too little of it is seen.
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
-    start_px: a place inside what is seen, (2,)
-    settings: `reach` is how far from there the edge may lie [sizes]; where none is nearer another mark goes on
+    start_px: a point inside the visible part, (2,)
+    settings: `reach` is how far from there the edge may lie [sizes]; without an edge within it another mark follows
     """
     center, cov, share, beyond, size = _fitted(
         alpha, np.ascontiguousarray(start_px), outline.shape_px, outline.size_sd, settings.reach, settings.for_kernel()
@@ -83,7 +83,7 @@ def fit_outline(
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Places where alpha falls through a half, the outermost in each direction, in units of the mark from start."""
+    """Outermost points in each direction where alpha falls through a half, relative to start in units of the mark."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -124,7 +124,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The circle (x, y, size) of about size 1 through three of the edges that most others lie on and few beyond."""
+    """The circle (x, y, size) of size about 1 through three edges that has most edges on it and few beyond."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -138,7 +138,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
             inner, outer = max(size - near, 0.0) ** 2, (size + near) ** 2
             for k in range(n):
                 squared = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
-                # What covers a mark brings its edge inward, never outward.
+                # An occluder moves a mark's edge inward, never outward.
                 if squared > outer:
                     score -= 1.0
                 elif squared > inner:
@@ -154,7 +154,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
     """The circle near this one by Tukey's robust least squares.
 
     Returns (x, y, size), its normal matrix (3, 3), the variance of an edge and of waves around the outline, and the
-    shares of all directions whose edge lies on it and beyond it.
+    shares of directions with an edge on it and beyond it.
     """
     n = len(edges)
     fit, normal = start.copy(), np.zeros((3, 3))
@@ -178,7 +178,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             n_beyond += error > limit
             if abs(error) >= limit:
                 continue
-            # Tukey's biweight; the error falls by (x, y) / length for a step of the centre, by 1 for one of the size
+            # Tukey's biweight; the error falls by (x, y) / length for a step of the centre, by 1 for a step of the size
             w = (1.0 - (error / limit) ** 2) ** 2
             x, y = x / length, y / length
             a00 += w * x * x
@@ -195,7 +195,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             n_on += w
             if not last:
                 continue
-            # cos and sin of k times the angle, by turning on
+            # cos and sin of k times the angle, by recurrence
             turned_x, turned_y = x, y
             for k_wave in range(2, highest_wave + 1):
                 turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
@@ -211,15 +211,15 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         if last:
             break
         settled = abs(variance - narrower) < 0.01 * variance and np.abs(step).max() < SETTLED
-    # A shift of the centre is one wave around the outline. Two to seven waves are no circle's: what is left of them
-    # is how strong one wave of noise, of highlights and of compression is.
+    # A shift of the centre is one wave around the outline. A circle has no two to seven waves: their residual measures
+    # how strong one wave by noise, highlights and compression is.
     power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, normal, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
 def _fitted(alpha, start, shape, size_sd, reach, settings):  # type: ignore[no-untyped-def]
-    """Centre, covariance, share, beyond, size: of the whole mark, or else of the best circle through three edges."""
+    """Centre, covariance, share, beyond, size: fit of the whole mark, or else the best circle through three edges."""
     near_px, correlation_px, _, _, min_share, whole_share = settings
     edges, n_edges = _edges(alpha, start, shape, reach)
     if n_edges < min_share * N_RAYS:
@@ -233,7 +233,7 @@ def _fitted(alpha, start, shape, size_sd, reach, settings):  # type: ignore[no-u
         fit, normal, variance, power, share, beyond = _refined(edges, start_at, size_sd, scale, settings)
     if share == 0.0:
         return start, np.eye(2), share, beyond, 1.0
-    # Errors of neighbouring edges hang together; the corners where the covered part begins pull a little, too.
+    # Errors of neighbouring edges are correlated; the corners of a covered part add a small bias, too.
     together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * fit[2])) / share
     inside = np.ascontiguousarray(np.linalg.inv(normal)[:2, :2])
     return (

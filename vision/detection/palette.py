@@ -1,4 +1,4 @@
-"""Classes of colour: which pixels of a picture may be of which kind of mark."""
+"""Classes of colour: which pixels of a picture may belong to which kind of mark."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Palette:
 
 @lru_cache(maxsize=16)
 def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
-    """The classes of these hues; where ranges overlap, a pixel is of the hue that is nearer."""
+    """The classes of these hues; where ranges overlap, a pixel belongs to the nearest hue."""
     steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
     distances = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
     half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
@@ -37,7 +37,7 @@ def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
 
 
 def equal(classes: Picture, number: int) -> Picture:
-    """1 where a pixel is of that class, else 0, (h, w) uint8."""
+    """1 where a pixel has that class, else 0, (h, w) uint8."""
     return np.asarray(classes == number, dtype=np.uint8)
 
 

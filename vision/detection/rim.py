@@ -1,7 +1,7 @@
-"""The rim of a mark that is no even disc of colour: a ball with its shading, stripes or a highlight.
+"""The rim of a mark that is not an even disc of colour: a ball with its shading, stripes or a highlight.
 
-Where the colour varies over the mark, the share of each pixel cannot be estimated; the rim still is a step of some
-kind on a circle of about the right size. Image axes: u right, v down, pixels.
+Where the colour varies over the mark, the share of each pixel cannot be estimated; the rim is still a step of colour on
+a circle of about the right size. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from vision.detection.outline import N_RAYS, Fitted, Outline
 from vision.detection.settings import DETECTION, DetectionSettings
 
 N_STEPS = 3
-"""Steps kept of each ray: the rim, and what lies before or behind it."""
+"""Steps kept for each ray: the rim, and others before or behind it."""
 
 
 def fit_rim(
     patch_bgr: NDArray[np.uint8], starts: Floats, outline: Outline, settings: DetectionSettings = DETECTION
 ) -> Fitted | None:
-    """The circle that the most and the strongest steps of the picture lie on; None where too few do.
+    """The circle with the most and the strongest steps of the picture on it; None with too few.
 
     patch_bgr: (h, w, 3); its first pixel is (0, 0)
     starts: circles to begin from, u v [px] and size by that of the outline, (n, 3)
@@ -95,7 +95,7 @@ def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-def]
-    """The circle near this one on which steps lie: score, (x, y, size), covariance of x y (2, 2), share of the rays."""
+    """A circle fitted to the steps near this one: score, (x, y, size), covariance of x y (2, 2), share of the rays."""
     wide, narrow_px, correlation_px, edge_sd_px = limits
     fit, normal, gradient = begin.copy(), np.zeros((3, 3)), np.zeros(3)
     limit, narrowest = wide, narrow_px / scale
@@ -117,7 +117,7 @@ def _settled(steps, begin, size_sd, scale, limits):  # type: ignore[no-untyped-d
                     continue
                 x, y = steps[k, j, 0] - fit[0], steps[k, j, 1] - fit[1]
                 length = np.sqrt(x * x + y * y)
-                # a weak step must be nearer to be the rim
+                # a weak step must be nearer to count as the rim
                 there = abs(length - fit[2]) * (1.0 + strong / (steps[k, j, 2] + strong))
                 if there < nearest:
                     nearest, error, height = there, length - fit[2], steps[k, j, 2]

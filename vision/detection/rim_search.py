@@ -1,4 +1,4 @@
-"""A mark searched at one place, by its rim alone: what touches it, as blood, has its colour and hides its shape."""
+"""Search for a mark at one position by its rim alone: blood of its colour may touch it and hide its shape."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
-    """The mark whose rim is seen about where it is expected; None where there is none.
+    """The mark whose rim is seen near its expected position; None if there is none.
 
-    None, too, where the standard deviation of that place exceeds the mark's radius: it may be anywhere.
-    Whether its colour is right is for the caller to check.
+    Also None where the standard deviation of that position exceeds the mark's radius.
+    The caller has to check its colour.
     """
     outline = expected.outline
     if outline is None:

@@ -1,4 +1,4 @@
-"""Settings of mark detection: what steers coverage, outline, rim, components and centres, with units and origins.
+"""Settings of mark detection: coverage, outline, rim, components and centres, with units and origins.
 
 Lengths that scale with a mark are in sizes of it: shares of its half axes.
 """
@@ -10,16 +10,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, slots=True)
 class CoverageSettings:
-    """How the share of each pixel that a mark covers is measured.
+    """Settings for the share of each pixel that a mark covers.
 
-    grow_px: how far lens, colour mosaic and compression spread a pixel: so far beyond the component the mark's edge
-        may reach, and over lags up to that noise is correlated [px]; choice
+    grow_px: how far lens, colour mosaic and compression spread a pixel: the mark's edge may reach this far beyond the
+    component, and noise is correlated over lags up to it [px]; choice
     pad_px: rim of pixels around the component whose outer part shows the background [px]; choice
     core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
-    outlier_sds: pixels further from the background's median are no background [standard deviations]; source: normal
+    outlier_sds: pixels further from the background's median are not background [standard deviations]; source: normal
         distribution, two-sided 99.99 %
     edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
-    floor_sd_px: standard deviation of a centre when nothing else is wrong: rounding, shading [px]; choice
+    floor_sd_px: standard deviation of a centre without other errors: rounding, shading [px]; choice
     """
 
     grow_px: int = 3
@@ -36,10 +36,10 @@ class CoverageSettings:
 
 @dataclass(frozen=True, slots=True)
 class OutlineSettings:
-    """How an outline is fitted to the edge of a mark.
+    """Settings for the fit of an outline to the edge of a mark.
 
-    reach: how far from the middle of what is seen an edge may lie [sizes]; choice
-    near_px: edges so near to the circle lie on it [px]; choice
+    reach: how far from the middle of the visible part an edge may lie [sizes]; choice
+    near_px: edges this near to the circle count as on it [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
     highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
@@ -70,16 +70,16 @@ class OutlineSettings:
 
 @dataclass(frozen=True, slots=True)
 class RimSettings:
-    """How the rim of a mark is fitted to steps of colour.
+    """Settings for the fit of a mark's rim to steps of colour.
 
     around: how far inside and outside the outline steps are searched for along a ray [sizes]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
     min_step: least step over two pixels, summed over the colours [grey levels]; choice
     wide, narrow_px: how far from the circle a step may lie, at first [sizes] and at last [px]; choice
     min_share: share of all directions, weighed by contrast, below which part of the mark is occluded [1]; choice
-    min_share_alone: the same where nothing but the rim shows the mark [1]; choice
+    min_share_alone: the same where only the rim shows the mark [1]; choice
     smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
-    shading: how far shading moves the rim of a ball that shows all of it [sizes]; choice
+    shading: how far shading moves the rim of a fully visible ball [sizes]; choice
     """
 
     around: float = 0.45
@@ -97,7 +97,7 @@ class RimSettings:
 class ComponentSettings:
     """Which connected pixels of a class may be a mark.
 
-    max_picture_share: share of the picture from which on a hue shows the scene, not marks [1]; choice
+    max_picture_share: share of the picture above which a hue shows the scene, not marks [1]; choice
     max_elongation: longest by shortest axis [1]; choice
     max_noise: noise of a pixel by the mark's contrast, above which it is a stain, as of blood [1]; choice
     """
@@ -113,11 +113,10 @@ class CenterSettings:
 
     gate: squared Mahalanobis distance beyond which two centres differ, and a rim is not searched for [1];
         source: chi-square, 2 dof, 99.9 %
-    agree_sd_px: by what two centres of one mark may differ beside their covariances [px]; choice
-    min_area: share of a mark's area that something without an outline must show, and of the least area that its colour
-        class must show before its edge is measured; its inverse is the most [1]; choice
-    grain_noise, grain_gain: noise by contrast from which errors of an outline are correlated, and what that adds to
-        their variance at most [1]; choice
+    agree_sd_px: difference of two centres of one mark beyond their covariances [px]; choice
+    min_area: least share of a mark's area for something without an outline, and of the least area of its colour class
+    before its edge is measured; its inverse is the most [1]; choice grain_noise, grain_gain: noise by contrast above
+    which errors of an outline are correlated, and the most that this adds to their variance [1]; choice
     blurred: spread of a mark at rest by that of its outline [1]; choice
     """
 
@@ -130,13 +129,13 @@ class CenterSettings:
 
     @property
     def max_area(self) -> float:
-        """Most area of what may be one mark, by its own."""
+        """Most area of what may be one mark, by the mark's own."""
         return 1.0 / self.min_area
 
 
 @dataclass(frozen=True, slots=True)
 class DetectionSettings:
-    """Settings of `detect_marks`, a record a stage."""
+    """Settings of `detect_marks`, one record for each stage."""
 
     coverage: CoverageSettings = field(default_factory=CoverageSettings)
     outline: OutlineSettings = field(default_factory=OutlineSettings)
@@ -147,12 +146,12 @@ class DetectionSettings:
 
 @dataclass(frozen=True, slots=True)
 class HueLearningSettings:
-    """How a kind of mark is learned from one place in a picture.
+    """Settings for learning a kind of mark from one position in a picture.
 
     window_px: reach of the first window around the place [px]; choice
-    min_pixels: least number of pixels alike [1]; choice
-    max_distance: how far colours of one mark differ at most, by how far grey does [1]; choice
-    sds: standard deviations of its pixels' hues that a kind of mark reaches [1]; choice
+    min_pixels: least number of pixels of one colour [1]; choice
+    max_distance: largest difference of colours of one mark, by its distance from grey [1]; choice
+    sds: half width of a kind of mark, in standard deviations of its pixels' hues [1]; choice
     min_width_deg: least half width of a learned range, and most standard deviation of its hues that counts [degrees];
         choice
     paler, darker: how much less saturation and value others may show [1]; choice

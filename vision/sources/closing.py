@@ -1,4 +1,4 @@
-"""What holds something open: closed at the end of its `with` block."""
+"""Resources that are closed at the end of their `with` block."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Closed at the end of its `with` block, whatever happens there."""
+    """Closed at the end of its `with` block, also after an exception."""
 
     @abstractmethod
     def close(self) -> None:
-        """Let go of what is held open."""
+        """Release the resource."""
 
     def __enter__(self) -> Self:
         return self

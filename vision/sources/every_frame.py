@@ -1,4 +1,4 @@
-"""Frames from files as a source: every frame, as fast as it is asked for."""
+"""Frames from files as a source: every frame, as fast as it is requested."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ class FrameFile(Protocol):
     """Frames in order, held open until closed."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """From the first frame on."""
+        """Iterate from the first frame on."""
 
     def close(self) -> None:
-        """Let go."""
+        """Release it."""
 
 
 class EveryFrame(Closing):
@@ -39,7 +39,7 @@ class EveryFrame(Closing):
 
     @property
     def ended(self) -> bool:
-        """Whether all frames have been handed on."""
+        """Whether all frames have been delivered."""
         return self._ended
 
     def next(self, timeout_s: float = 0.0) -> Frame | None:
@@ -62,11 +62,11 @@ class EveryFrame(Closing):
             yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order."""
+        """The events since the last call, in order."""
         events, self._events = tuple(self._events), []
         return events
 
     def close(self) -> None:
-        """Let go of the file; no frame comes any more."""
+        """Release the file; no further frame comes."""
         self._ended = True
         self._frames.close()

@@ -1,6 +1,6 @@
-"""Exposure times: of devices on the one monotonic clock, of films by their own times; and whether arrivals tell them.
+"""Exposure times of devices, on the monotonic clock, and of films, by their own times; errors of times of arrival.
 
-A rule belongs to one opening of a source and is asked once for each frame, in order.
+A rule belongs to one opening of a source and is called once for each frame, in order.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Containers round their times to a millisecond: index / rate is the finer one where the two agree so far."""
+"""Containers round their times to a millisecond: index / rate is finer while the two agree to this."""
 
 
 ExposureRule = Callable[[Any, float], float]
-"""Exposure time [s] of the frame that grab() of a capture gave at a time [s]."""
+"""Exposure time [s] of the frame that a capture's grab() returned at a time [s]."""
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
@@ -29,19 +29,19 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 
 
 class DeviceTimes:
-    """Exposure times of a device's frames: half a frame interval, the usual one, before the frame was complete.
+    """Exposure times of a device's frames: half a usual frame interval before the frame was complete.
 
     A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if that was plausible in
     settings.settled_frames in a row: increasing, and its difference from the time of grab() constant to clock_error_s.
     The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
-    come late and never early; this follows a clock that drifts. A trusted device may deliver settled_frames in a row
-    later than that, as from its queue after a pause; a clock that goes back, stands or runs ahead is used no more until
-    it is plausible again. Half an interval stands for exposure and read-out, which no device reports.
+    come late but never early; this follows a drifting clock. A trusted device may deliver settled_frames in a row later
+    than that, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used
+    until it is plausible again. Half an interval stands for exposure and read-out, which devices do not report.
 
-    late_s: by how much frames may come later than is taken [s]: those that are later than settings.blocked_s for good
-        come from a queue that stays, or the clock was set back meanwhile; 0 once they come as early as before
-    State: that; the device's times and the clock's of the last frames; how many plausible, how many late ones came in a
-    row; how much later the clock's were before [s].
+    late_s: how much later than assumed frames may come [s]: frames that stay later than settings.blocked_s come from a
+    queue, or the clock was set back meanwhile; 0 once they come as early as before
+    State: late_s; the device's and the clock's times of the last frames; numbers of plausible and of late ones in a
+    row; the clock's earlier delay [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -59,7 +59,7 @@ class DeviceTimes:
         return self._plausible >= self._settings.settled_frames
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() gave at grabbed_s [s]."""
+        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]."""
         self._grabbed.append(grabbed_s)
         device_s = float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
         self._judge(device_s, grabbed_s)
@@ -98,10 +98,11 @@ class DeviceTimes:
 class RisingTimes:
     """Exposure times by a rule as long as they rise, else by arrival.
 
-    Where they stand still, go back or are no numbers in settings.stuck_frames frames in a row, a frame was exposed,
-    from then on, as long before its arrival as the last one whose time rose.
+    After settings.stuck_frames frames in a row with times that stand still, go back or are not numbers, arrival is
+    used: less the delay of the last frame whose time rose.
 
-    State: that one's time and its delay [s], frames since; whether arrival counts; the fault not yet taken.
+    State: time and delay of the last frame whose time rose [s], frames since; whether arrival is used; the fault not
+    yet fetched.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -111,7 +112,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() gave at grabbed_s [s]; the last one's where it is not known."""
+        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; the last frame's if it is not known."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -130,30 +131,30 @@ class RisingTimes:
         return grabbed_s - self._delay_s
 
     @property
-    def told(self) -> bool:
+    def by_source(self) -> bool:
         """Whether the times are the source's own, and not those of arrival."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
     @property
     def late_s(self) -> float:
-        """By how much frames may come later than their times say, by the source's own [s]."""
+        """How much later than their times frames may come, by the source's own times [s]."""
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
-        """What was found wrong with the times since this was last asked."""
+        """The fault of the times since the last call."""
         fault, self._fault = self._fault, None
         return fault
 
 
 class FilmTimes:
-    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's where the two part.
+    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's where the two differ.
 
-    They part where the frame rate varies, or is not the one in the film's header. A container whose times are not
-    finite and increasing is not asked again: then index / rate. Raises ValueError where neither can be had: no rate, or
-    container times that fail after they had parted.
+    They differ where the frame rate varies, or is not the one in the film's header. After container times that are not
+    finite and increasing, index / rate is used. Raises ValueError if neither is available: without a rate, or if
+    container times fail after they differed.
 
-    State: frames so far, the container's first and last time [s], whether they ever parted, whether they failed.
+    State: frames so far, the container's first and last time [s], whether they ever differed, whether they failed.
     """
 
     def __init__(self, rate: float) -> None:
@@ -186,16 +187,16 @@ class FilmTimes:
 
 
 class Arrivals:
-    """How far exposure times by arrival may be wrong, from when the reads of a source came back.
+    """Possible errors of exposure times by arrival, from the times at which reads returned.
 
-    After a pause, a read that did not come back for `settings.blocked_s`, all further pictures may be as late:
-    who queued them may have lost none. They may until pictures come far faster than usual and the queue is empty again,
-    or a read fails, which it does not where a picture waits. Nothing else in the arrivals tells a source that lags from
-    one that lost pictures; its own times do, if they were known before: those that were lost lack in them, too.
-    An interval that is no whole number of usual ones is of pictures that waited: those about it are of unknown time.
+    After a pause, a read that did not return for `settings.blocked_s`, all further pictures may be late by it, from a
+    queue that lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a
+    read fails, which it does not while a picture waits. Times of arrival do not otherwise distinguish a lagging source
+    from one that lost pictures. The source's own times do, if they were known before: lost pictures leave gaps in them.
+    An interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
 
-    State: when a picture last came [s], the last intervals [s]; late_s, by how much pictures may come later than is
-    taken [s]; when one last came out of step [s].
+    State: when a picture last came [s], the last intervals [s]; late_s, how much later than assumed pictures may come
+    [s]; when one last came out of step [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -205,22 +206,22 @@ class Arrivals:
         self._intervals: deque[float] = deque(maxlen=settings.settled_frames)
         self._uneven_s = -np.inf
 
-    def came(self, now_s: float, *, told: bool = False) -> None:
-        """A picture came, new or again; told: the source itself tells when it was exposed."""
+    def came(self, now_s: float, *, by_source: bool = False) -> None:
+        """A picture came, new or again; by_source: the source itself reports its exposure time."""
         before_s, self._last_s = self._last_s, now_s
-        if told:
+        if by_source:
             self._uneven_s = -np.inf
         if before_s is None:
             return
         interval_s, s = now_s - before_s, self._settings
         usual_s = self._usual_s
         if usual_s is not None and self.late_s > 0.0 and interval_s < s.uneven_share * usual_s:
-            self.late_s = max(self.late_s + interval_s - usual_s, 0.0)  # from a queue that empties
+            self.late_s = max(self.late_s + interval_s - usual_s, 0.0)  # the queue is emptying
             self.late_s = 0.0 if self.late_s <= usual_s else self.late_s
             self._uneven_s = now_s
             return
         self._intervals.append(interval_s)
-        if told or usual_s is None:
+        if by_source or usual_s is None:
             return
         if interval_s > max(s.blocked_s, s.slow_intervals * usual_s):
             self.late_s += interval_s - usual_s
@@ -239,6 +240,6 @@ class Arrivals:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval [s]; None before half of those of which it is the median came."""
+        """The usual interval, a median [s]; None before half of its intervals came."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

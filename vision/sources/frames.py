@@ -16,19 +16,19 @@ from vision.arrays import Image
 from vision.sources.closing import Closing
 from vision.sources.exposure_times import FilmTimes
 
-# FFmpeg's own lines go past OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
+# FFmpeg's own lines bypass OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 FilePath = str | os.PathLike[str]
-"""A file or folder, as every function takes it."""
+"""A file or folder, as all functions accept it."""
 
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 """First and last bytes of a JPEG: markers of its start and its end."""
 
 
 class SourceError(ValueError):
-    """Frames that cannot be had; one line that names the source, what was expected and what was found."""
+    """Frames that are not available; the message is one line: the source, what was expected and what was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,7 +41,7 @@ class Frame:
 
 
 def bgr(picture: Any) -> Image:
-    """A picture as all detectors take it, (height, width, 3) BGR of 8 bits: from grey, BGR or BGRA of 8 or 16 bits.
+    """A picture in the form of all detectors, (height, width, 3) BGR of 8 bits: from grey, BGR or BGRA of 8 or 16 bits.
 
     ValueError, "picture: ...", for anything else.
     """
@@ -59,7 +59,7 @@ def bgr(picture: Any) -> Image:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off the terminal: the caller reports in one line what went wrong."""
+    """Keep OpenCV's warnings off the terminal: the caller reports the error in one line."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -69,9 +69,9 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def opencv_name(path: FilePath) -> str:
-    """A file's name as OpenCV and FFmpeg take it; SourceError for one that is not UTF-8, which would end the process.
+    """A file's name for OpenCV and FFmpeg; SourceError for one that is not UTF-8, which would end the process.
 
-    Relative names begin with a point: FFmpeg would take what stands before a colon for a protocol.
+    Relative names begin with a point: FFmpeg would read the part before a colon as a protocol.
     """
     name = os.fspath(path)
     try:
@@ -93,12 +93,11 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 
 
 class VideoFileFrames(Closing):
-    """The frames of a film, as fast as they are asked for.
+    """The frames of a film, as fast as they are requested.
 
-    With exposures_s [s] these are the exposures, with fps those of so many frames a second from 0 on; without either
-    they are the film's own: see `FilmTimes`. State: the open film.
-    Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number, or the film
-    has no times.
+    Exposure times are exposures_s [s], or by fps [frames/s] from 0 on, or the film's own: see `FilmTimes`. State: the
+    open film. Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number,
+    or the film has no times.
     """
 
     def __init__(self, path: FilePath, exposures_s: Sequence[float] | None = None, *, fps: float | None = None) -> None:
@@ -132,7 +131,7 @@ class VideoFileFrames(Closing):
         return np.asarray(image, dtype=np.uint8) if read else None
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         self._capture.release()
 
 
@@ -160,7 +159,7 @@ class FolderFrames(Closing):
             yield Frame(index, exposure, read_picture(path))
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to release."""
 
 
 def count_numbered(folder: FilePath) -> int:
@@ -171,7 +170,7 @@ def count_numbered(folder: FilePath) -> int:
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
     """Frames in a film, counted by reading it: its header is not always right. Raises SourceError.
 
-    advance: gets the share done, by the header
+    advance: is called with the share done, by the header
     """
     capture = _opened(Path(path))
     n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
@@ -184,7 +183,7 @@ def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _shar
 
 
 def whole_packets(path: Path) -> Iterator[Image]:
-    """Compressed frames of a film as they stand in it, (n_bytes,) each, until one is cut short. None is decoded."""
+    """Compressed frames of a film, not decoded, (n_bytes,) each, up to one that is cut short."""
     with quiet_opencv():
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:
@@ -205,7 +204,7 @@ def _opened(path: Path) -> cv2.VideoCapture:
     if not path.is_file():
         raise SourceError(f"{path}: expected a video file, found no such file")
     with quiet_opencv():
-        # The API is named, or OpenCV would take a name with digits for a pattern of pictures.
+        # The API is named; otherwise OpenCV would read a name with digits as a pattern of pictures.
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG)
         opened = capture.isOpened() and capture.get(cv2.CAP_PROP_FRAME_WIDTH) > 0
     if not opened:

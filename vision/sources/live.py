@@ -22,12 +22,12 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
-"""Period of polling, below a frame interval at 30 frames/s: faults are checked for and failed reads tried again; a
-frame wakes its reader at once."""
+"""Period of polling for faults and failed reads, below a frame interval at 30 frames/s; a frame wakes its reader at
+once."""
 
 
 class Capture(Protocol):
-    """What a source of frames must do, as cv2.VideoCapture does."""
+    """The interface of a capture, as of cv2.VideoCapture."""
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         """Whether the device is there."""
@@ -42,12 +42,12 @@ class Capture(Protocol):
         """A property by OpenCV's number."""
 
     def release(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
 
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: when it was last seen to move [s], how long it may hang [s], whether another replaced it."""
+    """A reading thread: time of its last progress [s], how long it may hang [s], whether another replaced it."""
 
     alive_s: float
     may_hang_s: float
@@ -57,20 +57,20 @@ class Reader:
 class LiveFrames(Closing):
     """Newest frames of a camera or stream, each once, until the source ends or `close()`.
 
-    open_capture: opens the source; called in the reading thread, which a dead device may hold for ever
-    ends: whether a read of this capture that fails means the end, and not a fault
-    keep: how many frames wait to be seen; 1: the newest wins
+    open_capture: opens the source; called in the reading thread, which a dead device may block forever
+    ends: whether a failed read of this capture means the end, and not a fault
+    keep: how many frames wait; 1: only the newest
     exposures: makes the rule of exposure times, for each opening; default: `DeviceTimes`
-    may_repeat: whether a picture may repeat bit for bit, as in a film; else one of the last is withheld
-    give_up_s: SourceError after so long without a frame; None: never
+    may_repeat: whether a picture may repeat bit for bit, as in a film; otherwise repeats are withheld
+    give_up_s: SourceError after this long without a frame; None: never
     settings: when the source counts as blocked, frozen or hung
     clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
-    origin: when the source's own time was nought, on the clock [s], where it has one
-    waits: whether reading begins when a frame is first asked for, as of a film; else at once
+    origin: zero of the source's own time on the clock [s], if it has its own time
+    waits: whether reading begins with the first request for a frame, as for a film; otherwise at once
 
-    A source that cannot be opened at all is a SourceError at once; one that was there is opened again and again.
-    State, shared with the threads: whether it waits yet; frames that wait, the last pictures, the watchdog, the
-    arrivals, events not yet taken, the readers and that of the last picture.
+    A source that cannot be opened at all raises SourceError at once; a lost one is opened again repeatedly.
+    State, shared with the threads: whether it still waits; waiting frames, the last pictures, the watchdog, the
+    arrivals, events not yet fetched, the readers and the reader of the last picture.
     """
 
     def __init__(
@@ -119,12 +119,12 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """When the source's own time was nought, on the clock [s]; 0 where it has none."""
+        """Zero of the source's own time on the clock [s]; 0 without a time of its own."""
         return self._origin()
 
     @property
     def ended(self) -> bool:
-        """Whether no frame will come any more."""
+        """Whether no further frame will come."""
         return self._ended or self._stop.is_set()
 
     @property
@@ -134,12 +134,12 @@ class LiveFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """By how much pictures may come later than their times say, since a pause [s]."""
+        """How much later than their times pictures may come, since a pause [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
     def uneven(self) -> bool:
-        """Whether pictures come so unevenly that arrival does not tell when they were exposed."""
+        """Whether pictures come so unevenly that arrival does not determine their exposure times."""
         return self._arrivals.uneven(self._clock())
 
     @property
@@ -150,7 +150,7 @@ class LiveFrames(Closing):
     def next(self, timeout_s: float) -> Frame | None:
         """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
 
-        Raises SourceError where the source never opened, or gave nothing for give_up_s, and any error of the thread.
+        Raises SourceError if the source never opened, or gave no frame for give_up_s, and any error of the thread.
         """
         until = self._clock() + timeout_s
         with self._changed:
@@ -193,7 +193,7 @@ class LiveFrames(Closing):
                 yield frame
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order; faults are noticed while `next` waits or is asked."""
+        """The events since the last call, in order; faults are detected while `next` waits or is called."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
@@ -201,7 +201,7 @@ class LiveFrames(Closing):
     def _start_reader(self, now: float) -> None:
         reader = Reader(now, self._settings.opening_s)
         self._readers.append(reader)
-        # A daemon: a device may block in grab() for ever (OpenCV #4468), and the program must end all the same.
+        # A daemon: a device may block in grab() forever (OpenCV #4468), and the program must still end.
         threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
 
     def _run(self, reader: Reader) -> None:
@@ -245,7 +245,7 @@ class LiveFrames(Closing):
             self._nap(pause_s)
 
     def _read(self, reader: Reader, capture: Capture) -> None:
-        """Hand on what the capture gives, until it ends, fails for settings.blocked_s, or the reader is retired."""
+        """Deliver the capture's pictures until it ends, fails for settings.blocked_s, or the reader is retired."""
         times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
@@ -267,7 +267,7 @@ class LiveFrames(Closing):
             self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
-        """The next picture or None, when grab() came back [s], and why there is none."""
+        """The next picture or None, when grab() returned [s], and why there is none."""
         try:
             grabbed = capture.grab()
             grabbed_s = self._clock()
@@ -284,22 +284,22 @@ class LiveFrames(Closing):
             return None, grabbed_s, f"a read gave a {error}"
 
     def _take(self, reader: Reader, image: Image, grabbed_s: float, capture: Capture, times: RisingTimes) -> None:
-        """Hand on a picture, unless it is the one before, or its time is."""
+        """Deliver a picture, unless the picture or its time repeats."""
         with self._changed:
             if not self._wanted(reader):
                 return
             if self._reader not in (None, reader):
-                self._arrivals.failed()  # of a device opened anew no picture waits
+                self._arrivals.failed()  # after a reopening no picture waits
             self._reader = reader
             for other in self._readers:
                 other.retired = other is not reader
             if not self._may_repeat and any(_equal(one, image) for one in self._recent):
                 self._watch.saw_repeat(grabbed_s)
-                self._arrivals.came(grabbed_s, told=times.told)
+                self._arrivals.came(grabbed_s, by_source=times.by_source)
                 return
             frame = Frame(self._n_frames, times(capture, grabbed_s), image)
             self._late_s = times.late_s
-            self._arrivals.came(grabbed_s, told=times.told)
+            self._arrivals.came(grabbed_s, by_source=times.by_source)
             if self._watch.fault is not None:
                 self._sparse.began_again()
             self._events += self._watch.saw_new(grabbed_s, (image.shape[1], image.shape[0]))
@@ -326,7 +326,7 @@ class LiveFrames(Closing):
                 self._arrivals.failed()
 
     def close(self) -> None:
-        """Stop; a reading thread lets go of the device as soon as it comes back from it."""
+        """Stop; a reading thread releases the device as soon as its read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

@@ -22,7 +22,7 @@ from vision.sources.playback import Playback
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Greatest camera index: OpenCV takes the hundreds for the number of a programming interface."""
+"""Largest camera index: OpenCV reads the hundreds as the number of an API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -36,12 +36,12 @@ def open_source(
 ) -> Source:
     """Frames of a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
-    live: the newest frame wins, files are shown at their own pace; else every frame counts: files as fast as they are
-        asked for, and of devices and streams settings.backlog frames wait
-    fps: of a folder of pictures, which has no times of its own, or of a film in place of its own
+    live: only the newest frame is kept, and files play at their own pace; otherwise every frame is kept: files are read
+    as fast as requested, and settings.backlog frames of devices and streams wait
+    fps: for a folder of pictures, which has no times of its own, or for a film in place of its own
     give_up_s, settings: when faults of a device or stream are reported; see `LiveFrames`
 
-    Raises SourceError for what is not there, and for fps of a camera or stream. The first `next` reports a device that
+    Raises SourceError for a missing source, and for fps with a camera or stream. The first `next` reports a device that
     does not open.
     """
     opencv_name(spec)  # raises
@@ -58,7 +58,7 @@ def open_source(
         waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, open_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, read_ms]
         opened, ends = partial(cv2.VideoCapture, spec, cv2.CAP_FFMPEG, waits), _has_length
     elif path.is_char_device():
-        # The API is named, or FFmpeg would read the device as a file first.
+        # The API is named; otherwise FFmpeg would first read the device as a file.
         opened = partial(cv2.VideoCapture, spec, cv2.CAP_V4L2)
     else:
         return from_file(_file(spec, fps), live=live)
@@ -69,7 +69,7 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """The frames of a file: live at their own pace, the newest one first; else every one."""
+    """The frames of a file: live at their own pace, newest first; otherwise every one."""
     if not live:
         return EveryFrame(frames)
     playback = Playback(frames)
@@ -104,5 +104,5 @@ def _file(spec: str, fps: float | None) -> FrameFile:
 
 
 def shown_source(spec: str) -> str:
-    """The name of a source as messages repeat it: without the password that a stream's address may hold."""
+    """The name of a source for messages: without the password that a stream's address may contain."""
     return re.sub(r"(?<=://)[^/@]*@", "", spec)

@@ -20,13 +20,13 @@ def natural_order(path: Path) -> tuple[list[str | int], str, Path]:
 
 
 def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path]:
-    """The pictures of a folder in `natural_order`; files that begin with a dot are none."""
+    """The pictures of a folder in `natural_order`; files that begin with a dot are skipped."""
     found = (path for path in folder.iterdir() if path.suffix.lower() in suffixes and not path.name.startswith("."))
     return sorted((path for path in found if path.is_file()), key=natural_order)
 
 
 class PictureFolderFrames:
-    """The pictures of a folder in the natural order of their names, so many a second.
+    """The pictures of a folder in the natural order of their names, at a given rate.
 
     Raises SourceError if there are none, and while iterating for one that cannot be read.
     """
@@ -46,4 +46,4 @@ class PictureFolderFrames:
             yield Frame(index, index / self._fps, read_picture(path))
 
     def close(self) -> None:
-        """Nothing is held open."""
+        """Nothing to release."""

@@ -16,11 +16,11 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 
 PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"})
 FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mpeg"})
-"""Endings of films."""
+"""File name extensions of films."""
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels (height, width) of each picture: of a film, then of files and folders in natural order.
+    """Name and grey levels (height, width) of each picture: of a film first, then files and folders in natural order.
 
     Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
     different sizes.
@@ -41,7 +41,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
 
 
 def grey_picture(path: FilePath) -> Image:
-    """Grey levels of a picture file, (height, width), not turned as its camera would have it shown; SourceError."""
+    """Grey levels of a picture file, (height, width), without the rotation in its metadata; SourceError."""
     file = Path(path)
     if not file.is_file():
         raise SourceError(f"{file}: expected a picture, found no such file")
@@ -51,7 +51,7 @@ def grey_picture(path: FilePath) -> Image:
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
     """The sharpest frame of each of n equal parts of a film, (height, width, 3), named "frame 000123".
 
-    Raises SourceError as films have it.
+    Raises SourceError as films do.
     """
     n_frames = count_frames(film)
     best: tuple[float, str, Image] | None = None

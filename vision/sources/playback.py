@@ -32,7 +32,7 @@ class Playback:
 
     @property
     def origin_s(self) -> float:
-        """When the file's own time was nought, on the clock [s]; 0 before the first frame."""
+        """Zero of the file's own time on the clock [s]; 0 before the first frame."""
         return self._began_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
@@ -56,11 +56,11 @@ class Playback:
         return self._shown is not None, None if self._shown is None else self._shown.image
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: when the frame was due, on the clock [ms]; 0 for all else."""
+        """CAP_PROP_POS_MSEC: when the frame was due, on the clock [ms]; 0 for other properties."""
         if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None or self._began_s is None:
             return 0.0
         return 1e3 * (self._began_s + self._shown.exposure_s)
 
     def release(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         self._frames.close()

@@ -1,4 +1,4 @@
-"""A film in numbered pieces, each whole when it has its name: what is left when the writer is killed can be read."""
+"""A film in numbered pieces, named when they are complete: a killed writer leaves readable pieces."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from vision.sources.frames import (
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
-"""Ending of a piece by its codec."""
+"""File name extension of a piece by codec."""
 
 NOMINAL_FPS = 30.0
 """Rate in a piece's header [frames/s]; exposure times are kept elsewhere."""
 
 
 class SegmentWriter:
-    """Pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in a folder that is there and empty.
+    """Writer of pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in an existing empty folder.
 
     Interrupted at any moment, `finish` can be called again.
-    State: the piece that is being written, hidden until it is whole, and how many are whole.
+    State: the piece that is being written, hidden until it is complete, and the number of complete ones.
     """
 
     def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
@@ -42,16 +42,16 @@ class SegmentWriter:
         self._piece: VideoWriter | None = None
 
     def write(self, image: Image) -> None:
-        """Append a frame, (height, width, 3) BGR uint8, to the piece that is being written, or begin one."""
+        """Append a frame, (height, width, 3) BGR uint8, to the present piece, or begin one."""
         if self._piece is None:
             path = self.folder / f"{self.n_whole:06d}{SUFFIX[self.codec]}"
             self._piece = VideoWriter(path, self.size_px, NOMINAL_FPS, codec=self.codec)
         self._piece.write(image)
 
     def finish(self) -> None:
-        """Finish the piece, if there is one: whole on the disk, then named.
+        """Finish the present piece: sync it to the disk, then name it.
 
-        Raises SourceError where it is not whole: then nothing of it is left.
+        Raises SourceError and deletes the piece if it is incomplete.
         """
         if self._piece is not None:
             self._piece.close(sync=True)
@@ -59,14 +59,14 @@ class SegmentWriter:
             self._piece = None
 
     def discard(self) -> None:
-        """Leave the piece that is not finished."""
+        """Discard the unfinished piece."""
         if self._piece is not None:
             self._piece.discard()
             self._piece = None
 
 
 def segments_in(folder: FilePath) -> list[Path]:
-    """The whole pieces of a folder in order. Raises SourceError where there are none, or one is missing."""
+    """The complete pieces of a folder in order. Raises SourceError if there are none, or one is missing."""
     paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
@@ -82,7 +82,7 @@ def count_segment_frames(folder: FilePath) -> int:
 
 
 class SegmentFrames(Closing):
-    """The frames of all pieces in order with their exposure times [s]; frames beyond these are left out.
+    """The frames of all pieces in order, with these exposure times [s]; further frames are left out.
 
     Raises SourceError where pieces are missing or cannot be read, or hold fewer frames. State: the open piece.
     """
@@ -107,7 +107,7 @@ class SegmentFrames(Closing):
             raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {index}")
 
     def close(self) -> None:
-        """Let go of the open piece."""
+        """Release the open piece."""
         if self._open is not None:
             self._open.close()
 
@@ -117,7 +117,7 @@ def join_segments(
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
 
-    Nothing is lost: JPEGs go over as they are, FFV1 is compressed again. `advance` gets the share done; SourceError.
+    Lossless: JPEGs are copied, FFV1 is compressed again. `advance` is called with the share done; raises SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:
@@ -141,7 +141,7 @@ def _join_jpegs(paths: list[Path], film: Path, n_frames: int, fps: float, advanc
         writer = cv2.VideoWriter(name, cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"MJPG"), fps, size_px, raw)
     try:
         if not writer.isOpened():
-            raise SourceError(f"{film}: expected a place where a film can be written, found none")
+            raise SourceError(f"{film}: expected a path where a film can be written, found none")
         index = 0
         for path in paths:
             for packet in whole_packets(path):

@@ -7,28 +7,28 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """When a live source counts as blocked, hung or slow, when its own clock is trusted, which frames of a film count.
+    """Thresholds for blocked, hung and slow sources and for trust in a clock; frames of a film for a calibration.
 
-    blocked_s: without a new picture for so long a source is blocked (no answer) or frozen (the same picture), and a
-        device whose reads fail is opened again; `close` waits so long for a reading thread [s]; choice
-    hung_s: a read that takes so long has hung: another thread opens the device, FFmpeg gives a packet up; also the
-        longest pause between two attempts to open a device that is gone [s]; choice
+    blocked_s: after this long without a new picture a source is blocked (no answer) or frozen (the same picture), and a
+    device whose reads fail is opened again; `close` waits this long for a reading thread [s]; choice
+    hung_s: a read that takes this long has hung: another thread opens the device, FFmpeg drops a packet; also the
+    longest pause between two attempts to open a lost device [s]; choice
     opening_s: the same for opening a device, which takes some cameras ten seconds [s]; choice
     stream_opening_s: the same for opening a stream [s]; choice
     most_readers: threads that may hang at once, each with the device that it opened [1]; choice
-    slow_intervals: a slow camera is not blocked or frozen before so many of its usual frame intervals [1]; choice
-    settled_frames: frames of which the median interval is the usual one, and after which a device's own times are
-        trusted if they were plausible in all of them [1]; choice
-    stuck_frames: frames in a row whose stated times do not rise, from which on times of arrival are used, or that came
-        in the time of twice as many, from which on they are sparse [1]; source: a fault is to be noticed within 200 ms
+    slow_intervals: a slow camera is not blocked or frozen before this many of its usual frame intervals [1]; choice
+    settled_frames: number of frames for the usual interval, a median; a device's own times are trusted after this many
+    plausible ones [1]; choice
+    stuck_frames: after this many frames in a row whose stated times do not rise, times of arrival are used; this many
+    frames in the time of twice as many count as sparse [1]; source: a fault is to be noticed within 200 ms
         or three frames
-    clock_error_s: how far a device's times may wander beside the times of arrival [s]; choice
-    uneven_s, uneven_share: how far an interval may be from a whole number of usual ones [s], or of the usual one [1],
-        whichever is more, for times of arrival to tell when pictures were exposed; choice
-    even_s: so long pictures have to come evenly for that again, and without a gap to be sparse no more [s]; choice
+    clock_error_s: how far a device's times may drift from the times of arrival [s]; choice
+    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or as a share of it
+    [1], whichever is more, at which times of arrival determine exposure times; choice
+    even_s: how long pictures have to come evenly for that again, and without a gap to end sparse [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
-    backlog: frames of a device that wait where every frame counts [1]; choice
-    sharp_frames: frames taken from a film for a calibration, the sharpest of so many equal parts [1]; choice
+    backlog: frames of a device that may wait where every frame is kept [1]; choice
+    sharp_frames: frames taken from a film for a calibration, the sharpest of each of this many equal parts [1]; choice
 
     Raises ValueError that names the field.
     """

@@ -1,4 +1,4 @@
-"""Films written as cameras and their software write them."""
+"""Films in the formats of cameras and their software."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vision.arrays import Image
 from vision.sources.frames import FilePath, SourceError, opencv_name, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
-"""How a film is compressed: JPEG by JPEG, small; or without any loss."""
+"""Compression of a film: each frame as JPEG, small; or lossless."""
 
 
 class VideoWriter:
     """A film that appears under its name when it is complete.
 
-    MJPG compresses every frame by itself as JPEG of the given quality, in .avi; FFV1 loses nothing.
+    MJPG compresses every frame by itself as JPEG of the given quality, in .avi; FFV1 is lossless.
     State: the open writer, the count of frames, whether it ended. As a context manager: an error inside leaves no file.
     """
 
@@ -39,7 +39,7 @@ class VideoWriter:
         self._ended = False
         # The suffix stays last: OpenCV chooses the container by it. The process id keeps two writers apart.
         self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
-        # Only OpenCV's own MJPG writer heeds a quality, and it writes .avi only.
+        # Only OpenCV's own MJPG writer has a quality, and it writes .avi only.
         api = cv2.CAP_OPENCV_MJPEG if codec == "MJPG" else cv2.CAP_FFMPEG
         name = opencv_name(self._partial)
         with quiet_opencv():
@@ -49,7 +49,7 @@ class VideoWriter:
                 self._writer.set(cv2.VIDEOWRITER_PROP_QUALITY, quality)
         if not opened:
             self._partial.unlink(missing_ok=True)
-            raise SourceError(f"{self.path}: expected a place where a {codec} video can be written, found none")
+            raise SourceError(f"{self.path}: expected a path where a {codec} video can be written, found none")
 
     def write(self, image: Image) -> None:
         """Append a frame, (height, width, 3) BGR uint8."""
@@ -60,16 +60,16 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film and give it its name; with sync once it is on the disk.
+        """Finish the film and give it its name; with sync, after it is on the disk.
 
-        Raises SourceError, and leaves nothing, where frames are missing in it, as on a full disk: OpenCV reports no
-        error of writing. Interrupted at any moment, it can be called again.
+        Raises SourceError and deletes the film if frames are missing, as on a full disk: OpenCV does not report write
+        errors. It can be called again after an interruption at any moment.
         """
         if self._ended:
             return
         self._writer.release()
         there = self._partial.exists()
-        if there or not self.path.exists():  # else it was interrupted after it had given the name
+        if there or not self.path.exists():  # otherwise it was interrupted after it had given the name
             n_found = sum(1 for _ in whole_packets(self._partial)) if there and self.n_frames else 0
             if not there or n_found < self.n_frames:
                 self._partial.unlink(missing_ok=True)
@@ -81,7 +81,7 @@ class VideoWriter:
         self._ended = True
 
     def discard(self) -> None:
-        """Stop, and leave nothing."""
+        """Stop, and delete the file."""
         self._writer.release()
         self._partial.unlink(missing_ok=True)
         self._ended = True
@@ -101,9 +101,9 @@ class VideoWriter:
 def compress(image: Image, quality: int) -> Image:
     """The image, (height, width, 3), after a round trip through JPEG of this quality, 1 to 100.
 
-    Much as each frame of an MJPG film makes.
+    Similar to each frame of an MJPG film.
     """
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
-        raise ValueError(f"image: expected one that JPEG can hold, found {image.dtype} {image.shape}")
+        raise ValueError(f"image: expected one that JPEG can encode, found {image.dtype} {image.shape}")
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), dtype=np.uint8)

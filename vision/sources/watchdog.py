@@ -1,4 +1,4 @@
-"""Watchdogs of a source: blocked, frozen, failed or back; too few of its pictures; values that repeat.
+"""Watchdogs of a source: blocked, frozen, failed or resumed; lost pictures; repeated values.
 
 No threads, no clock.
 """
@@ -16,18 +16,18 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 DARK = 60
-"""Mean brightness of a picture, of 255, below which cameras lengthen their exposure; chosen."""
+"""Mean brightness of a picture, of 255, below which cameras use longer exposures; chosen."""
 
 
 class SourceWatchdog:
-    """Faults of a live source, from when its reads came back.
+    """Faults of a live source, from the times at which reads returned.
 
-    A fault is noticed as soon as `check` is called after its time: without an answer or with the same picture for
+    A fault is detected as soon as `check` is called after its time: without an answer or with the same picture for
     settings.blocked_s, or for settings.slow_intervals usual frame intervals where these are longer; a failed read at
     once. may_repeat: whether pictures may repeat, as those of a film
 
-    State: when an answer last came and when a new picture did [s], the last intervals [s], the size, the fault that
-    lasts (None: none does), whether the picture repeats.
+    State: times of the last answer and of the last new picture [s], the last intervals [s], the size, the present fault
+    or None, whether the picture repeats.
     """
 
     def __init__(self, began_s: float, settings: SourceSettings = DEFAULTS, *, may_repeat: bool = False) -> None:
@@ -62,7 +62,7 @@ class SourceWatchdog:
         return events
 
     def saw_repeat(self, now_s: float) -> None:
-        """The picture came that had come before."""
+        """The last picture came again."""
         self._answer_s, self._repeats = now_s, True
 
     def saw_failure(self, now_s: float, why: str) -> list[SourceEvent]:
@@ -71,7 +71,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """Events that are due by now though nothing came."""
+        """Events that are due by now, without a new picture."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -89,14 +89,14 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""Last frames of which none may come again: a driver that hangs may hand out its buffers in turn, four as a rule."""
+"""Number of last frames that must not repeat: a hung driver may deliver its buffers in turn, usually four."""
 
 
 class FrozenValues:
-    """Whether a frame's values repeat: to the last digit all of them are those of one of the last `IN_TURN` frames.
+    """Detects repeated values: all values of a frame equal those of one of the last `IN_TURN` frames to the last digit.
 
-    Noise makes that next to impossible. A sender that states each of its values several times is not frozen: FROZEN are
-    two more repeats in succession than usually come between new values. A frame without values says nothing.
+    Noise makes that almost impossible. A sender that sends each value several times is not frozen: FROZEN needs two
+    more repeats in succession than usual between new values. A frame without values is ignored.
 
     frozen: whether that lasts
     State: the last new frames; how many repeats came before each, and since the newest; when that came [s].
@@ -110,7 +110,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Whether the values of a frame, by name, repeat and must not be used, and what happened then [s]."""
+        """Whether the values of a frame, by name, repeat and must not be used, and the events at this time [s]."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -132,14 +132,15 @@ class FrozenValues:
 
 
 class SparsePictures:
-    """Whether pictures are lost between those that come, from when they were exposed: every other one, or more.
+    """Detects lost pictures from exposure times: every other one, or more.
 
-    They are once `settings.stuck_frames` came in the time of twice as many, by the usual interval, with a gap more
-    than once: a rate that wanders has none of half an interval more than usual, and a reader that was late finds the
-    pictures that waited, which come in less than half of one. Until none lacks for `settings.even_s` that is one event.
+    Pictures are lost if `settings.stuck_frames` came in the time of twice as many, by the usual interval, with more
+    than one gap. A drifting rate has no gap of half an interval more than usual, and a late reader finds waiting
+    pictures, which come in less than half an interval. It is one event until no picture is missing for
+    `settings.even_s`.
 
-    State: when the last one was exposed [s], and the last that had not waited; the last intervals [s], those of late
-    that may tell; when there last was a gap [s], None where pictures are not sparse.
+    State: exposure times of the last picture [s] and of the last that had not waited; the last intervals [s], and those
+    used for the test; time of the last gap [s], None where pictures are not sparse.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -151,7 +152,7 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """Pictures come again after a pause, which says nothing of their rate."""
+        """Pictures come again after a pause, which is not used for their rate."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
@@ -192,6 +193,6 @@ class SparsePictures:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval [s]; None before half of those of which it is the median came."""
+        """The usual interval, a median [s]; None before half of its intervals came."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

@@ -64,8 +64,8 @@ class Lighting:
     shot_noise_sd: noise that grows as the square root of light, at level 255 [grey levels]
     grain_px: spread that this smoothing gives the noise [px], 0 for white noise
     mark_strength: 1 for fresh marks; below that, the share of a mark's colour that wear has left on the acrylic
-    wander_px: error of the place where each mark is drawn, by frame [px], one standard deviation an axis; for
-        errors that no picture shows, as of a reference that was pointed at by hand
+    wander_px: error of each mark's drawn position, by frame [px], one standard deviation an axis; for errors that no
+    picture shows, such as those of manually marked references
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -121,12 +121,12 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting under which marks 7 px wide are found as badly as in the paper: an error of 4.14 mm at 4.4 mm a pixel.
+    """Lighting under which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm a pixel.
 
-    For films of MJPG quality 60. The paper gives the result only; every value here is chosen. Sensor noise alone that
-    reached 4.1 mm would make a twentieth of the marks and more unrecognisable and colour the empty scene like marks, so
-    the greater part is errors that no picture shows: the paper's own reference was pointed at by hand. A scene filmed
-    so must state it, by calibration_sd_px.
+    For films of MJPG quality 60. The paper gives the result only; every value here is chosen. Sensor noise alone of 4.1
+    mm would make a twentieth of the marks and more unrecognisable and colour the empty scene like marks. So the greater
+    part is errors that no picture shows: the paper's own reference was marked manually. A scene filmed like this must
+    state it in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # chosen: a cheap lens

@@ -1,7 +1,7 @@
 """The appearance of a mark when it was last seen whole, and its best match in a picture.
 
-Where blood of a mark's own colour touches it, or a hand covers half of it, its colour class has another shape than it.
-Then the picture is compared pixel by pixel with the mark as it was. Image axes: u right, v down, pixels.
+Where blood of the same colour touches a mark, or a hand covers half of it, its colour class has another shape. Then the
+picture is compared pixel by pixel with the mark's earlier appearance. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from vision.tracking.likeness import likeness, likeness_in_other_light, median_c
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
-"""Step of the search that comes first [px]: it only saves time."""
+"""Step of the coarse search [px]: it only saves time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AppearanceMatch:
-    """The place of a picture that matches a mark best.
+    """The position in a picture that matches a mark best.
 
     center_px: [px], (2,)
-    score: from -1.5, nothing like it, to 1.5, it and nothing like it around; share: of the mark's pixels that are like
-    it; around: how much the ring around it is, from -1 to 1; color_bgr: median of the pixels that are like it
-    weighed: the score, less what it loses by its distance from where the mark is expected
+    score: from -1.5, no similarity, to 1.5, the mark with a different surrounding; share: share of the mark's pixels
+    that are similar; around: similarity of the ring around it, from -1 to 1; color_bgr: median of the similar pixels
+    weighed: the score, less the loss by its distance from the mark's expected position
     """
 
     center_px: Floats
@@ -46,7 +46,7 @@ class AppearanceMatch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Template:
-    """A mark and what is around it.
+    """A mark and its surroundings.
 
     inside, ring: pixels from its centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of
     the ring, (3,)
@@ -61,12 +61,12 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is like the mark, by the measure for a ring: nothing would distinguish them."""
+        """Whether the background is too similar to the mark, by the measure for a ring."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class _View:
-    """A mark as one frame showed it, smoothed: its picture, its centre there, (2,), and its shape then, (2, 2).
+    """A mark in one frame, smoothed: its picture, its centre there, (2,), and its shape then, (2, 2).
 
     State: the picture as it was last redrawn, and for which shape.
     """
@@ -76,7 +76,7 @@ class _View:
         self._drawn: tuple[bytes, Image] | None = None
 
     def redrawn(self, shape_px: Floats, half: int) -> Image:
-        """The picture as it were of this shape, (2, 2), to so many pixels from its centre."""
+        """The picture transformed to this shape, (2, 2), up to this many pixels from its centre."""
         key = shape_px.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ np.linalg.inv(shape_px)
@@ -90,7 +90,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it whole.
 
-    hue_deg: of its kind; unseen: frames since then, for its owner to count
+    hue_deg: of its kind; unseen: frames since then, counted by its owner
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -101,11 +101,11 @@ class AppearanceModel:
 
     @property
     def is_full(self) -> bool:
-        """Whether it is known from as many frames as are kept."""
+        """Whether it has the full number of frames."""
         return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
-        """Keep a frame's view of the mark; nothing where the border is near."""
+        """Keep a frame's view of the mark, unless the border is near."""
         half = _half(outline, self._settings) + 2
         x, y = center_px.tolist()
         u, v = round(x), round(y)
@@ -125,11 +125,11 @@ class AppearanceModel:
         within_px: float | None = None,
         another: bool = False,
     ) -> AppearanceMatch | None:
-        """The best match of the mark's appearance about where that is expected.
+        """The best match of the mark's appearance near its expected position.
 
-        about_px: another place, (2,); within_px: only so near to that is searched
-        another: it is another mark of this kind: its highlight is known, its colour is what is there, even all over it
-        None where the mark may be anywhere, or nothing is known that would distinguish it from what is around it.
+        about_px: another position, (2,); within_px: the search range around it
+        another: the search is for another mark of this kind, with a known highlight and a fitted, uniform colour
+        None where the mark may be anywhere, or cannot be distinguished from its surroundings.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
@@ -151,7 +151,7 @@ class AppearanceModel:
         )
         box = (u0, v0, u1, v1)
         if another:
-            # a colour is fitted at each place: first of every third, then of those about the best
+            # a colour is fitted at each position: first at every third, then near the best
             _, weighed = _weighed(part, corner, box, template, expected, COARSE_PX, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
             u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
@@ -174,7 +174,7 @@ class AppearanceModel:
         )
 
     def _template(self, outline: Outline) -> _Template:
-        """The median of the views kept, each of the shape that it was seen as, drawn in the shape of this outline."""
+        """The median of the kept views, each transformed to the shape of this outline."""
         settings, half, shape = self._settings, _half(outline, self._settings), outline.shape_px
         key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
@@ -197,9 +197,9 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """The evidence of `likeness` for the places of a box, and their scores by distance from the expected place.
+    """The evidence of `likeness` for the positions in a box, and their scores by distance from the expected one.
 
-    part, corner: of the picture, and where its first pixel is; box: in the picture
+    part, corner: part of the picture, and its first pixel; box: in the picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
@@ -218,7 +218,7 @@ def _weighed(
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:
-    """By evidence inside and around, as `likeness` returns them."""
+    """Scores from evidence inside and around, as `likeness` returns them."""
     return evidence[0] - ring_weight * evidence[2]
 
 
@@ -244,7 +244,7 @@ def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[N
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distance of colours, in units of what pixels alike may differ by: (n, 3) or (3,) each."""
+    """Squared distance of colours, in units of the difference of similar pixels: (n, 3) or (3,) each."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 

@@ -26,7 +26,7 @@ class AssociatedMark:
 
 
 def squared_distance(expected: Expected, detection: Detection) -> float:
-    """Squared Mahalanobis distance of a detection from where a mark is expected."""
+    """Squared Mahalanobis distance of a detection from a mark's expected position."""
     (u, v) = (detection.center_px - expected.center_px).tolist()
     (uu, uv), (_, vv) = (expected.cov_px2 + detection.cov_px2).tolist()
     return float((vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv))
@@ -35,10 +35,10 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most likely pairs of all, in the order of expected; a mark without a detection is absent.
+    """The most likely pairs, in the order of expected; a mark without a detection is absent.
 
-    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Of all sets of pairs
-    that one is taken which names most marks, and among those the one with the least sum of d² + log det S.
+    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. The set of pairs with the
+    most marks is taken, and among these the one with the least sum of d² + log det S.
     """
     if not detections or not expected:
         return []
@@ -59,7 +59,7 @@ def associate_marks(
     if not allowed.any():
         return []
     cost = squared + np.log(det)
-    # A forbidden pair costs more than any set of allowed ones differs by, so that it is taken only where none is left.
+    # A forbidden pair costs more than the difference of any allowed sets, so that it is taken only if no other is left.
     forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
     rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
     return [

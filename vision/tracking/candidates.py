@@ -17,9 +17,9 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; less of it need be seen where the ring is free.
+    """Whether a match with a mark's own appearance is the mark; a smaller part is enough where the ring is free.
 
-    color_distance: squared distance of its colour from that of its kind [gates]; the further, the more it must be alike
+    color_distance: squared distance of its colour from that of its kind [gates]; a larger one needs a better match
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match by a fitted colour is a mark: more like it than one of its own must be, and unlike the ring.
+    """Whether a match with a fitted colour is a mark: with a better score than for a known colour, and unlike the ring.
 
     color_distance: as for `is_mark`, of the fitted colour
     """
@@ -44,7 +44,7 @@ def _least_score(score: float, color_distance: float) -> float:
 
 
 def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether nothing in the ring around a match is like the mark."""
+    """Whether the ring around a match is unlike the mark."""
     return match.around < settings.free
 
 
@@ -58,7 +58,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour: its centre is the mean of the match's and of its rim's.
+    """As `detection_at`, for a match with a fitted colour: its centre is the mean of the centres of match and rim.
 
     frame_bgr: (height, width, 3) uint8
     """

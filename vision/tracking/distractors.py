@@ -1,4 +1,4 @@
-"""What comes into the picture in a mark's own colour and is no mark: blood, a glove, a red cloth."""
+"""Distractors: new things in a mark's colour that are not marks, such as blood, a glove or a red cloth."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ SQUARE_2 = np.ones((2, 2), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distractor:
-    """Something that came, in the colour of marks.
+    """A new thing in the colour of marks.
 
-    hue_deg: the nominal hue of these; like: the name of the one that is nearest
-    center_px: the middle of its largest piece [px], (2,); size: what came by the area of a mark [1]
+    hue_deg: the nominal hue of these marks; like: the name of the nearest mark
+    center_px: the middle of its largest piece [px], (2,); size: its area by that of a mark [1]
     """
 
     hue_deg: float
@@ -37,24 +37,24 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """How much of a hue there is beside its marks [samples].
+    """Amount of a hue away from its marks [samples].
 
-    known: what was there from the start; of_late: in the last frames; told: how much more than known was told last
+    known: amount from the start; of_late: in the last frames; reported: excess over known that was last reported
     """
 
     of_late: deque[float]
     known: float = 0.0
     n_seen: int = 0
-    told: float = 0.0
+    reported: float = 0.0
 
 
 class DistractorWatch:
-    """Tells once of what comes newly, or grows to twice, in the colour of a mark, and is as large as one.
+    """Reports, once each, new or grown things in a mark's colour that are as large as a mark.
 
-    Each frame is sampled, some places across a mark: that finds no mark, and costs a fraction of a search. Samples
-    count that hang together, away from marks; not of a hue of which a mark is not found, for that may be it. What is
-    there in the first frames is known; so is what a range of colours that follows its marks takes in addition.
-    State: the ranges of the frame before; by nominal hue, how much there was.
+    Each frame is sampled at a few points across a mark, which costs a fraction of a search. Connected samples away from
+    marks count, except for a hue with a missing mark, which they may be. What is there in the first frames is known,
+    and so is what a range of colours adds when it follows its marks.
+    State: the ranges of the last frame; amounts by nominal hue.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -69,9 +69,9 @@ class DistractorWatch:
         expected: Sequence[Expected],
         found: Mapping[str, Detection],
     ) -> tuple[Distractor, ...]:
-        """What came, as far as this frame tells.
+        """The new things in this frame.
 
-        hues: what counts as each kind of mark now, by nominal hue; expected: all marks; found: those that were, by name
+        hues: present colour range of each kind of mark, by nominal hue; expected: all marks; found: found marks by name
         """
         radii = [_radius_px(one) for one in expected]
         if not radii or None in radii:
@@ -84,7 +84,7 @@ class DistractorWatch:
         counted = _counted(part, free, now)
         before = counted if self._hues in ((), now) else _counted(part, free, self._hues)
         self._hues = now
-        told = []
+        distractors = []
         for k, hue_deg in enumerate(hues):
             own = [(one, size) for one, size in zip(expected, sizes, strict=True) if one.hue_deg == hue_deg]
             level = self._levels.setdefault(hue_deg, _Level(deque(maxlen=self._settings.stands)))
@@ -94,11 +94,12 @@ class DistractorWatch:
                 continue
             mark = pi * (min(size for _, size in own) / step) ** 2
             if self._comes(level, float(np.count_nonzero(counted[k])), mark):
-                told.append(self._distractor(hue_deg, [one for one, _ in own], counted[k], step, level.told / mark))
-        return tuple(told)
+                share = level.reported / mark
+                distractors.append(self._distractor(hue_deg, [one for one, _ in own], counted[k], step, share))
+        return tuple(distractors)
 
     def _step(self, frame_bgr: Image, radius_px: float) -> int:
-        """Every how many pixels one is looked at [px]."""
+        """Spacing of the samples [px]."""
         s, (height, width) = self._settings, frame_bgr.shape[:2]
         return max(1, int(s.spacing * radius_px), ceil((height * width / s.most_samples) ** 0.5))
 
@@ -119,7 +120,7 @@ class DistractorWatch:
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether by this many samples something came that stands; mark: samples of one mark."""
+        """Whether this many samples mean that something came and stays; mark: samples of one mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -130,11 +131,11 @@ class DistractorWatch:
             return False
         least, most = min(level.of_late), max(level.of_late)
         if most < level.known + s.least * mark:
-            level.told = 0.0
+            level.reported = 0.0
             level.known = most if most < level.known - s.least * mark else level.known
-        if least - level.known < max(s.least * mark, s.grows * level.told, s.wavers * level.known):
+        if least - level.known < max(s.least * mark, s.grows * level.reported, s.wavers * level.known):
             return False
-        level.told = least - level.known
+        level.reported = least - level.known
         return True
 
     @staticmethod
@@ -151,7 +152,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """Where samples of each hue hang together, 1, else 0, (h, w) uint8 each."""
+    """1 where samples of each hue are connected, else 0, (h, w) uint8 each."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
@@ -160,5 +161,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """Those in a square of four; as a rule there are none at all."""
+    """The samples in a square of four; usually there are none."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

@@ -23,10 +23,10 @@ class MarkFinder:
 
     hues: of the marks, by the nominal hue that `Expected` gives
     settings: of all stages; `settings.stages` names those that run, in their order
-    explain: keep why marks were not found, for `lost`, and what came in their colours, `came`; marks are the same
-    Frames are searched around the expected places only, and wholly at the start and when a mark is missing.
+    explain: keep why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
+    Frames are searched around the expected positions only; fully at the start and when a mark is missing.
     State: colours as followed; appearance models; the names of marks missed in the last frame, None before the first;
-    with explain, that frame's search, and what is known of things in the marks' colours.
+    with explain, that frame's search, and the state of the distractors.
     Raises HueError where marks of one hue differ in their range of colours, ValueError for an unknown stage.
     """
 
@@ -79,7 +79,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Why each mark that was not found in the last frame was not; none where that was not to be explained."""
+        """Why each missing mark of the last frame was not found; empty if not explained."""
         search = self._last
         if search is None or search.rejections is None:
             return ()

@@ -1,4 +1,4 @@
-"""Colours of marks as lamps, white balance and exposure drift."""
+"""Colours of marks, adapted while lamps, white balance and exposure drift."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER, HueTrackingSettings
 
 LEAST = 0.01
-"""Rounding step of saturation and value: `MarkHue` takes none of 0."""
+"""Rounding step of saturation and value: `MarkHue` does not accept 0."""
 
 
 class AdaptiveHue:
     """A kind of mark whose colour is followed from frame to frame.
 
-    now: what counts as this kind now
-    State: that, and how many frames it was learned from; the mean colour as hue [degrees from where it began],
+    now: the present colour range of this kind
+    State: now, and the number of frames that it was learned from; the mean colour as hue [degrees from where it began],
     saturation and log of value, and the variance of hue and saturation about it.
     """
 
@@ -37,7 +37,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """How far a detection's colour is from such a mark's, squared [gates]; 0 until some were seen."""
+        """Squared distance of a detection's colour from such a mark's [gates]; 0 until some were seen."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)
@@ -48,7 +48,7 @@ class AdaptiveHue:
         return squared / settings.gate
 
     def follow(self, detections: Sequence[Detection]) -> None:
-        """Take in the colours of marks that were found and named; those partly occluded or clipped do not count."""
+        """Update with the colours of marks that were found and named, except partly occluded or clipped ones."""
         first, settings = self._first, self._settings
         colors = [_reported(tuple(d.color_bgr), first.middle_deg) for d in detections if not (d.occluded or d.clipped)]
         if not colors:

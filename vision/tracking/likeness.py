@@ -1,4 +1,4 @@
-"""Compiled comparisons of a picture with a mark's appearance, place by place.
+"""Compiled comparisons of a picture with a mark's appearance, position by position.
 
 frame: (height, width, 3) uint8; box: the places u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's centre,
 (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 N_FITS = 2
-"""Iterations of the fitted colour: more change no figure."""
+"""Iterations of the fitted colour: more do not change the result."""
 
 
 @njit(cache=True, nogil=True)
@@ -40,7 +40,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Into weights, (n, 3): of squared differences from colours (n, 3), for a mean in units of pixels alike."""
+    """Write weights, (n, 3), of squared differences from colours (n, 3), for a mean in units of similar pixels."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -49,16 +49,17 @@ def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-def]
-    """Of a pixel from a colour, by the weights of that, (3,): 1 is what pixels alike may differ by."""
+    """Squared distance of a pixel from a colour, with weights (3,): 1 is the difference of similar pixels."""
     b, g, r = frame[y, x, 0] - color[0], frame[y, x, 1] - color[1], frame[y, x, 2] - color[2]
     return b * b * weight[0] + g * g * weight[1] + r * r * weight[2]
 
 
 @njit(cache=True, nogil=True)
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
-    """Of each place of a box: evidence inside, share of the pixels alike, evidence around, core; (6, height, width).
+    """For each position in a box: evidence inside, share of similar pixels, evidence around, core; (6, height, width).
 
-    What a pixel counts as beside or behind the mark is the same wherever that is: found once, added up at each place.
+    The evidence of a pixel beside or behind the mark does not depend on the mark's position: computed once, then
+    summed.
     """
     shade, noise, _, hidden = settings
     u0, v0, u1, v1 = box
@@ -102,7 +103,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """As `likeness`, of every `step`-th place of a box, with the core that the mark would have there."""
+    """As `likeness`, for every `step`-th position in a box, with the core that the mark would have there."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box
@@ -144,9 +145,9 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """The colour that a mark would have at a place, and its pixels by it: mean of those alike, begun with all.
+    """Fit the colour of a mark at a position: the mean of similar pixels, starting with all.
 
-    Into own_core (1, 3), and own_colors and weights, (n, 3).
+    Writes own_core (1, 3), and own_colors and weights, (n, 3).
     """
     height, width = frame.shape[:2]
     sums, light = np.zeros(3), 1.0

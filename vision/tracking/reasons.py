@@ -31,10 +31,10 @@ class LostMark:
 
 @dataclass(slots=True, eq=False)
 class Rejections:
-    """What the finder rejected in one frame, noted where that is asked for.
+    """What the finder rejected in one frame, recorded if asked for.
 
-    pieces: pixels of a hue that are no mark; detections: those that are no mark, and why
-    dropped: by name, why a mark that was seen was given up, and what was seen; flooded: the hue that is everywhere
+    pieces: rejected pixels of a hue; detections: rejected detections, and why
+    dropped: by name, why a detected mark was dropped, and the detection; flooded: the hue that is everywhere
     """
 
     pieces: list[Rejected] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Rejections:
     flooded: HueError | None = None
 
     def note(self, reason: Reason | None, name: str | None, seen: Detection | None) -> None:
-        """Note a candidate that a stage rejects for this reason; None: later stages look there again."""
+        """Record a candidate that a stage rejects for this reason; None: later stages search there again."""
         if reason is None:
             return
         if name is not None:
@@ -52,7 +52,7 @@ class Rejections:
             self.detections.append((seen, reason))
 
     def begin_again(self) -> None:
-        """Forget what was noted: all marks are searched for again."""
+        """Clear the record: all marks are searched for again."""
         self.pieces.clear()
         self.detections.clear()
         self.dropped.clear()
@@ -72,8 +72,8 @@ def lost_marks(
     found: detections of the others, by name; unassigned: detections that are no expected mark's
     size_px: of the picture, width and height
 
-    What was given up by name comes first; then what lies within the gate of the mark's place: a piece that is no mark,
-    or the mark of another name; then marks of its hue beyond the gate, the nearest; then specks within it.
+    Dropped marks come first; then what lies within the gate of the mark's position: a rejected piece, or the mark of
+    another name; then the nearest mark of its hue beyond the gate; then specks within it.
     """
     return tuple(next(_causes(one, found, unassigned, rejections, size_px, settings)) for one in missing)
 
@@ -86,7 +86,7 @@ def _causes(
     size_px: tuple[int, int],
     settings: FinderSettings,
 ) -> Iterator[LostMark]:
-    """Why a mark was not found: what decided first comes first."""
+    """Why a mark was not found, by the first decision."""
     gate = settings.association.gate
     if rejections.flooded is not None:
         yield LostMark(one.name, Reason.FLOODED, str(rejections.flooded))
@@ -105,7 +105,7 @@ def _causes(
     for name, seen in found.items():
         if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
             yield LostMark(one.name, Reason.TAKEN, name, seen.center_px)
-    taken = [id(seen) for seen in found.values()]  # by a later stage than that of which they were left
+    taken = [id(seen) for seen in found.values()]  # by a later stage than the one that left them
     of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg and id(seen) not in taken]
     if of_its_hue:
         nearest = min(of_its_hue, key=lambda seen: squared_distance(one, seen))
@@ -123,7 +123,7 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of pixels from a mark's place: they may be any part of the mark."""
+    """Squared Mahalanobis distance of pixels from a mark's position: they may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
     # of a point anywhere in a disc: a quarter of its radius squared
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
@@ -131,6 +131,6 @@ def _piece_distance(one: Expected, piece: Rejected) -> float:
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Pixels below which a piece says less of a mark than another further away does [px]."""
+    """Pixels below which a piece counts less than another one further away [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

@@ -9,7 +9,7 @@ from vision.detection.settings import DetectionSettings, HueLearningSettings
 GATE = 18.420680743952367
 """Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, 99.99 %."""
 REACH_SDS = GATE**0.5
-"""How far from its expected place a mark is searched for: as far as that."""
+"""Squared Mahalanobis distance within which a mark is searched for."""
 
 STAGE_NAMES = (
     "isolated",
@@ -22,7 +22,7 @@ STAGE_NAMES = (
     "rim",
     "ambiguity",
 )
-"""Of the stages in `vision.tracking.stages`, in their order."""
+"""Names of the stages in `vision.tracking.stages`, in their order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +40,20 @@ class AssociationSettings:
 
 @dataclass(frozen=True, slots=True)
 class AppearanceSettings:
-    """How a picture is compared, pixel by pixel, with a mark as it was seen whole.
+    """Settings for the comparison of a picture, pixel by pixel, with a mark's appearance.
 
     n_views: views of a mark of which its appearance is the median [1]; choice
-    margin: pixels so near to the outline, within or beyond, are neither mark nor background [sizes]; choice
+    margin: pixels this near to the outline are neither mark nor background [sizes]; choice
     ring_px: width of the ring around a mark [px]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
-    shade: how far a colour of pixels that are alike may differ by shadow and lamps, by its level [1]; choice
+    shade: how much similar pixels may differ by shadow and lamps, by their level [1]; choice
     level: the same by noise; root mean square over the colours, as that of `shade` [grey levels]; choice
     ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
     occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
     ring_weight: weight of the ring by that of the inside [1]; choice
-    prior, other_prior: loss of score by squared Mahalanobis distance from the expected place, and where the colour is
-        fitted [1]; choice
-    max_reach_px: marks that may be further away are not searched for by their appearance [px]; choice
+    prior, other_prior: loss of score by squared Mahalanobis distance from the expected position; the second for a
+    fitted colour [1]; choice
+    max_reach_px: largest search range by appearance; marks with a larger one are not searched for [px]; choice
     """
 
     n_views: int = 5
@@ -104,13 +104,13 @@ class CandidateSettings:
 class TemplateSettings:
     """When what was found is compared with appearance models, and when it is remembered.
 
-    clear_sd_px: standard deviation up to which a whole mark is one beyond doubt [px]; choice
+    clear_sd_px: standard deviation up to which a whole mark is certain [px]; choice
     whole_sd_px: the same up to which it is remembered [px]; choice
-    unknown_sd_px: the same up to which it is kept where nothing can be compared [px]; choice
+    unknown_sd_px: the same up to which it is kept without a comparison [px]; choice
     refresh: frames after which a view is taken again [1]; choice
     forget: frames after which a mark that was not seen clearly may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
-    plain_score: score from which on nothing further away is searched [1]; choice
+    plain_score: score above which the search goes no further [1]; choice
     """
 
     clear_sd_px: float = 0.15
@@ -147,16 +147,16 @@ class HueTrackingSettings:
 
 @dataclass(frozen=True, slots=True)
 class DistractorSettings:
-    """When something in a mark's colour, that is none, is told of.
+    """When a distractor in a mark's colour is reported.
 
-    spacing: of the places that are looked at [radii of the least mark]; choice
-    most_samples: places that are looked at in a frame, at most [1]; choice: 0.1 ms
-    around: so far about a mark all is taken for it, blurred or lit by it [radii]; choice
+    spacing: of the samples [radii of the smallest mark]; choice
+    most_samples: most samples in a frame [1]; choice: 0.1 ms
+    around: distance around a mark within which samples belong to it, blurred or lit by it [radii]; choice
     stands: frames in a row in which it has to be there [1]; source: a fault is to be noticed within three frames
-    settled_frames: first frames in which all that is there is known [1]; choice
-    least: what came by the area of a mark, at least [1]; choice
-    grows: what is there by what was told of before, at least [1]; choice
-    wavers: what came by what was there from the start, at least [1]; choice
+    settled_frames: first frames, whose content counts as known [1]; choice
+    least: least new area, by that of a mark [1]; choice
+    grows: least ratio of the present amount to the one reported before [1]; choice
+    wavers: least ratio of the new amount to the known one [1]; choice
     """
 
     spacing: float = 0.5
@@ -173,7 +173,7 @@ class DistractorSettings:
 class FinderSettings:
     """Settings of `MarkFinder`, a record for each part of it.
 
-    min_radius_px: radius from which on a mark has an outline and an appearance [px]; choice
+    min_radius_px: least radius of a mark with an outline and an appearance [px]; choice
     stages: the stages that run, in their order; source: the list in `vision.tracking.stages`
     """
 

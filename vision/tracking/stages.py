@@ -1,4 +1,4 @@
-"""The stages of the mark finder, in one list: what each proposes, and the test that its candidates must pass.
+"""The stages of the mark finder, in one list: the candidates of each, and the test that they must pass.
 
 A new stage is a function that yields candidates, a function that accepts or rejects one, and a `Stage` in STAGES.
 """
@@ -29,19 +29,19 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Regions of a larger share of the picture are no quicker to search than all of it: it only saves time."""
+"""Share of the picture above which regions are not faster to search than all of it: it only saves time."""
 
 
 @dataclass(slots=True, eq=False)
 class Search:
-    """The search for the marks of one frame, handed from stage to stage.
+    """The search for the marks of one frame, passed from stage to stage.
 
     frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as `MarkFinder.find` takes them
     hues: colours as followed, by nominal hue; templates: appearance models; missed: names of marks that were not found
     in the last frame, None before the first
-    where: what is expected, by name; found: detections by name
+    where: expected marks by name; found: detections by name
     unassigned: detections of the last stage that are no expected mark's
-    rejections: takes what is rejected, and why; None where nobody asks
+    rejections: receives what is rejected, and why; None: not asked for
     """
 
     frame_bgr: Image
@@ -68,7 +68,7 @@ class Search:
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
-        """How far a detection's colour is from its kind's, squared [gates]."""
+        """Squared distance of a detection's colour from its kind's [gates]."""
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
@@ -81,8 +81,8 @@ class Search:
 class Candidate:
     """A detection that may be a mark.
 
-    detection: None where a mark that was found is none; name: None where association decides which mark it is
-    match: by an appearance model; margin: by how much its name is more likely than another's, as squared distance
+    detection: None to drop a mark that was found; name: None if association decides which mark it is
+    match: by an appearance model; margin: squared distance by which its name is more likely than another's
     """
 
     detection: Detection | None
@@ -93,9 +93,9 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stage:
-    """One stage of the finder: what it proposes, and its acceptance test; a named candidate replaces what was found.
+    """One stage of the finder: its candidates and its acceptance test; a named candidate replaces an earlier detection.
 
-    reason: why a mark is lost that it rejects; None where later stages decide that, or earlier ones have
+    reason: why a rejected mark is lost; None if later stages decide that, or earlier ones have
     """
 
     name: str
@@ -174,7 +174,7 @@ def _in_picture(search: Search) -> Iterator[Candidate]:
     try:
         yield from _components(search, search.expected, None)
     except HueError as error:
-        # later, it is a hand before the camera
+        # later, it is an object before the camera
         if search.missed is None:
             raise
         if search.rejections is not None:
@@ -211,7 +211,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
     gates = search.settings.association
     gate = gates.gate
     if len(search.unassigned) > len(missing):
-        # of several that may be it, only one that is near, and only in the second frame
+        # of several candidates, only a near one, and only in the second frame
         gate = gates.impulse_gate
         missing = [name for name in missing if search.missed is not None and name in search.missed]
     for one in associate_marks(search.unassigned, [elsewhere(name) for name in missing], gate=gate):
@@ -231,13 +231,13 @@ def _checked(search: Search) -> Iterator[Candidate]:
     for one, seen in unclear:
         better = templates.checked(frame, one, seen, search.color_distance)
         if better is not None and better.occluded == seen.occluded:
-            # by its outline alone: fused with a match, the model would learn its own errors
+            # from its outline alone: with a fused match the model would learn its own errors
             templates.remember(frame, seen, one)
         yield Candidate(better, one.name)
 
 
 def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> bool:
-    """Always true: the comparison itself proposes nothing where neither detection nor match is like the mark."""
+    """Always true: the comparison proposes nothing if neither detection nor match is like the mark."""
     return True
 
 
@@ -250,7 +250,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is no other mark, and is like the mark."""
+    """Whether a match is not another mark, and is like the mark."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -268,7 +268,7 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection is no other mark."""
+    """Whether a detection is not another mark."""
     return search.is_apart(seen)
 
 
@@ -280,7 +280,7 @@ def _by_rim(search: Search) -> Iterator[Candidate]:
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind and is no other mark."""
+    """Whether a detection has the colour of its kind and is not another mark."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 
@@ -307,7 +307,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the names of touching marks could not as well be exchanged: better missing than swapped."""
+    """Whether the names of touching marks are certain: a missing mark is better than swapped ones."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -335,13 +335,13 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of these marks, where all have one that is large enough; least and largest area of a component [px]."""
+    """Outlines of these marks, if all have a large enough one; least and largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None
     limits, areas = settings.detection.centers, [one.area_px for one in outlines]
     if min(areas) < np.pi * settings.min_radius_px**2:
         return [], limits.min_area * min(areas), limits.max_area * max(areas)
-    # as many as touch where outlines can part them
+    # as many as touch, if outlines can separate them
     most = len(marks) * limits.max_area * max(areas) if all(one.even for one in outlines) else None
     return outlines, settings.detection.outline.min_share * min(areas), most

@@ -41,11 +41,11 @@ class AppearanceTemplates:
         return outline is not None and outline.even and outline.area_px >= np.pi * self._settings.min_radius_px**2
 
     def is_clear(self, seen: Detection) -> bool:
-        """Whether a detection is surely a whole mark."""
+        """Whether a detection is certainly a whole mark."""
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Add a view of a mark that was seen whole, where its model is due for one."""
+        """Add a view of a mark that was seen whole, if its model is due for one."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -68,7 +68,7 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """A detection compared with the mark's appearance: as it is, fused with a match, or the match; None if neither.
+        """A detection compared with the mark's appearance: unchanged, fused with a match, or the match; or None.
 
         frame_bgr: (height, width, 3) uint8; color_distance: how far a detection's colour is from its kind's, squared
             [gates]
@@ -100,7 +100,7 @@ class AppearanceTemplates:
     def mark_in_other_light(
         self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """The detection of a match with a fitted colour; None where that is not the mark.
+        """The detection of a match with a fitted colour; None if that is not the mark.
 
         frame_bgr: (height, width, 3) uint8; color_distance: as for `checked`
         """
@@ -123,7 +123,7 @@ class AppearanceTemplates:
         return max((match for match in matches if match is not None), key=lambda match: match.weighed, default=None)
 
     def _checked_near(self, frame_bgr: Image, one: Expected, seen: Detection) -> Detection | None:
-        """A detection that its near surroundings show to be the mark: the usual case in noise."""
+        """A detection that its surroundings confirm: the usual case in noise."""
         settings = self._settings.templates
         if one.name not in self._known:
             return seen if not seen.occluded and _sd_px(seen) <= settings.whole_sd_px else None

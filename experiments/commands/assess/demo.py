@@ -10,7 +10,7 @@ from experiments.commands.terminal import print_table
 
 
 def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force = False) -> Answer:
-    """Simulate, film and track the paper's two scenarios, and compare with what the paper found."""
+    """Simulate, film and track the paper's two scenarios, and compare with the paper's results."""
     from experiments.commands.console import demo_table
     from experiments.studies.demo import demo as done
 

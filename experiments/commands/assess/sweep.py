@@ -14,7 +14,7 @@ from experiments.commands.terminal import print_table
 from experiments.plain import counted
 
 MOST_SHOWN = 5
-"""Failures that are printed; runs.csv has all."""
+"""Number of failures that are printed; runs.csv has all."""
 
 
 def sweep(
@@ -25,7 +25,7 @@ def sweep(
     scheduler: Scheduler = None,
     force: Force = False,
 ) -> Answer:
-    """Run a grid of simulated recordings: every combination, seed and method; run again, it goes on."""
+    """Run a grid of simulated recordings: every combination, seed and method; run again to continue."""
     from experiments.extras import require
 
     require("sweep", "cluster")
@@ -47,7 +47,7 @@ def sweep(
 
     def show() -> None:
         print_table(sweep_table(cells(done.summary)))
-        print(f"{counted(done.study.n_runs, 'run')}, {done.study.n_done} of them now; tables in {out}")
+        print(f"{counted(done.study.n_runs, 'run')}, {done.study.n_done} of them new; tables in {out}")
 
     record = {
         "out": out,

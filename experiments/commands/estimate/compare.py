@@ -16,11 +16,13 @@ def compare(
     recording: RecordingFolder,
     out: Out,
     scene: SceneFile = None,
-    methods: Annotated[str | None, typer.Option("--methods", help="Which, separated by commas; default: all.")] = None,
+    methods: Annotated[
+        str | None, typer.Option("--methods", help="Methods, separated by commas; default: all.")
+    ] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Follow the target by the paper's method, ours and textbook filters, on the same marks."""
+    """Track the target with the paper's method, our filter and textbook filters, on the same marks."""
     from experiments.commands.console import sentence, track_table
     from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import chosen, summary, write_comparison

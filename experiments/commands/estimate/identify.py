@@ -23,7 +23,7 @@ def identify(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Find the tissue's constants: write a scene to track with, state how well each is known."""
+    """Estimate the tissue's constants and their uncertainty, and write a scene with them."""
     run.not_with("--at-rest", "--minutes")
     from experiments.commands.console import constants_table
     from experiments.engine.spare import spare_cores
@@ -45,7 +45,7 @@ def identify(
         frames = marks_in(opened, run.stage("marks"))
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
         next_line = f"next: softaim identify CALIBRATION --scene {out} --out identified.toml"
-        rests = f"Scene in {out}: it rests where the recording shows it; {next_line}"
+        rests = f"Scene in {out}: it rests as in the recording; {next_line}"
         return Answer({"out": out}, lambda: print(rests))
     with spare_cores(ahead=opened.marks is None) as workers:
         frames = marks_in(opened, run.stage("marks"))

@@ -34,26 +34,25 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option(
-            "--duration", min=0.0, help="Stop so many seconds after frames are first used; preparing is before."
-        ),
+        typer.Option("--duration", min=0.0, help="Stop this many seconds after the first used frame."),
     ] = None,
     fps: Fps = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="A needle's file: give advice on it, too.")] = None,
+    needle: Annotated[
+        Path | None, typer.Option("--needle", help="Needle file: also give advice on the needle.")
+    ] = None,
     film: WithFilm = False,
-    record: Annotated[
-        bool, typer.Option("--record", help="Record from the first frame on, for softaim replay.")
-    ] = False,
+    record: Annotated[bool, typer.Option("--record", help="Record all frames, for softaim replay.")] = False,
     page: Annotated[
-        str | None, typer.Option("--page", help="Where the page listens, HOST:PORT; default: 127.0.0.1:8765.")
+        str | None, typer.Option("--page", help="Address of the page, HOST:PORT; default: 127.0.0.1:8765.")
     ] = None,
     no_page: Annotated[bool, typer.Option("--no-page", help="No page.")] = False,
     openigtlink: Annotated[
-        str | None, typer.Option("--openigtlink", help="Where OpenIGTLink listens, HOST:PORT, such as 127.0.0.1:18944.")
+        str | None,
+        typer.Option("--openigtlink", help="Address of the OpenIGTLink server, HOST:PORT, such as 127.0.0.1:18944."),
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Follow the target in frames as they come, newest first, until Ctrl-C."""
+    """Track the target in live frames, newest first, until Ctrl-C."""
     run.not_with("--no-page", "--page")
     run.only_with("--out", "--force")
     from experiments.servers.opening import served

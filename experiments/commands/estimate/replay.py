@@ -10,7 +10,7 @@ from experiments.plain import counted
 
 
 def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False) -> Answer:
-    """Run what `softaim live --record` recorded through the loop again, and compare: the same, bit for bit."""
+    """Run a recording of `softaim live --record` through the loop again, and compare the results bit for bit."""
     from experiments.errors import InputError
     from experiments.formats.scene.scene import read_scene
     from experiments.pipeline.live.replaying import replay as replayed
@@ -24,12 +24,12 @@ def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False)
         fault = InputError.at(recording / name, "the same rows again", f"another row {row}: was it another version?")
 
     def show() -> None:
-        print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} whose pictures are not on the disk")
+        print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} without a picture on the disk")
         for name, n in done.rows.items():
             same = "the same, bit for bit" if name not in done.different else f"row {done.different[name]} differs"
             print(f"{n} rows of {name}: {same}")
         if not done.begun:
-            print("The recording began in the middle of its run: the filter then knew what came before")
+            print("The recording began in the middle of its run: the filter had used earlier frames")
         print(f"Tables in {out}")
 
     return Answer({"out": out, **asdict(done)}, show, fault)

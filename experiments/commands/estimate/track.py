@@ -16,12 +16,14 @@ def track(
     recording: RecordingFolder,
     out: Out,
     scene: SceneFile = None,
-    check: Annotated[bool, typer.Option("--check", help="Predict each mark as if hidden; widen if wrong.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="Predict each mark as if hidden; widen the covariance if wrong.")
+    ] = False,
     film: WithFilm = False,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Follow the hidden target through a recording: the paper's method and ours, tables and plots."""
+    """Track the hidden target in a recording with the paper's method and our filter; write tables and plots."""
     from contextlib import nullcontext
 
     from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table

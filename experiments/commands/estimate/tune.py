@@ -16,7 +16,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Find how far a tissue departs from its model, from a recording; no truth is needed. Write a scene with it."""
+    """Estimate the model error of a tissue from a recording, without truth, and write a scene with it."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new
@@ -35,7 +35,9 @@ def tune(
     def show() -> None:
         print_table(levels_table(report))
         if not found.in_time:
-            print(f"The best within {minutes:g} minutes, by {counted(found.n_frames, 'frame')}: --minutes for more")
+            print(
+                f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"
+            )
         print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
 
     return Answer({"out": out, **report}, show)

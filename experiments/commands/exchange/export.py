@@ -12,7 +12,7 @@ from experiments.commands.run import Answer, Run
 from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
-"""By which other programs know what a file is: PLUS the first of its own, 3D Slicer the second."""
+"""File name extensions for other programs: the first for PLUS, the second for 3D Slicer."""
 
 
 def export(
@@ -24,11 +24,11 @@ def export(
     ],
     out: Annotated[Path, typer.Option("--out", help="File to write: .mcap; .igs.mha or .seq.mha.", show_default=False)],
     estimates: Annotated[
-        Path | None, typer.Option("--estimates", help="Folder that `track` or `live` wrote of it.")
+        Path | None, typer.Option("--estimates", help="Folder of its estimates, by `track` or `live`.")
     ] = None,
     start: Annotated[
         str | None,
-        typer.Option("--start", help="When the first frame was, 2026-01-31T09:00:00Z; default: its time after 1970."),
+        typer.Option("--start", help="Time of the first frame, 2026-01-31T09:00:00Z; default: its time after 1970."),
     ] = None,
     scene: SceneFile = None,
     force: Replace = False,
@@ -56,6 +56,6 @@ def export(
             lines = [f"{counted(found['frames'], 'frame')}; the target is in {found['placed']} of them"]
             if opened.recording.source is not None:
                 off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
-                lines.append(f"The pictures lie on the plane to {off_mm:.2f} mm at the marks, as drawn")
+                lines.append(f"The pictures fit the plane to {off_mm:.2f} mm at the marks, as drawn")
     lines.append(f"Written to {out}")
     return Answer(found, lambda: print(*lines, sep="\n"))

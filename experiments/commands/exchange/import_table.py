@@ -16,32 +16,39 @@ from experiments.plain import counted
 def import_table(
     run: Run,
     table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
-    scene: Annotated[Path, typer.Option("--scene", help="Scene whose marks they are.", show_default=False)],
+    scene: Annotated[Path, typer.Option("--scene", help="Scene with these marks.", show_default=False)],
     out: Out,
-    fps: Annotated[float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frames a second of the film.")] = None,
-    frames: Annotated[Path | None, typer.Option("--frames", help="A frames.csv, in place of --fps.")] = None,
+    fps: Annotated[
+        float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
+    ] = None,
+    frames: Annotated[
+        Path | None, typer.Option("--frames", help="frames.csv with exposure times, in place of --fps.")
+    ] = None,
     least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Likelihood below which a place is left out.")
+        float, typer.Option("--least", min=0.0, max=1.0, help="Likelihood below which a position is left out.")
     ] = 0.6,
     sd_px: Annotated[
-        float, typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a place, one standard deviation an axis.")
+        float,
+        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one standard deviation for each axis."),
     ] = 1.0,
     rename: Annotated[
         list[str] | None, typer.Option("--rename", help="PART=NODE where names differ; PART= leaves it out.")
     ] = None,
     mm_per_px: Annotated[
         float | None,
-        typer.Option("--mm-per-px", min=1e-6, max=1e3, help="Of a camera square to the plane, not the scene's."),
+        typer.Option(
+            "--mm-per-px", min=1e-6, max=1e3, help="Scale of a camera square to the plane, in place of the scene's."
+        ),
     ] = None,
     origin_px: Annotated[
-        str | None, typer.Option("--origin-px", help="With it, U,V: the pixel that shows the plane's origin.")
+        str | None, typer.Option("--origin-px", help="With --mm-per-px, U,V: the pixel at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="Animal of a table of several; a track of SLEAP.")
+        str | None, typer.Option("--individual", help="Animal in a table of several; track in SLEAP.")
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Make a recording of the marks that DeepLabCut or SLEAP found: marks.csv, by the scene's camera."""
+    """Make a recording from marks of DeepLabCut or SLEAP: marks.csv, through the scene's camera."""
     from experiments.errors import InputError
     from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
@@ -64,9 +71,9 @@ def import_table(
     def show() -> None:
         seen = ", ".join(f"{node} {n}" for node, n in counts.items())
         print(f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}")
-        print(f"Left out: {done.unlikely} of a likelihood below {least:g}, {done.outside} outside of the picture")
-        if done.by_hand:
-            print(f"Set by hand, without a likelihood, and kept: {done.by_hand}")
+        print(f"Left out: {done.unlikely} with a likelihood below {least:g}, {done.outside} outside the picture")
+        if done.manual:
+            print(f"Set manually, without a likelihood, and kept: {done.manual}")
         print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
 
     report = {
@@ -74,7 +81,7 @@ def import_table(
         "marks": counts,
         "unlikely": done.unlikely,
         "outside": done.outside,
-        "by_hand": done.by_hand,
+        "manual": done.manual,
     }
     return Answer({"out": out, **report}, show)
 
@@ -87,8 +94,8 @@ def _place_px(text: str) -> tuple[float, float]:
     except ValueError:
         u = v = nan
     if not (isfinite(u) and isfinite(v)):
-        raise InputError.at("--origin-px", "U,V: a place [px]", shown(text))
+        raise InputError.at("--origin-px", "U,V: a position [px]", shown(text))
     return u, v
 
 
-import_table.__name__ = "import"  # no function can be defined under a word of Python's own
+import_table.__name__ = "import"  # a keyword of Python cannot name a function

@@ -14,14 +14,14 @@ from experiments.commands.run import Answer, Run
 def advise(
     run: Run,
     recording: RecordingFolder,
-    needle: Annotated[Path, typer.Option("--needle", help="The needle's file.", show_default=False)],
+    needle: Annotated[Path, typer.Option("--needle", help="Needle file.", show_default=False)],
     out: Out,
     scene: SceneFile = None,
     film: WithFilm = False,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Say for each frame whether a needle should go in, wait or turn: a table and a picture."""
+    """Advise for each frame whether a needle should go in, wait or turn; write a table and a picture."""
     from contextlib import nullcontext
 
     from experiments.commands.console import advice_line, reliability_line

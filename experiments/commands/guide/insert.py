@@ -16,20 +16,20 @@ def insert(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Worlds in which every policy is tried.")] = 2000,
-    scene: Annotated[
-        Path | None, typer.Option("--scene", help="Scene that the filter has; default: the scenario's own.")
-    ] = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: from above.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Of the first run.")] = None,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of simulated runs of each policy.")] = 2000,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Scene of the filter; default: the scenario's.")] = None,
+    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: a needle from above.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the first run.")] = None,
     speed_mm_s: Annotated[
-        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Of the needle; default: 50.")
+        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Speed of the needle; default: 50.")
     ] = None,
     radius_mm: Annotated[
-        float | None, typer.Option("--radius-mm", help="Of the lesion; default: the needle's, the scene's, or 5.")
+        float | None,
+        typer.Option("--radius-mm", help="Radius of the lesion; default: the needle file's, the scene's, or 5."),
     ] = None,
     advice: Annotated[
-        bool, typer.Option("--advice/--no-advice", help="Without: policies alone, in a third of the time.")
+        bool,
+        typer.Option("--advice/--no-advice", help="Also evaluate `softaim advise`; without it a third of the time."),
     ] = True,
     strength: Annotated[
         float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on pokes and breathing.")
@@ -39,7 +39,7 @@ def insert(
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Drive a simulated needle into moving tissue by five policies: hit rates, misses, whether odds came true."""
+    """Insert a simulated needle into moving tissue by five policies: hit rates, misses, predicted and observed hits."""
     run.not_with("--scheduler", "--processes")
     from dataclasses import replace
 

@@ -16,11 +16,11 @@ def plan(
     run: Run,
     source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file: the tissue at rest.")],
     out: Out,
-    plan_file: Annotated[Path, typer.Option("--plan", help="The needle, the skin, what is in the way: plan.toml.")],
+    plan_file: Annotated[Path, typer.Option("--plan", help="plan.toml: the needle, the skin, obstacles.")],
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Rank straight needle paths by the probability of a hit, the push of the needle foreseen."""
+    """Rank straight needle paths by hit probability, including the needle's push on the target."""
     from experiments.commands.console import plan_table
     from experiments.pipeline.plan import planned, report, write_plan
     from experiments.plots.plan import plan_figure
@@ -35,7 +35,7 @@ def plan(
 
     def show() -> None:
         if figures["best"] is None:
-            print(f"No path is allowed; why: {out / 'plan.csv'}")
+            print(f"No path is allowed; reasons in {out / 'plan.csv'}")
         else:
             print_table(plan_table(figures))
         print(f"Table and picture in {out}")

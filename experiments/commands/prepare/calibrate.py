@@ -19,16 +19,16 @@ def calibrate(
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square.")],
     out: Annotated[Path, typer.Option("--out", help="camera.toml; a folder for several cameras.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
-    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER, once a camera.")] = None,
+    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER, once for each camera.")] = None,
     charuco: Annotated[str | None, typer.Option("--charuco", help="Dictionary of the markers, 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a marker.")] = None,
     plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board on the phantom's plane.")] = None,
-    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Write the lens for OpenCV, too.")] = None,
-    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Write the lens for ROS, too.")] = None,
+    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Also write the lens for OpenCV.")] = None,
+    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Also write the lens for ROS.")] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Find lens and place of cameras from pictures of a board, and how well they are known."""
+    """Calibrate lens and pose of cameras from pictures of a board, with their uncertainty."""
     from experiments.commands.console import calibration_lines, calibration_table
     from experiments.formats.camera_file import camera_text
     from experiments.pipeline.calibrate import AlsoWrite, board_of

@@ -18,16 +18,16 @@ def check(
     out: Annotated[Path | None, typer.Option("--out", help="Folder for check.png and check.json.")] = None,
     fps: Annotated[
         float | None,
-        typer.Option("--fps", min=0.1, max=1e5, help="Frames a second; default: the recording's, else 30."),
+        typer.Option("--fps", min=0.1, max=1e5, help="Frame rate [frames/s]; default: the recording's, else 30."),
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark, an axis; default: as the camera sees."),
+        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark for each axis; default: by the camera."),
     ] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Say of a scene where it rests, how it moves, how well its target can be known, and what is missing."""
+    """Check a scene: its rest shape, its motion, the best possible accuracy of its target, and what is missing."""
     import json
     from contextlib import nullcontext
 

@@ -14,17 +14,17 @@ from experiments.commands.run import Answer, Run
 def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
-    at: Annotated[str | None, typer.Option("--at", help="U,V: a place on a mark [px]; learn its keys.")] = None,
-    frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: which frame, counted from 0.")] = 0,
+    at: Annotated[str | None, typer.Option("--at", help="U,V: a position on a mark [px]; learn its keys.")] = None,
+    frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
-    scene: Annotated[
-        Path | None, typer.Option("--scene", help="Without --at: what its keys take in, all over.")
-    ] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene whose keys are tested.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
-    film: Annotated[bool, typer.Option("--film", help="With --out: film.avi, too: what is taken in painted.")] = False,
+    film: Annotated[
+        bool, typer.Option("--film", help="With --out: also film.avi, with the selected pixels painted.")
+    ] = False,
     force: Force = False,
 ) -> Answer:
-    """Learn a mark's hue from one place in a picture, or see what a scene's keys take in over a film."""
+    """Learn a mark's hue from one position in a picture, or test which pixels a scene's keys select in a film."""
     run.not_with("--at", "--scene", "--out", "--film", "--fps", "--force")
     run.only_with("--at", "--frame")
     run.only_with("--out", "--film", "--fps", "--force")
@@ -52,12 +52,12 @@ def _taken(
 
     with nullcontext() if out is None else run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
         done = taken_over(source, scene, folder, film=film, fps=fps)
-    figures, told = done.figures(), verdicts(done)
+    figures, words = done.figures(), verdicts(done)
 
     def show() -> None:
         print_table(taken_table(figures, len(done.times_s)))
-        print(*(sentence(one) for one in told), sep="\n", end="\n" if told else "")
+        print(*(sentence(one) for one in words), sep="\n", end="\n" if words else "")
         if out is not None:
             print(f"Table and pictures in {out}")
 
-    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": told}, show)
+    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": words}, show)

@@ -19,15 +19,15 @@ def record(
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into it.")] = None,
-    codec: Annotated[str, typer.Option("--codec", help="FFV1 loses nothing; MJPG is small.")] = "FFV1",
-    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after so many seconds.")] = None,
+    codec: Annotated[str, typer.Option("--codec", help="FFV1 is lossless; MJPG is small.")] = "FFV1",
+    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this many seconds.")] = None,
     fps: Fps = None,
     recover: Annotated[
-        Path | None, typer.Option("--recover", help="Join what a recording that was killed has left, in place.")
+        Path | None, typer.Option("--recover", help="Join the pieces of a killed recording, in place.")
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Write frames and their times as they come, until Ctrl-C: a recording, whole up to the last second if killed."""
+    """Record frames and their times until Ctrl-C; if killed, all but the last second is kept."""
     run.not_with("--recover", "--scene", "--codec", "--seconds", "--fps", "--force")
     from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source

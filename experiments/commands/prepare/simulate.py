@@ -14,14 +14,16 @@ def simulate(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="In place of the scenario's own.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed in place of the scenario's.")] = None,
     runs: Annotated[
-        int | None, typer.Option("--runs", min=1, help="So many recordings, of successive seeds, in OUT/seed-N.")
+        int | None, typer.Option("--runs", min=1, help="Number of recordings with successive seeds, in OUT/seed-N.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film/--no-film", help="Without: marks.csv, where a film could be.")] = True,
+    film: Annotated[
+        bool, typer.Option("--film/--no-film", help="With --no-film marks.csv is written in place of a film.")
+    ] = True,
     force: Force = False,
 ) -> Answer:
-    """Move a scenario's tissue and film it, or note its marks: write a recording with its truth."""
+    """Simulate and film a scenario's tissue, or its marks only: write a recording with its truth."""
     from experiments.errors import InputError
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
@@ -45,8 +47,8 @@ def simulate(
 
     def show() -> None:
         own = scenario_file(scenario)
-        if own is not None and own.with_name(STEPS).exists():  # of a project, each recording has a next step of its own
-            print(f"Recording{'s' if runs else ''} in {out}; next: what {own.with_name(STEPS)} has after this line")
+        if own is not None and own.with_name(STEPS).exists():  # in a project each recording has its own next step
+            print(f"Recording{'s' if runs else ''} in {out}; next: the following step in {own.with_name(STEPS)}")
         elif runs is None:
             print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
         else:

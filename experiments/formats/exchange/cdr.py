@@ -6,13 +6,13 @@ import struct
 from collections.abc import Sequence
 
 HEADER = b"\x00\x01\x00\x00"
-"""Plain CDR, least byte first, no options."""
+"""Header of plain CDR, little-endian, no options."""
 
 
 class Cdr:
     """A message, field by field in the order of its definition.
 
-    State: its bytes. Each number stands at a multiple of its own size after the header.
+    State: its bytes. Each number is aligned to its own size after the header.
     """
 
     def __init__(self) -> None:
@@ -23,15 +23,15 @@ class Cdr:
         return bytes(self._bytes)
 
     def int32(self, value: int) -> Cdr:
-        """A whole number with a sign."""
+        """A signed integer."""
         return self._put("i", 4, [value])
 
     def uint32(self, value: int) -> Cdr:
-        """A whole number without one, or a length."""
+        """An unsigned integer, or a length."""
         return self._put("I", 4, [value])
 
     def doubles(self, values: Sequence[float]) -> Cdr:
-        """Numbers one after the other: fields, or an array of fixed length, which is not written."""
+        """Consecutive numbers: fields, or an array of fixed length, whose length is not written."""
         return self._put("d", 8, values)
 
     def text(self, value: str) -> Cdr:

@@ -1,4 +1,4 @@
-"""MCAP with ROS 2 messages, as rosbag2 writes it and Foxglove opens it."""
+"""MCAP with ROS 2 messages, as in rosbag2 and Foxglove."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message: when [ns], on which topic, of which kind in `DEFINITIONS`, and its bytes."""
+    """A message: time [ns], topic, kind in `DEFINITIONS`, and bytes."""
 
     time_ns: int
     topic: str
@@ -54,7 +54,7 @@ class McapFile:
 def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFile]:
     """A file to write messages to, finished after a clean exit; InputError where the package is not installed.
 
-    metadata: of the recording; it stands in the record `softaim`
+    metadata: of the recording, in the record `softaim`
     """
     require("--to mcap", "export")
     from mcap.writer import Writer

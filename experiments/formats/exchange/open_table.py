@@ -1,4 +1,4 @@
-"""CSV files whose entries may be missing: columns of numbers, NaN where there is none, and of words."""
+"""CSV files with missing entries: columns of numbers, NaN for missing ones, and of text."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from experiments.errors import InputError, shown
 from experiments.formats.tables import Table
 
 MISSING = ("", "nan", "NaN")
-"""Entries that stand for no number."""
+"""Entries that mean a missing number."""
 
 
 def open_table(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str], *, first_row: int = 2
 ) -> Table:
-    """The table of these rows, each as long as the header, whose names differ; all columns but `words` are numbers.
+    """The table of these rows, each as long as the header, with unique names; all columns except `words` are numbers.
 
-    Numbers are NaN where there is none, and where it is infinite. Raises InputError that names row and column.
+    Missing and infinite numbers are NaN. Raises InputError with row and column.
     """
     columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
     numbers = {name: _numbers(path, name, entries, first_row) for name, entries in columns.items() if name not in words}

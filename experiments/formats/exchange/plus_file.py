@@ -1,6 +1,6 @@
 """Sequence files of PLUS, `.igs.mha`: MetaImage with fields of each frame before the pixels of all.
 
-Fields are those of [plus], "Sequence file"; what is read of them is as [igsio] does it.
+Fields are those of [plus], "Sequence file"; they are read as in [igsio].
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from experiments.arrays import Floats
 from vision.arrays import Image
 
 WHOLE_READ_BYTES = 2**32
-"""PLUS counts the bytes of a file's pixels in 32 bits: of a larger one it reads other frames than it should."""
+"""PLUS counts the bytes of a file's pixels in 32 bits: from a larger file it reads wrong frames."""
 
 _FIXED = {
     "BinaryData": "True",
@@ -29,7 +29,7 @@ _FIXED = {
     "Kinds": "domain domain list",
     "UltrasoundImageOrientation": "MF",
 }
-"""Pixels are as in the picture, u right and v down: MF is what PLUS does not turn."""
+"""Pixels as in the picture, u right and v down: PLUS does not flip MF."""
 
 
 def write_plus(
@@ -43,7 +43,7 @@ def write_plus(
     """Write a sequence, frame by frame.
 
     frames: fields of each, by name; those of its number and its picture are added
-    images: of the frames, (height, width, 3) BGR; None where there are none: then each frame is one pixel, INVALID
+    images: of the frames, (height, width, 3) BGR; None: each frame is one pixel, INVALID
     size_px: width and height of the images
     """
     width, height = (1, 1) if images is None else size_px
@@ -64,7 +64,7 @@ def write_plus(
 
 
 def transform_fields(name: str, matrix: Floats | None) -> dict[str, str]:
-    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; of none, that it is INVALID."""
+    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; None: INVALID."""
     values = np.eye(4) if matrix is None else matrix
     text = " ".join(f"{value:.9g}" for value in values.ravel())
     return {f"{name}Transform": text, f"{name}TransformStatus": "INVALID" if matrix is None else "OK"}

@@ -21,20 +21,20 @@ KINDS = "a table of DeepLabCut (rows scorer, bodyparts, coords) or of SLEAP (col
 DLC_HEADS = ("scorer", "bodyparts", "coords")
 INDIVIDUALS = "individuals"
 HDF5 = b"\x89HDF\r\n\x1a\n"
-"""First bytes of such a file."""
+"""First bytes of an HDF5 file."""
 COORDS = ("x", "y", "likelihood")
 MOST_FRAMES = 10**7
-"""No film of marks is longer: four days at 30 frames a second; chosen."""
+"""Most frames of a film: four days at 30 frames a second; chosen."""
 SLEAP_HEADS = ("track", "frame_idx", "instance.score")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseTable:
-    """Body parts as a tracker found them.
+    """Positions of body parts by a tracker.
 
     frames: numbers of the film's frames, increasing, (n_rows,)
-    parts: names; places_px: where each was seen [px], (n_rows, n_parts, 2), NaN where it was not
-    likelihood: of each, (n_rows, n_parts), NaN where there is none: of a place that a person set
+    parts: names; places_px: positions [px], (n_rows, n_parts, 2), NaN for parts not seen
+    likelihood: of each, (n_rows, n_parts), NaN for a position that a person set
     """
 
     path: Path
@@ -47,7 +47,7 @@ class PoseTable:
 def read_poses(path: Path, individual: str | None = None) -> PoseTable:
     """The table of a pose tracker; raises InputError.
 
-    individual: name of the animal in a table of several, of the track in one of SLEAP
+    individual: name of the animal in a table of several, or of the track in a table of SLEAP
     """
     _check_text(path)
     rows = list(read_rows(path, KINDS))
@@ -59,14 +59,14 @@ def read_poses(path: Path, individual: str | None = None) -> PoseTable:
 
 
 def _check_text(path: Path) -> None:
-    """Raise InputError for what both trackers write beside their CSV files."""
+    """Raise InputError for other file formats of both trackers."""
     try:
         with path.open("rb") as file:
             first = file.read(len(HDF5))
     except OSError:
-        return  # who reads it says so
+        return  # the reader reports it
     if first == HDF5:
-        raise InputError.at(path, f"{KINDS}, as export to CSV writes it", "an HDF5 file")
+        raise InputError.at(path, f"{KINDS}, from an export to CSV", "an HDF5 file")
 
 
 def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> PoseTable:
@@ -95,7 +95,7 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
 
 
 def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
-    """The animal that is asked for, or the only one; raises InputError that lists them."""
+    """The requested animal, or the only one; raises InputError with a list of them."""
     names = list(dict.fromkeys(animals))
     if individual is None and len(names) <= 1:
         return names[0] if names else None

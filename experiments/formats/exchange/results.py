@@ -1,4 +1,4 @@
-"""What a run wrote, read again: estimates.csv and advice.csv, with the columns that they happen to have."""
+"""Results of a run: estimates.csv and advice.csv, with all their columns."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
 FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
-"""Estimates that stand for where the target is; others are told of by their status alone."""
+"""Statuses of usable estimates; others are reported by their status alone."""
 DIGITS = 1e-8
-"""Times of a table have at least nine digits: by this share of themselves they may be off."""
+"""Relative rounding of times in a table: they have at least nine digits."""
 
 Entry = float | str | bool | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Results:
-    """What a run wrote of a recording; its rows in their order.
+    """Results of a run for a recording; rows in order.
 
     table: of the file; columns: their names, in order
-    times_s: of the rows, those of frames to the last digit [s], (n,)
-    frames: of the recording that the rows are of, -1 for moments without one, (n,)
+    times_s: of the rows, exact for those of frames [s], (n,)
+    frames: index of each row's frame, -1 for moments without one, (n,)
     """
 
     table: Table
@@ -42,7 +42,7 @@ class Results:
     frames: NDArray[np.int64]
 
     def entries(self, row: int) -> dict[str, Entry]:
-        """All that a row says, by column; None where it says nothing."""
+        """The values of a row, by column; None for empty ones."""
         return {column: self._entry(column, row) for column in self.columns}
 
     def _entry(self, column: str, row: int) -> Entry:
@@ -55,22 +55,22 @@ class Results:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates(Results):
-    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim), NaN where there are none."""
+    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim), NaN for missing ones."""
 
     means: Floats
     covs: Floats
 
     @property
     def trusted(self) -> NDArray[np.bool_]:
-        """Which rows say where the target is, (n,)."""
+        """Which rows have a usable estimate, (n,)."""
         followed = np.isin(self.table.texts["status"], TRUSTED)
         return followed & np.isfinite(self.means).all(axis=1) & np.isfinite(self.covs).all(axis=(1, 2))
 
 
 def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
-    """The estimates in a folder of results, of frames with these exposure times [s]; raises InputError.
+    """The estimates in a folder of results, for frames with these exposure times [s]; raises InputError.
 
-    dim: of the scene. At least one row must be of a frame.
+    dim: of the scene. At least one row must belong to a frame.
     """
     path = folder / ESTIMATES
     if not folder.is_dir():
@@ -89,7 +89,7 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
 
 
 def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
-    """The advice in a folder of results; None where there is none. Raises InputError."""
+    """The advice in a folder of results; None if there is none. Raises InputError."""
     path = folder / ADVICE
     if not path.exists():
         return None
@@ -98,7 +98,7 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
 
 
 def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
-    """A table that has these columns and maybe others; a live run may have been killed in its last line."""
+    """A table with at least these columns; the last line may be incomplete after a killed live run."""
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):
         if header.count(column) != 1:
@@ -110,7 +110,7 @@ def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Times of rows [s], those of frames made theirs, and the frame of each row, -1 where it is of none."""
+    """Times of rows [s], set to those of their frames, and the frame of each row, -1 for none."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     found = off_s <= SAME_TIME_S + DIGITS * np.abs(times_s)
     return np.where(found, exposures_s[frames], times_s), np.where(found, frames, -1)

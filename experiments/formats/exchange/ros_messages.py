@@ -1,4 +1,4 @@
-"""The few ROS 2 messages that are written: their definitions, and what they hold as CDR.
+"""The ROS 2 messages of the exports: definitions, and content as CDR.
 
 Definitions are those of ROS 2's common_interfaces, the same from Foxy on. Lengths in metres; stamps in nanoseconds.
 """
@@ -33,7 +33,7 @@ _POSED = ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose", "geometry_ms
 
 
 def _definition(own: str, *parts: str) -> str:
-    """A definition with those of the messages in it, as MCAP and rosbag2 have them."""
+    """A definition with those of its nested messages, in the format of MCAP and rosbag2."""
     return f"\n{'=' * 80}\n".join([own, *(f"MSG: {part}\n{_PARTS[part]}" for part in parts)]) + "\n"
 
 
@@ -43,13 +43,13 @@ DEFINITIONS: Mapping[str, str] = {
     IMAGE: _definition("std_msgs/Header header\nstring format\nuint8[] data", *_STAMPED),
     TEXT: _definition("string data"),
 }
-"""By message, in the encoding `ros2msg`."""
+"""Definitions by message, in the encoding `ros2msg`."""
 
 
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
-    """Where the target is [m], (dim,), with its covariance [m²], (dim, dim).
+    """Message of the target's position [m], (dim,), with its covariance [m²], (dim, dim).
 
-    It has no orientation: that is of the axes, exactly, as is z in the plane.
+    It has no orientation: the axes' is given as exact, as is z in the plane.
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov
@@ -57,7 +57,7 @@ def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
 
 
 def point_message(time_ns: int, place: Floats) -> bytes:
-    """A place [m], (dim,)."""
+    """Message of a position [m], (dim,)."""
     return _stamped(time_ns, FRAME).doubles(_point(place)).content()
 
 
@@ -67,7 +67,7 @@ def image_message(time_ns: int, frame_id: str, jpeg: bytes) -> bytes:
 
 
 def text_message(text: str) -> bytes:
-    """A text; it has no stamp of its own."""
+    """Message of a text, without a stamp."""
     return Cdr().text(text).content()
 
 

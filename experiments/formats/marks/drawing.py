@@ -1,4 +1,4 @@
-"""Whether the first marks lie where the scene has them drawn; if not, which mirror, turn or unit would make them."""
+"""Whether the first marks fit the scene's drawing; if not, which reflection, rotation or unit would make them fit."""
 
 from __future__ import annotations
 
@@ -13,34 +13,36 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Root mean square distance of marks from the drawing, by the body's size, from which on they lie far: more than pokes
-and weight move a body that is drawn as it stands; chosen."""
+"""Root mean square distance of marks from the drawing, by the body's size, above which they do not fit: more than pokes
+and weight move a body that is drawn at rest; chosen."""
 
 FITS = 0.1
-"""The same after another reading of the numbers, which then fits; it must also be a quarter of that before; chosen."""
+"""The same after another interpretation of the numbers, below which it fits; it must also be a quarter of that before;
+chosen."""
 
 ALIKE = 1.5
-"""Readings that fit worse than the best by no more than this are as good [1]; the simplest of them is named; chosen."""
+"""Interpretations that are worse than the best by at most this are equivalent [1]; the simplest of them is named;
+chosen."""
 
 FLAT = 0.2
-"""Spread of marks across their longest direction, by that along it, below which they are in a row; chosen."""
+"""Spread of marks across their longest direction, by that along it, below which they are collinear; chosen."""
 
 N_FRAMES = 10
-"""Frames with marks until which those are waited for that the first ones do not have; chosen."""
+"""Frames with marks for which to wait for marks that are missing in the first ones; chosen."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Units that lengths may be in, in place of mm."""
+"""Units that lengths may have, in place of mm."""
 
 
 class FirstMarks:
-    """Judges the marks that come first, once. State: by node the first place [m], (dim,); how many frames had marks."""
+    """Tests the first marks, once. State: first positions by node [m], (dim,); number of frames with marks."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """What is wrong with the marks until now, by node [m], as `misread`; None but for once."""
+        """The result of `misread` for the marks so far, by node [m], reported once; else None."""
         if self._judged or not places:
             return None
         self._places = {**places, **self._places}
@@ -50,13 +52,13 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """The same now, where that was not done."""
+        """The same now, if it was not done yet."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
 
 def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:
-    """`misread` of the first of these frames of marks."""
+    """`misread` for the first of these frames of marks."""
     first = FirstMarks(scene)
     found = (first.take({mark.node: mark.position_m for mark in frame}) for frame in marks)
     return next((line for line in found if line is not None), None) or first.judge()
@@ -64,7 +66,7 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Another reading of the marks' numbers: in words, how far from the simplest, and where the marks are by it [m]."""
+    """Another interpretation of the marks' numbers: in words, its complexity, and the marks by it [m]."""
 
     words: str
     changes: int
@@ -72,9 +74,9 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """One line where marks, by node [m], (dim,), lie far from the drawing, and a simple other reading of them fits.
+    """One line if marks, by node [m], (dim,), lie far from the drawing and a simple other interpretation fits.
 
-    None where they lie near it, and where nothing simple, or too much, would bring them there.
+    None if they fit, and if no simple interpretation, or too many, would make them fit.
     """
     network = scene.network
     nodes = [name for name in seen_m if name in network.names]  # not reference marks on the rig
@@ -96,7 +98,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
             return None
         what = ", or with ".join(one.words for one in simplest)
         return (
-            f"the first marks lie {1e3 * plain:.3g} mm from where the scene has them drawn, and fit that to "
+            f"the first marks lie {1e3 * plain:.3g} mm from the scene's drawing, and fit it to "
             f"{1e3 * best:.3g} mm with {what}; positions are in mm, x right, y up, z toward the camera"
         )
     return None
@@ -107,7 +109,7 @@ def _rms(apart: Floats) -> float:
 
 
 def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
-    """Mirrors and turns of the axes, in any unit, and pixels of the camera."""
+    """Reflections and rotations of the axes, in any unit, and pixels of the camera."""
     for axes in _axes(seen.shape[1]):
         words, changes = _axes_words(axes)
         if changes:
@@ -122,7 +124,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Mirrors and turns with any scale and shift, of a body that is held, and of marks that are not in a row."""
+    """Reflections and rotations with any scale and shift, for an anchored body and marks that are not collinear."""
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
     if not scene.network.fixed.any() or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return
@@ -148,7 +150,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Axes in words, which of the marks' stand for the scene's, and how many changes that is."""
+    """Axes in words: which of the marks' axes are which of the scene's, and the number of changes."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

@@ -1,4 +1,4 @@
-"""Frames of marks whose values repeat those of a frame before: another tracker is frozen, though its times go on."""
+"""Frames of marks that repeat the values of an earlier frame: the tracker is frozen, though its times go on."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from vision import FrozenValues, SourceEvent
 
 
 def values_of(marks: Iterable[MarkRow]) -> dict[str, tuple[float, ...]]:
-    """The values of a frame that a tracker would not give twice: places by node [m]."""
+    """The values of a frame that do not repeat by chance: positions by node [m]."""
     return {mark.node: tuple(mark.position_m.tolist()) for mark in marks}
 
 
 def without_repeats(
     times_s: Floats, marks: Sequence[Sequence[MarkRow]]
 ) -> tuple[tuple[tuple[MarkRow, ...], ...], tuple[SourceEvent, ...]]:
-    """The marks of each frame, none of those whose values repeat, and the events FROZEN and RESUMED."""
+    """The marks of each frame, without those of repeated values, and the events FROZEN and RESUMED."""
     watch, used, events = FrozenValues(), [], []
     for time_s, found in zip(times_s.tolist(), marks, strict=True):
-        repeats, told = watch.saw(time_s, values_of(found))
+        repeats, noticed = watch.saw(time_s, values_of(found))
         used.append(() if repeats else tuple(found))
-        events += told
+        events += noticed
     return tuple(used), tuple(events)

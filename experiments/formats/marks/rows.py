@@ -13,14 +13,14 @@ from experiments.arrays import Floats
 AXES = ("x_mm", "y_mm", "z_mm")
 
 LEAST_SHARE = 1e-9
-"""Least variance in any direction of a covariance, by its largest [1]: rounding in a file is no coarser; numerical."""
+"""Least variance in any direction of a covariance, by its largest [1]: files round no coarser; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
-    """A mark that another tracker found: its node, where it was [m], (dim,), one standard deviation an axis [m].
+    """A mark by another tracker: its node, its position [m], (dim,), one standard deviation for each axis [m].
 
-    full_cov: its covariance [m²], (dim, dim), where that was stated in place of sd_m, which is then its mean size
+    full_cov: its covariance [m²], (dim, dim), if stated in place of sd_m; sd_m is then its mean size
     """
 
     node: str
@@ -30,7 +30,7 @@ class MarkRow:
 
     @classmethod
     def of_cov(cls, node: str, position_m: Floats, cov: Floats) -> MarkRow:
-        """A mark with a covariance [m²], (dim, dim), that no standard deviation an axis states."""
+        """A mark with a full covariance [m²], (dim, dim)."""
         return cls(node, position_m, float(np.sqrt(np.trace(cov) / len(cov))), cov)
 
     @property
@@ -49,7 +49,7 @@ def cov_names(dim: int) -> list[str]:
 
 
 def cov_columns(dim: int) -> list[str]:
-    """Columns of a table that state a covariance."""
+    """Columns of a covariance in a table."""
     return [f"cov_{name}_mm2" for name in cov_names(dim)]
 
 
@@ -68,7 +68,7 @@ def cov_entries_mm2(cov: Floats) -> list[float]:
 
 
 def are_definite(covs: Floats) -> NDArray[np.bool_]:
-    """Which covariances, (n, dim, dim), are positive definite, to what files round, (n,)."""
+    """Which covariances, (n, dim, dim), are positive definite, up to the rounding of files, (n,)."""
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)
@@ -77,5 +77,5 @@ def are_definite(covs: Floats) -> NDArray[np.bool_]:
 
 
 def are_round(rows: Sequence[MarkRow]) -> bool:
-    """Whether one standard deviation an axis states all of these marks' covariances."""
+    """Whether one standard deviation for all axes is enough for all of these marks' covariances."""
     return all(row.full_cov is None for row in rows)

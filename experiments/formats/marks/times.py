@@ -1,4 +1,4 @@
-"""Times of frames: whether they can be seconds, and of which other unit they probably are."""
+"""Times of frames: whether they can be seconds, and which other unit they probably have."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Between which frames follow each other as a rule [s]: 1000 a second, and what the filter forgets after; chosen."""
+"""Range of usual frame intervals [s]: 1000 frames a second, and the time after which the filter forgets; chosen."""
 
 USUAL_S = 1.0 / 30.0
-"""What a tracker's frames are apart, to tell one unit from another [s]; chosen."""
+"""Typical interval of a tracker's frames, to distinguish units [s]; chosen."""
 
 UNITS = {
     "nanoseconds": 1e-9,
@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit in which a stated time is nearest to what it should be [s].
+    """The unit in which a stated time is nearest to the expected one [s].
 
-    None where seconds are, and where all units are off by more than this factor.
+    None if that is seconds, and if all units differ by more than this factor.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -35,9 +35,9 @@ def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str |
 
 
 def check_seconds(table: Table, column: str) -> None:
-    """Raise InputError where times of frames, in order, that may repeat, cannot be seconds.
+    """Raise InputError if times of frames, in order and possibly repeated, cannot be seconds.
 
-    The median interval is judged: a gap may be as long as it will.
+    The median interval is tested: single gaps may have any length.
     """
     times = table.numbers[column]
     intervals = np.diff(np.unique(times))
@@ -49,11 +49,11 @@ def check_seconds(table: Table, column: str) -> None:
     later = table.place(int(np.argmax(times > times[0])), column)
     unit = likely_unit(usual, USUAL_S) or "another unit"
     expected = f"seconds, frames {SHORTEST_S:g} to {LONGEST_S:g} s apart"
-    raise InputError.at(later, expected, f"{usual:.6g} from one to the next as a rule: it seems to be {unit}")
+    raise InputError.at(later, expected, f"{usual:.6g} in the median: it seems to be {unit}")
 
 
 def check_within(table: Table, column: str, times_s: Floats) -> None:
-    """Raise InputError where none of a table's times is near those of the frames [s], (n_frames,)."""
+    """Raise InputError if none of a table's times is near those of the frames [s], (n_frames,)."""
     times = table.numbers[column]
     first_s, last_s = float(times_s[0]), float(times_s[-1])
     if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):

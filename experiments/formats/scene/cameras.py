@@ -1,4 +1,4 @@
-"""Cameras of a scene file: read from `[[camera]]` or the file that it names, and written to it."""
+"""Cameras of a scene file: read from `[[camera]]` or its named file, and written to it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from experiments.formats.toml_file import exactly, key_lines
 from vision import Lens, PlaneCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
-"""Takes points of the plane in metres, homogeneous, to the millimetres of a scene file's homography."""
+"""Maps homogeneous points of the plane from metres to the millimetres of a scene file's homography."""
 
 
 def camera_of(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
-    """The camera of a table, a lens alone where nothing says where it stands; a named file is searched in this folder.
+    """The camera of a table, or its lens alone without a pose; a named file is searched in this folder.
 
     Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """
@@ -37,7 +37,7 @@ def _of_file(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
     if lens is not None:
         return _placed(table, lens)
     if table.rotation is not None:
-        raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's place, found one")
+        raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's pose, found one")
     c = read_camera_toml(path)
     return posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
 
@@ -52,7 +52,7 @@ def _of_keys(table: CameraTable) -> PlaneCamera | LensFile:
     homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
     try:
         return PlaneCamera(table.name, size_px, homography)
-    except ValueError:  # all else that it checks, the file's model has checked
+    except ValueError:  # the file's model has checked all else
         raise ValueError(
             "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
             f" found {shown(table.plane_to_px)}"
@@ -60,7 +60,7 @@ def _of_keys(table: CameraTable) -> PlaneCamera | LensFile:
 
 
 def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
-    """The camera with this lens where the table says that it stands; the lens where it does not."""
+    """The camera with this lens at the table's pose; the lens alone without a pose."""
     if table.rotation is None or table.translation_mm is None:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
@@ -74,7 +74,7 @@ def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
 
 
 def lens_lines(lens: LensFile) -> list[str]:
-    """`[[camera]]` of a lens that stands nowhere yet, line by line."""
+    """`[[camera]]` of a lens without a pose, line by line."""
     head = head_lines(lens.name or "camera", lens.size_px)
     return ["", "[[camera]]", *head, *key_lines(_lens_keys(lens.lens), exactly)]
 

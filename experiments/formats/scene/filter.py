@@ -20,7 +20,7 @@ from experiments.formats.scene.schema import FilterTable, UncertaintyTable
 
 
 def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> ParameterUncertainty | None:
-    """How well the network's constants are known; raises NetworkError, `uncertainty…: …`."""
+    """The uncertainty of the network's constants; raises NetworkError, `uncertainty…: …`."""
     if table is None:
         return None
     if table.parameters is None or table.directions is None:
@@ -40,7 +40,7 @@ def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -
 
 
 def settings_of(table: FilterTable | None) -> FilterSettings:
-    """The filter's settings: the usual ones, and what the table changes."""
+    """The filter's settings: the defaults with the table's changes."""
     usual = FilterSettings()
     if table is None:
         return usual
@@ -56,7 +56,7 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
 
 
 def filter_table(settings: FilterSettings) -> dict[str, float | list[str]]:
-    """The keys of `[filter]` for these settings; none where they are the usual ones."""
+    """The keys of `[filter]` for these settings, without defaults."""
     usual = FilterSettings()
     keys: dict[str, float | list[str]] = {}
     if settings.poked.poke != usual.poked.poke:

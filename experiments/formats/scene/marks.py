@@ -12,11 +12,11 @@ from vision import MarkHue, PlaneCamera
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A coloured spot on a node: its hue [degrees], its diameter [m]; not measured means seen for scoring only.
+    """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False for scoring only.
 
-    half_width_deg, min_saturation, min_value: what counts as its colour, as `MarkHue` has it
-    even: of one colour, unlike a ball with its shading
-    ball: a ball, seen as a circle from all sides; else a disc on the plane, seen as an ellipse where that is turned
+    half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
+    even: has one colour, unlike a ball with its shading
+    ball: a ball, seen as a circle from all sides; else a disc on the plane, seen obliquely as an ellipse
     """
 
     node: str
@@ -31,11 +31,11 @@ class Mark:
 
     @property
     def hue(self) -> MarkHue:
-        """What colours count as this mark's."""
+        """The colour range of this mark."""
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """How a camera sees it at a place of the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Its picture at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 
@@ -64,7 +64,7 @@ def mark_lines(mark: Mark) -> list[str]:
 
 
 def look_keys(mark: Mark) -> dict[str, float | bool | None]:
-    """The keys that say how a film shows a mark, hue and diameter first."""
+    """The keys for a mark's look in a film, hue and diameter first."""
     return {
         "hue_deg": mark.hue_deg,
         "diameter_mm": 1e3 * mark.diameter_m,

@@ -15,16 +15,16 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
-"""Distance of two nodes below which a spring between them has no direction [mm]; choice: no drawing is that fine."""
+"""Distance of two nodes below which a spring between them has no direction [mm]; choice: finer than any drawing."""
 
 
 def is_node_name(name: str) -> bool:
-    """Whether a node may have this name: one that prints on one line, without space around it."""
+    """Whether this is a valid name: printable on one line, without surrounding space."""
     return bool(name) and name.isprintable() and name == name.strip()
 
 
 def check_name(key: str, name: str) -> None:
-    """Raise SceneError for a name that no node and no mark may have."""
+    """Raise SceneError for an invalid name of a node or mark."""
     if not is_node_name(name):
         raise SceneError(f"{key}: expected a name that prints on one line, found {shown(name)}")
 
@@ -67,7 +67,7 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
 
 
 def spring_groups(table: NetworkTable) -> tuple[str, ...]:
-    """The group of each spring, (n_springs,), empty for a spring without one; none at all where no spring has one."""
+    """The group of each spring, (n_springs,), empty for a spring without one; an empty tuple without groups."""
     groups = tuple(spring.group or "" for spring in table.spring)
     return groups if any(groups) else ()
 
@@ -106,7 +106,7 @@ def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> lis
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {
             "name": name,
-            # to 1e-12 m, so that what computed rest shapes leave of a zero is a zero; adding 0.0 takes its sign away
+            # rounded to 1e-12 m, so that rounding errors of rest shapes are zero; adding 0.0 removes the sign
             "position_mm": np.round(1e3 * network.positions[i], 9) + 0.0,
             "mass_kg": None if network.fixed[i] and network.masses[i] == 0 else network.masses[i],
         }
@@ -119,5 +119,5 @@ def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> lis
 
 
 def _si(network: MassSpringNetwork, i: int, keys: Mapping[str, tuple[str, float]]) -> dict[str, float]:
-    """Constants of a node or spring in the units of their keys."""
+    """Constants of a node or spring in the units of the keys."""
     return {key: (1.0 / si) * getattr(network, field)[i] for key, (field, si) in keys.items()}

@@ -1,6 +1,6 @@
 """Reference marks of a scene file: read from `[reference]`, and written to it.
 
-They stand still in the world, on anchors or on the rig; by them the pose of a camera or tracker is corrected.
+They are fixed in the world, on anchors or on the rig, and correct the pose of a camera or tracker.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from vision import PlaneCamera
 
 @dataclass(frozen=True, slots=True)
 class ReferenceMark:
-    """A mark that stands still.
+    """A fixed mark.
 
-    name: in tables and lines; node: the anchor that it sits on, None where it stands at position_m [m], (dim,)
-    look: how a film shows it, its node the name; None where no camera does
+    name: in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
+    look: its look in a film, with its name as the node; None without a camera
     """
 
     name: str
@@ -34,7 +34,7 @@ class ReferenceMark:
     look: Mark | None = None
 
     def place(self, network: MassSpringNetwork) -> Floats:
-        """Where it is [m], (dim,)."""
+        """Its position [m], (dim,)."""
         return np.array(self.position_m) if self.node is None else network.positions[network.index(self.node)].copy()
 
 
@@ -42,8 +42,8 @@ class ReferenceMark:
 class Reference:
     """The reference marks of a scene.
 
-    drift_sd_m: how far the camera or tracker may have drifted unnoticed, one standard deviation an axis [m]; None: not
-        stated
+    drift_sd_m: possible unnoticed drift of the camera or tracker, one standard deviation for each axis [m]; None: not
+    stated
     """
 
     marks: tuple[ReferenceMark, ...] = ()
@@ -51,17 +51,17 @@ class Reference:
 
     @property
     def looks(self) -> tuple[Mark, ...]:
-        """How a film shows them, those that it shows."""
+        """The looks of those that a film shows."""
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
     def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
-        """Raise SceneError where they do not fit the network, the cameras, or the marks of the tissue."""
+        """Raise SceneError if they do not fit the network, the cameras, or the marks of the tissue."""
         check_own_names("reference.mark", [mark.name for mark in self.marks])
         for i, mark in enumerate(self.marks):
             key = f"reference.mark[{i}]"
             check_name(f"{key}.name", mark.name)
             if mark.name in network.names and mark.name != mark.node:
-                raise SceneError(f"{key}.name: expected no node's name but its own, found {shown(mark.name)}")
+                raise SceneError(f"{key}.name: expected its own node's name or a new one, found {shown(mark.name)}")
             self._check_place(key, mark, network)
             for j, camera in enumerate(cameras):
                 self._check_look(key, mark, marks)
@@ -76,11 +76,11 @@ class Reference:
         elif mark.node not in network.names:
             raise SceneError(f"{key}.node: no node named {shown(mark.node)}")
         elif not network.fixed[network.index(mark.node)]:
-            raise SceneError(f"{key}.node: expected an anchor, which stands still, found the mass {shown(mark.node)}")
+            raise SceneError(f"{key}.node: expected an anchor, which is fixed, found the mass {shown(mark.node)}")
 
     def _check_look(self, key: str, mark: ReferenceMark, marks: Sequence[Mark]) -> None:
         if mark.look is None:
-            raise SceneError(f"{key}: expected hue_deg and diameter_mm, by which a camera sees it, found none")
+            raise SceneError(f"{key}: expected hue_deg and diameter_mm, which a camera needs, found none")
         for i, other in enumerate(marks):
             apart = abs((mark.look.hue_deg - other.hue_deg + 180.0) % 360.0 - 180.0)
             if apart < max(mark.look.half_width_deg, other.half_width_deg):
@@ -107,7 +107,7 @@ def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
 
 
 def reference_lines(reference: Reference) -> list[str]:
-    """The lines of `[reference]`; none where nothing is stated."""
+    """The lines of `[reference]`; none without content."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
     drift_sd_mm = None if reference.drift_sd_m is None else 1e3 * reference.drift_sd_m
@@ -120,5 +120,5 @@ def reference_lines(reference: Reference) -> list[str]:
 
 
 def reference_places(reference: Reference, network: MassSpringNetwork) -> dict[str, Floats]:
-    """Where each reference mark is [m], (dim,), by name."""
+    """Position of each reference mark [m], (dim,), by name."""
     return {mark.name: mark.place(network) for mark in reference.marks}

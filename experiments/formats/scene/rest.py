@@ -1,7 +1,7 @@
-"""Whether a network rests near where it is drawn; where it does not, which key of its file is in another unit.
+"""Whether a network rests near its drawing; if not, which key of its file probably has another unit.
 
-The rest depends on the weight by the stiffness: masses in g and a stiffness in N/mm give the same one. The density that
-follows from masses and distances decides between them.
+The rest depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
+density from masses and distances decides between them.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""Factor beyond which a number is in another unit rather than wrong: units differ by 100 or 1000; choice."""
+"""Factor above which a number probably has another unit: units differ by 100 or 1000; choice."""
 
 BALANCED = 0.05
-"""Share of the weight that may be left over where springs carry it as drawn: rest lengths that are rounded; choice."""
+"""Share of the weight that springs may leave unbalanced as drawn, by rounded rest lengths; choice."""
 
 LONGEST = 2.0
-"""Length of a spring at rest by its rest length beyond which a body hangs by stretching, not by turning; choice."""
+"""Length of a spring at rest by its rest length above which a body sags by stretching, not by turning; choice."""
 
 DENSITY = 100.0
-"""Of a node's mass in the cube of a spring's length [kg/m³]: tissue has 1000, a phantom less; choice."""
+"""Plausible density, a node's mass in the cube of a spring's length [kg/m³]: tissue has 1000, a phantom less;
+choice."""
 
 GRAVITY = 9.81
 """[m/s²]"""
@@ -41,16 +42,16 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""The unit that is suspected, by the key and by the power of ten of the stiffness that is lacking."""
+"""The suspected unit, by the key and the power of ten of the missing stiffness."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
 
 
 def check_rest(network: MassSpringNetwork) -> None:
-    """Raise SceneError, `network…: …`, where a network rests far from where it is drawn.
+    """Raise SceneError, `network…: …`, if a network rests far from its drawing.
 
-    NetworkError where it has no rest there at all and no unit is suspected.
+    NetworkError if it has no rest there and no unit is suspected.
     """
     lengths = spring_lengths(network.positions, network.springs)
     for s, ratio in enumerate(network.rest_lengths / lengths):
@@ -62,7 +63,7 @@ def check_rest(network: MassSpringNetwork) -> None:
     still, weightless = np.zeros_like(network.positions), replace(network, gravity=np.zeros(network.dim))
     springs = node_forces(weightless, network.positions, still)[network.free]
     weight = network.masses[network.free, None] * network.gravity
-    heavy = bool(network.fixed.any() and weight.any())  # what has no anchor hangs on its marks
+    heavy = bool(network.fixed.any() and weight.any())  # a body without anchors is supported at its marks
     if heavy and _is_unit(lacking := _lacking(springs, weight)):
         raise SceneError(_suspect(network, lacking))
     if (fault := _fault(network)) is not None:
@@ -76,7 +77,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on the stiffness with which springs carry the weight as drawn, by least squares; 1 where none does.
+    """Factor on the stiffness with which springs balance the weight as drawn, by least squares; 1 if none does.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
@@ -90,13 +91,13 @@ def _lacking(springs: Floats, weight: Floats) -> float:
 
 
 def _fault(network: MassSpringNetwork) -> ValueError | None:
-    """Why a network does not rest near where it is drawn; None where it does, or turns there without stretching."""
+    """Why a network does not rest near its drawing; None if it does, or only turns without stretching."""
     try:
-        with np.errstate(all="ignore"):  # what overflows has no rest
+        with np.errstate(all="ignore"):  # overflow means no rest
             rest = rest_shape(network)
     except NetworkError as error:
         return NetworkError(f"network: {error}; {NO_REST}")
-    except (ValueError, ArithmeticError) as error:  # where numbers are so large that they overflow
+    except (ValueError, ArithmeticError) as error:  # numbers so large that they overflow
         return SceneError(f"network: rest shape: expected numbers that can be computed with, found {shown(str(error))}")
     off = np.linalg.norm(rest - network.positions, axis=1)
     size_m = np.linalg.norm(np.ptp(network.positions, axis=0))
@@ -104,17 +105,17 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
     if not (stretched and off.max() > size_m):
         return None
     return SceneError(
-        f"network: expected to rest no farther from where it is drawn than it is large, {1e3 * size_m:.4g} mm,"
+        f"network: expected to rest within its own size of its drawing, {1e3 * size_m:.4g} mm,"
         f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
     )
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """The key that is suspected where the stiffness lacks this factor, and its first value as the file has it."""
+    """The suspected key if the stiffness lacks this factor, and its first value in the file."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)
-    # by what the density, to the power that the mended unit has in it, is off
+    # error of the density, to the power of the corrected unit in it
     powers = {"stiffness_N_m": 0, "mass_kg": 1, "position_mm": 3}
     key = min(powers, key=lambda key: abs(np.log(density / DENSITY) - powers[key] * factor))
     if _is_unit(float(np.linalg.norm(network.gravity)) / GRAVITY):
@@ -128,8 +129,8 @@ def _suspect(network: MassSpringNetwork, lacking: float) -> str:
     unit = UNITS.get((key, round(np.log10(lacking))), "another unit")
     times = f"{_rounded(lacking)} times too soft" if lacking > 1 else f"{_rounded(1 / lacking)} times too stiff"
     return (
-        f"{place}: expected springs that carry the weight near where the network is drawn,"
-        f" found {shown(value)}, for which they are {times}; in {unit}?"
+        f"{place}: expected springs that balance the weight near the network's drawing,"
+        f" found {shown(value)}, with which they are {times}; in {unit}?"
     )
 
 

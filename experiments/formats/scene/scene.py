@@ -26,15 +26,15 @@ from vision import FilePath, PlaneCamera
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """What is in view: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
+    """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
 
-    uncertainty: how well the constants of the tissue are known, None where they are taken as exact
-    settings: noise levels, pokes and led nodes that the filter assumes
-    spring_groups: name of the group of each spring, whose constants are identified together, (n_springs,), empty for a
-        spring by itself; none at all where the network has no groups
+    uncertainty: of the constants of the tissue, None for exact ones
+    settings: noise levels, pokes and led nodes in the filter
+    spring_groups: name of each spring's group, whose constants are identified together, (n_springs,), empty for a
+    spring by itself; an empty tuple without groups
     steps: what was done on it, in order
-    reference: marks that stand still, by which the pose of the camera or tracker is corrected
-    lenses: cameras of which nothing says where they stand: no picture of theirs can be used
+    reference: fixed marks that correct the pose of the camera or tracker
+    lenses: cameras without a pose: their pictures cannot be used
     """
 
     network: MassSpringNetwork
@@ -73,7 +73,7 @@ class Scene:
     def _check_marks(self) -> None:
         nodes = [mark.node for mark in self.marks]
         for i, node in enumerate(nodes):
-            self._check_free(f"mark[{i}].node", node, "a mark tells of a free node")
+            self._check_free(f"mark[{i}].node", node, "marks belong on free nodes")
             if (first := nodes.index(node)) < i:
                 found = f"a second one on {shown(node)}, after mark[{first}]"
                 raise SceneError(f"mark[{i}].node: expected one mark for a node, found {found}")
@@ -96,8 +96,8 @@ class Scene:
 
     @property
     def n_cameras(self) -> str:
-        """How many cameras there are, as a message has it: with what lenses lack."""
-        lacking = "".join(f"; {lens.name} has a lens but no place: {POSE}" for lens in self.lenses)
+        """The number of cameras for a message, with what lenses lack."""
+        lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
         return f"{len(self.cameras)}{lacking}"
 
     @property
@@ -109,7 +109,7 @@ class Scene:
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """What another tracker may call a mark: by its node, a reference mark by its name."""
+        """Names of marks for another tracker: that of the node, or of the reference mark."""
         return (*(mark.node for mark in self.marks), *(mark.name for mark in self.reference.marks))
 
     @property
@@ -119,7 +119,7 @@ class Scene:
 
     @property
     def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
-        """The measured nodes by the hue of their marks: those of one group might be taken for each other."""
+        """The measured nodes by the hue of their marks: those in one group may be confused."""
         hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
@@ -130,9 +130,9 @@ def read_scene(path: FilePath) -> Scene:
 
 
 def usable_scene(path: Path, *, rests: bool = True) -> Scene:
-    """The scene of a file, to simulate or estimate with: its body rests near where it is drawn. Raises InputError.
+    """The scene of a file for simulation or estimation: its body rests near its drawing. Raises InputError.
 
-    rests: False: a body without any rest there is taken, too, as it may only be looked at
+    rests: False: accept a body without any rest there, for inspection
     """
     scene = read_scene(path)
     try:
@@ -176,17 +176,17 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
 
 
 def write_scene(scene: Scene, path: FilePath) -> None:
-    """Write a scene as `scene.toml`, whole or not at all; raises InputError."""
+    """Write a scene as `scene.toml`, completely or not at all; raises InputError."""
     write_whole(Path(path), scene_text(scene))
 
 
 def scene_text(scene: Scene) -> str:
-    """A scene as `scene.toml` has it."""
+    """A scene as text of `scene.toml`."""
     return "\n".join([*_content(scene), *step_lines(scene.steps)]) + "\n"
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of all that a scene says, however its file is laid out; the steps done on it are left out."""
+    """SHA-256 of a scene's content, independent of its file's layout; the steps done on it are left out."""
     return digest(_content(scene))
 
 
@@ -198,9 +198,9 @@ def network_digest(scene: Scene) -> str:
 def with_step(
     scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
 ) -> Scene:
-    """The scene on which one more step was done, by this version of the program, with a recording of this digest.
+    """The scene with one more step, done by this version of the program with a recording of this digest.
 
-    kept: constants that the step left as they were
+    kept: constants that the step did not change
     """
     done = Step(step, program, recording, network_digest(scene), scene_digest(scene), tuple(kept))
     return replace(scene, steps=(*scene.steps, done))

@@ -12,18 +12,18 @@ from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positi
 
 
 class SceneError(ValueError):
-    """Parts of a scene that do not fit together; the message is `key: expected …, found …`, keys as in scene.toml."""
+    """Parts of a scene that do not fit together; the message is `key: expected …, found …` with keys of scene.toml."""
 
 
 def check_own_names(key: str, names: Sequence[str]) -> None:
-    """Raise SceneError where two tables, `key[i]`, have one name."""
+    """Raise SceneError if two tables, `key[i]`, have the same name."""
     for i, name in enumerate(names):
         if (first := names.index(name)) < i:
             raise SceneError(f"{key}[{i}].name: expected a name of its own, found that of {key}[{first}]")
 
 
 def check_dim(key: str, place: Sequence[float], dim: int) -> None:
-    """Raise SceneError where a place has another number of axes than the scene."""
+    """Raise SceneError if a position has another dimension than the scene."""
     if len(place) != dim:
         raise SceneError(f"{key}: expected {dim} numbers, as network.gravity_m_s2 has, found {len(place)}")
 
@@ -72,7 +72,7 @@ Hue = Annotated[float, Field(ge=0, lt=360)]
 
 
 class _LookTable(Strict):
-    """How a film shows a mark, hue and diameter aside."""
+    """The look of a mark in a film, without hue and diameter."""
 
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
@@ -91,7 +91,7 @@ class MarkTable(_LookTable):
 
 
 class ReferenceMarkTable(_LookTable):
-    """`[[reference.mark]]`: a mark that stands still, on an anchor or at a place of the rig."""
+    """`[[reference.mark]]`: a fixed mark, on an anchor or at a position on the rig."""
 
     name: Name
     node: Name | None = None
@@ -110,7 +110,7 @@ class ReferenceMarkTable(_LookTable):
 
 
 class ReferenceTable(Strict):
-    """`[reference]`: marks by which the pose of a camera or tracker is corrected, and its drift."""
+    """`[reference]`: marks that correct the pose of a camera or tracker, and its drift."""
 
     drift_sd_mm: NotNegative | None = None
     mark: list[ReferenceMarkTable] = Field(default_factory=list)
@@ -128,7 +128,7 @@ class TargetTable(Strict):
 class CameraTable(Strict):
     """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both.
 
-    A lens, and a file of ROS or OpenCV, which has one, may stand without a pose, and such a file beside one.
+    A lens, or a file of ROS or OpenCV with one, may have no pose; such a file may have a pose beside it.
     """
 
     name: Name | None = None
@@ -169,14 +169,14 @@ class CameraTable(Strict):
 
 
 LogSd = Annotated[float, Field(gt=0, le=700)]
-"""Standard deviation of the log of a constant: of a larger one the factor is no finite number."""
+"""Largest standard deviation of the log of a constant: for a larger one the factor overflows."""
 
 
 class UncertaintyTable(Strict):
-    """`[uncertainty]`: how well the constants are known, relative standard deviations.
+    """`[uncertainty]` of the constants: relative standard deviations.
 
-    Either by kind, every constant of it by itself, or as directions: each row one standard deviation along one
-    direction, independent of the others, of the logs of the parameters named.
+    Either by kind, for each constant independently, or as directions: each row is one standard deviation along one
+    independent direction in the logs of the named parameters.
     """
 
     stiffness: LogSd | None = None
@@ -203,23 +203,23 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: priors in place of the usual ones, and the nodes that are led, see `FilterSettings`."""
+    """`[filter]`: priors in place of the defaults, and the led nodes, see `FilterSettings`."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     unified: Literal[True] = True
-    """Of scenes that were written when there was another filter."""
+    """Keys of scenes for an earlier filter."""
     led_nodes: list[Name] = Field(default_factory=list)
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune"]
-"""simulate: the truth of the recording in whose folder it stands was made with its constants."""
+"""simulate: the truth of the recording in its folder was made with its constants."""
 
 
 class ProvenanceTable(Strict):
-    """`[[provenance]]`: a step that was done on the scene; written by the program, see `Step`."""
+    """`[[provenance]]`: a step done on the scene; written by the program, see `Step`."""
 
     step: StepName
     program: Name
@@ -230,7 +230,7 @@ class ProvenanceTable(Strict):
 
 
 class SceneFile(Strict):
-    """The whole of `scene.toml`, version 1."""
+    """The content of `scene.toml`, version 1."""
 
     version: int
     network: NetworkTable

@@ -1,6 +1,6 @@
-"""What was done on a scene, step by step: read from `[[provenance]]`, and written to it.
+"""The steps done on a scene: read from `[[provenance]]`, and written to it.
 
-No times stand here, so that the same steps give the same file; they are in the provenance file beside it.
+There are no times here, so that the same steps give the same file; they are in the provenance file beside it.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from experiments.formats.toml_file import key_lines, long_list
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A step that was done on a scene.
+    """A step done on a scene.
 
-    program: its version; recording: SHA-256 of what it was done with, None where there was none
-    network, scene: SHA-256 of the network and of the whole scene after it, as `scene_digest` has them
-    kept: constants that it left as they were since the recording does not determine them
+    program: its version; recording: SHA-256 of its recording, None without
+    network, scene: SHA-256 of the network and of the whole scene after it, by `scene_digest`
+    kept: constants that it did not change, because the recording does not determine them
     """
 
     name: StepName
@@ -32,7 +32,7 @@ class Step:
 
 
 def digest(lines: Sequence[str]) -> str:
-    """SHA-256 of lines of a scene file, numbers to twelve digits: what reading and writing rounds does not count."""
+    """SHA-256 of lines of a scene file, with numbers to twelve digits, so that rounding does not change it."""
     text = re.sub(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?", lambda found: f"{float(found[0]):.12g}", "\n".join(lines))
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
@@ -45,7 +45,7 @@ def step_of(table: ProvenanceTable) -> Step:
 
 
 def step_keys(step: Step) -> dict[str, str]:
-    """The keys of `[[provenance]]`, those without a value left out."""
+    """The keys of `[[provenance]]` with a value."""
     keys = {
         "step": step.name,
         "program": step.program,
@@ -57,10 +57,10 @@ def step_keys(step: Step) -> dict[str, str]:
 
 
 def step_lines(steps: Sequence[Step]) -> list[str]:
-    """The lines of `[[provenance]]`, a table a step."""
+    """The lines of `[[provenance]]`, one table for each step."""
     lines = []
     for step in steps:
         lines += ["", "[[provenance]]", *key_lines(step_keys(step))]
         if step.kept:
-            lines += long_list("kept", step.kept, why="not determined by the recording: as they were before")
+            lines += long_list("kept", step.kept, why="not determined by the recording: unchanged")
     return lines

@@ -13,10 +13,11 @@ from experiments.formats.toml_file import key_lines
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """The hidden point that the needle is for: a node, or a place at an offset from it.
+    """The hidden target point: a node, or a point at an offset from it.
 
-    radius_m: that counts as a hit [m]; offset_m: from the node, fixed in direction [m], (dim,); empty: the node itself
-    position_sd_m: how well its place in the tissue is known, registration included, an axis [m]; None: not stated
+    radius_m: radius of a hit [m]; offset_m: from the node, fixed in direction [m], (dim,); empty: the node itself
+    position_sd_m: standard deviation of its position in the tissue on each axis, registration included [m]; None: not
+    stated
     """
 
     node: str
@@ -26,7 +27,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target as every estimator takes it; a place that nobody states is exact here, and widens advice."""
+        """The target for estimators; a position without a stated accuracy is exact here, and widens advice."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 
@@ -42,7 +43,7 @@ def target_of(table: TargetTable) -> Target:
 
 
 def target_lines(target: Target) -> list[str]:
-    """The lines of `[target]`; no offset where there is none."""
+    """The lines of `[target]`, without an offset of zero."""
     keys = {
         "node": target.node,
         "radius_mm": 1e3 * target.radius_m,

@@ -1,4 +1,4 @@
-"""What is exported: a recording with the estimates and the advice of a run, and when its time 0 was."""
+"""Content of an export: a recording with estimates and advice of a run, and the date of its time 0."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ LATEST_S = 2**31
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
-    """What is exported.
+    """Content of an export.
 
-    estimates, advice: of the recording, where they were given; start_ns: time 0 of the recording, from 1970 UTC [ns]
+    estimates, advice: of the recording, if given; start_ns: time 0 of the recording, from 1970 UTC [ns]
     """
 
     recording: Recording
@@ -34,9 +34,9 @@ class Exported:
 
 
 def exported(recording: Recording, folder: Path | None, start: str | None) -> Exported:
-    """A recording with the results in a folder, checked to be of it; raises InputError.
+    """A recording with the results in a folder, which must belong to it; raises InputError.
 
-    start: when its first frame was exposed, as ISO 8601 has it; without it, its times count from 1970
+    start: exposure time of its first frame in ISO 8601; without it, its times count from 1970
     """
     exposures_s, dim = recording.exposures_s, recording.scene.network.dim
     chosen = Exported(

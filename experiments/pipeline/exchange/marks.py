@@ -21,11 +21,12 @@ from vision import PlaneCamera, fronto_parallel_camera
 
 @dataclass(frozen=True, slots=True)
 class ImportSettings:
-    """Which places of a table are marks, and how sure each is.
+    """Which positions of a table are marks, and their accuracy.
 
-    least: likelihood below which a place is left out [1]; source: `pcutoff` of DeepLabCut. One without a likelihood was
-        set by a person and is kept
-    sd_px: error of a place, one standard deviation an axis [px]; choice: until the tracker's own evaluation says it
+    least: likelihood below which a position is left out [1]; source: `pcutoff` of DeepLabCut. A position without a
+    likelihood was set by a person and is kept
+    sd_px: error of a position, one standard deviation for each axis [px]; choice, until the tracker's own evaluation is
+    known
     """
 
     least: float = 0.6
@@ -37,13 +38,13 @@ DEFAULTS = ImportSettings()
 
 @dataclass(frozen=True, slots=True)
 class PlaneScale:
-    """A camera square to the plane: millimetres of a pixel, and the pixel in which the plane's origin is seen."""
+    """A camera square to the plane: millimetres of a pixel, and the pixel of the plane's origin."""
 
     mm_per_px: float
     origin_px: tuple[float, float]
 
     def camera(self) -> PlaneCamera:
-        """A camera that sees so; the size of its picture says nothing."""
+        """A camera with this view; its picture size is not used."""
         u, v = self.origin_px
         first_m = (-1e-3 * self.mm_per_px * u, 1e-3 * self.mm_per_px * v)
         return fronto_parallel_camera("scale", (1, 1), (self.mm_per_px, self.mm_per_px), first_m)
@@ -53,9 +54,9 @@ class PlaneScale:
 class Imported:
     """Marks of a table, by frame.
 
-    scene: they are of; exposures_s: of all frames [s], (n_frames,); marks: of each frame
-    unlikely, outside: how many places were left out, for their likelihood, and outside of the picture
-    by_hand: how many of the marks have no likelihood: a person set them
+    scene: with these marks; exposures_s: of all frames [s], (n_frames,); marks: of each frame
+    unlikely, outside: numbers of positions left out by their likelihood, and outside the picture
+    manual: number of marks without a likelihood, which a person set
     """
 
     scene: Scene
@@ -63,10 +64,10 @@ class Imported:
     marks: tuple[tuple[MarkRow, ...], ...]
     unlikely: int
     outside: int
-    by_hand: int
+    manual: int
 
     def counts(self) -> dict[str, int]:
-        """In how many frames each node was seen."""
+        """Number of frames in which each node was seen."""
         seen = Counter(mark.node for found in self.marks for mark in found)
         return {name: seen[name] for name in self.scene.mark_names}
 
@@ -83,7 +84,7 @@ def import_table(
 ) -> Imported:
     """The marks of a table; raises InputError.
 
-    times: frames a second, or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
+    times: frame rate [frames/s], or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
     scale: of a camera square to the plane, in place of the scene's; individual: of a table of several animals
     """
     scene = read_scene(scene_path)
@@ -106,12 +107,12 @@ def import_table(
     for (row, part), place_m, sd_m in zip(np.argwhere(seen), places_m, sds_m, strict=True):
         marks[poses.frames[row]].append(MarkRow(str(nodes[part]), place_m, float(sd_m)))
     unlikely, outside = int((taken & ~likely).sum()), int((likely & ~seen).sum())
-    by_hand = int(np.isnan(poses.likelihood[seen]).sum())
-    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside, by_hand)
+    manual = int(np.isnan(poses.likelihood[seen]).sum())
+    return Imported(scene, exposures_s, tuple(tuple(found) for found in marks), unlikely, outside, manual)
 
 
 def write_imported(done: Imported, folder: Path) -> None:
-    """Write a recording to a folder that exists."""
+    """Write a recording to an existing folder."""
     write_scene(done.scene, folder / "scene.toml")
     write_frames_csv(folder / "frames.csv", done.exposures_s)
     write_marks_csv(folder / "marks.csv", done.exposures_s, done.marks, dim=2)
@@ -148,14 +149,14 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 
 
 def _inside(places_px: Floats, size_px: tuple[int, int]) -> NDArray[np.bool_]:
-    """Which places are in the picture, (n_rows, n_parts)."""
+    """Which positions are in the picture, (n_rows, n_parts)."""
     return np.all((places_px >= -0.5) & (places_px <= np.array(size_px) - 0.5), axis=2)
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
-    """Where the places that were seen are on the plane [m], (n, 2), and the standard deviation of each [m], (n,).
+    """Positions on the plane [m], (n, 2), of those seen, and the standard deviation of each [m], (n,).
 
-    The one of both axes: of an ellipse, that of the circle of its area.
+    One standard deviation for both axes: for an ellipse, that of the circle of its area.
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2

@@ -22,7 +22,7 @@ Advance = Callable[[float], None]
 
 
 def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> int:
-    """Write a sequence; in how many frames it says where the target is. Raises InputError, SourceError."""
+    """Write a sequence; returns the number of frames with the target. Raises InputError, SourceError."""
     recording, estimates = of.recording, of.estimates
     n_frames = len(recording.exposures_s)
     if recording.source is None:
@@ -30,7 +30,7 @@ def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
     else:
         size_px = recording.scene.cameras[0].size_px
         if 3 * size_px[0] * size_px[1] * n_frames >= WHOLE_READ_BYTES:
-            LOG.warning("PLUS reads no sequence of 4 GiB or more, as these %d pictures are", n_frames)
+            LOG.warning("PLUS does not read sequences of 4 GiB or more, like these %d pictures", n_frames)
         with recording.open_frames() as pictures:
             images = _images(recording, pictures, advance)
             write_plus(stream, _fields(of), images, n_frames=n_frames, size_px=size_px)
@@ -67,7 +67,7 @@ def _by_frame(rows: Results | None) -> dict[int, int]:
 
 
 def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -> Iterator[Image]:
-    """The pictures' pixels, all of one size; InputError where one has another."""
+    """The pictures' pixels, all of one size; InputError if one differs."""
     width, height = recording.scene.cameras[0].size_px
     for picture in pictures:
         if picture.image.shape != (height, width, 3):
@@ -78,14 +78,14 @@ def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -
 
 
 def translation_mm(place_m: Floats) -> Floats:
-    """The shift to a place [m], (dim,), as PLUS has it in mm, (4, 4)."""
+    """The translation to a position [m], (dim,), for PLUS in mm, (4, 4)."""
     shift = np.eye(4)
     shift[: len(place_m), 3] = 1e3 * place_m
     return shift
 
 
 def picture_to_plane(scene: Scene) -> Floats:
-    """From pixels to the plane [mm], (4, 4), straight: as the camera sees it in the middle of the marks, as drawn."""
+    """Affine map from pixels to the plane [mm], (4, 4): that of the camera at the middle of the marks, as drawn."""
     camera, network = scene.cameras[0], scene.network
     middle_m = np.mean([network.positions[network.index(mark.node)] for mark in scene.marks], axis=0)
     u, v = camera.project(middle_m[None])[0]
@@ -99,9 +99,9 @@ def picture_to_plane(scene: Scene) -> Floats:
 
 
 def picture_off_mm(scene: Scene) -> float:
-    """How far `picture_to_plane` is off at a mark, as drawn, at most [mm]: a picture taken at an angle is not straight.
+    """Largest error of `picture_to_plane` at a mark, as drawn [mm]: an oblique picture is not affine.
 
-    Nor is one that a lens bends.
+    Neither is a picture with distortion.
     """
     camera, network = scene.cameras[0], scene.network
     places_m = np.array([network.positions[network.index(mark.node)] for mark in scene.marks])

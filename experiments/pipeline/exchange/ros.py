@@ -29,7 +29,7 @@ from experiments.pipeline.exchange.exported import Exported
 from vision.arrays import Image
 
 JPEG_QUALITY = 95
-"""Of the pictures, as of the films that are written; chosen."""
+"""JPEG quality of the pictures, as of films; chosen."""
 
 TARGET, ESTIMATE, FIX, ADVICE = "/target/pose", "/target/estimate", "/target/fix", "/advice"
 PICTURES = "/camera/image/compressed"
@@ -38,7 +38,7 @@ Advance = Callable[[float], None]
 
 
 def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> dict[str, int]:
-    """Write an MCAP file; how many messages each topic has. Raises InputError, SourceError."""
+    """Write an MCAP file; returns the number of messages of each topic. Raises InputError, SourceError."""
     recording = of.recording
     topics = node_topics(recording.scene.mark_names)
     about = {
@@ -61,7 +61,7 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
 
 
 def node_topics(nodes: Iterable[str]) -> dict[str, str]:
-    """The topic of each node: its name, as far as ROS 2 can have it; no two are the same."""
+    """The topic of each node: its name in characters that ROS 2 allows; all differ."""
     found: dict[str, str] = {}
     for node in nodes:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", node).strip("_")
@@ -84,7 +84,7 @@ def _pictures(of: Exported) -> Iterator[Message]:
 def _jpeg(image: Image) -> bytes:
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     if not done:
-        raise ValueError(f"image: expected one that JPEG can hold, found {image.dtype} {image.shape}")
+        raise ValueError(f"image: expected one that JPEG can encode, found {image.dtype} {image.shape}")
     return data.tobytes()
 
 
@@ -102,7 +102,7 @@ def _fixes(of: Exported) -> Iterator[Message]:
 
 
 def _estimates(of: Exported) -> Iterator[Message]:
-    """Poses of the estimates that stand for where the target is, and all that each row says."""
+    """Poses of usable estimates, and all values of each row."""
     rows = of.estimates
     if rows is None:
         return

@@ -1,4 +1,4 @@
-"""Advice on a needle while frames come: the path by tables, and by the breath as far as the target goes by one."""
+"""Advice on a needle in a live run: the path from tables, and from the breathing model while it holds."""
 
 from __future__ import annotations
 
@@ -30,20 +30,21 @@ from experiments.pipeline.advise import header, reach_s, row
 from experiments.pipeline.live.outputs import LiveTable
 
 SETTLED_S = 0.5
-"""The breath is learnt from so long after the first tracked frame on [s]: the first ones have large errors; chosen."""
+"""The breathing model starts this time after the first tracked frame [s]: the first ones have large errors; chosen."""
 
 UNSEEN = "the needle's tracker does not see it"
 
 
 class LiveAdvice:
-    """What is to be done with a needle, asked at each frame and while none comes, and written to advice.csv at once.
+    """Advice on a needle, for each frame and for moments without one, written to advice.csv at once.
 
-    Rows are in the order in which they were given: of a frame with its exposure time, of a moment without one with that
-    moment's. The path is the filter's, by tables, or the breath's, each as probable as it is.
-    unstated: covariance of the target by what the scene leaves unsaid [m²], (dim, dim); None: nothing
-    origin_s: when the source's own time, in which rows are told, was nought on the clock [s]
-    State: the table; the last estimate from a frame; the breath, and since when it is learnt; counts of each advice;
-    the plan, whose needle moves where it is tracked, and whether its tracker lost it; whether the needle has to stop.
+    Rows are in the order of advice: for a frame with its exposure time, otherwise with the moment's time. The path is a
+    mixture of the filter's path, from tables, and the breathing model's, weighted by probability.
+    unstated: covariance of the target by unstated errors [m²], (dim, dim); None: zero
+    origin_s: zero of the source's own time, used in rows, on the clock [s]
+    State: the table; the last estimate from a frame; the breathing model, and since when it is updated; counts of each
+    advice; the plan, whose needle moves if it is tracked, and whether its tracker lost it; whether the needle has to
+    stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
@@ -61,11 +62,11 @@ class LiveAdvice:
         self.table = LiveTable(rows, header(self._dim))
 
     def forget(self) -> None:
-        """Forget the breath and the last estimate: the filter begins anew, and the needle is where it was."""
+        """Forget the breathing model and the last estimate: the filter restarts, and the needle stays."""
         self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,): see `Insertion.tracked`. ValueError."""
+        """Set a tracked needle: tip [m], (dim,), and direction, (dim,), see `Insertion.tracked`. Raises ValueError."""
         dim = len(self._stated.entry)
         if np.shape(tip_m) != (dim,) or np.shape(direction) != (dim,):
             raise ValueError(f"needle: expected {dim} coordinates, found {len(tip_m)}, {len(direction)}")
@@ -73,13 +74,13 @@ class LiveAdvice:
         self._unseen = False
 
     def needle_unseen(self) -> None:
-        """The needle's tracker does not see it: there is no advice until it does."""
+        """The tracker does not see the needle: there is no advice until it does."""
         self._unseen = True
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
-        """The advice now [s], from a frame's estimate, which is the filter's newest; its row is written.
+        """The advice now [s], from the estimate of the newest frame; its row is written.
 
-        fault: why there is none to be given, where something else than the estimate says so
+        fault: another reason than the estimate for no guidance
         """
         self._last = estimate
         if estimate.status is Status.TRACKING and estimate.cov is not None:
@@ -89,9 +90,9 @@ class LiveAdvice:
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
-        """The advice now [s] though no frame came, by the last one's estimate; its row is written. None before any.
+        """The advice now [s] without a new frame, by the last estimate; its row is written. None before any.
 
-        fault: why there is none to be given, where something else than the estimate says so
+        fault: another reason than the estimate for no guidance
         """
         return None if self._last is None else self._said(tissue, self._last, now_s, now_s, fault)
 
@@ -103,8 +104,8 @@ class LiveAdvice:
         found = none or self._guided(tissue, estimate, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)
         arrival_s = None if guided.arrival_s is None else own_time_s(guided.arrival_s, self.origin_s)
-        told = replace(guided, arrival_s=arrival_s)
-        self.table.write(row(own_time_s(of_s, self.origin_s), told, self._dim))
+        own = replace(guided, arrival_s=arrival_s)
+        self.table.write(row(own_time_s(of_s, self.origin_s), own, self._dim))
         self.counts[str(guided.advice)] += 1
         return guided
 
@@ -127,7 +128,7 @@ class LiveAdvice:
         return either_path(TargetPath(times, *self._breathing.predict(times)), path, self._breathing.holds(times))
 
     def _compiled(self, tables: AheadTables) -> None:
-        """Load what is compiled before the first frame has to wait for it."""
+        """Load compiled code before the first frame."""
         plan, n = self.plan, tables.n_times
         means, covs = np.tile(plan.insertion.entry, (n, 1)), np.tile(1e-6 * np.eye(self._dim), (n, 1, 1))
         path = TargetPath(tables.cycle_s * np.arange(n, dtype=np.float64), means, covs)
@@ -135,12 +136,12 @@ class LiveAdvice:
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:
-    """A time on the clock [s] in the time of a source that is nought at origin_s, which files have to a nanosecond."""
+    """A time on the clock [s] in the time of a source that is zero at origin_s, rounded to a nanosecond as in files."""
     return round(time_s - origin_s, 9) if origin_s else time_s
 
 
 def words(guided: Guidance) -> str:
-    """The advice in short: what, how probable a hit is, where to aim, by what to correct, and why."""
+    """The advice in short: the advice, the probability of a hit, the aim, the correction, and the reason."""
     what = str(guided.advice).replace("_", " ")
     if guided.probability is None or guided.aim is None or guided.advice is Advice.ABORT:
         return f"{what}: {guided.reason}"

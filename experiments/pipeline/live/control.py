@@ -1,4 +1,4 @@
-"""What may be asked of a live run while it goes on, by whoever watches: every request is done between two frames."""
+"""Requests to a live run by its viewers; each is handled between two frames."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ RECORDING = "recording"
 
 
 class Control:
-    """A live run as those who watch may change it, beside what its session does when asked.
+    """Requests of viewers to a live run, beside those that its session handles.
 
-    What cannot be done is a ValueError or an InputError, in one line.
-    out: the folder of the run, in which recordings get folders of their own; needle: the text of the needle's file
+    A request that fails raises ValueError or InputError, in one line.
+    out: the folder of the run, with a folder for each recording; needle: the text of the needle's file
     State: the recordings, the last of which may be growing.
     """
 
@@ -30,11 +30,11 @@ class Control:
 
     @property
     def recording(self) -> LiveRecording | None:
-        """The recording that grows, None where there is none."""
+        """The present recording, or None."""
         return self.recordings[-1] if self.recordings and self.recordings[-1].going else None
 
     def record(self, on: bool) -> None:
-        """Begin a recording where none grows, or end the one that does."""
+        """Begin a recording, or end the present one."""
         session = self.session
         if on and self.recording is None:
             self._end()
@@ -58,14 +58,14 @@ class Control:
             self.recordings[-1].finish()
 
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
-        """The target is seen at this place of the picture [px], (2,)."""
+        """Fuse a sighting of the target at this position in the picture [px], (2,)."""
         line = self.session.line
         if not line.scene.cameras:
             raise ValueError("fix: expected a camera, found none")
         self.session.fix(line.camera.to_plane(np.asarray(place_px)[None])[0], sd_m)
 
     def colour_at(self, node: str, place_px: Floats) -> None:
-        """The mark of this node has the colour that the newest picture shows here [px], (2,)."""
+        """Set the colour of this node's mark to that of the newest picture here [px], (2,)."""
         if node not in (mark.node for mark in self.session.line.scene.marks):
             raise ValueError(f"hue: expected a node with a mark, found {node}")
         if self.session.picture is None:
@@ -73,7 +73,7 @@ class Control:
         self.session.colour(node, vision.learn_hue(self.session.picture.image, place_px))
 
     def finish(self) -> list[Path]:
-        """End the run's recordings, and make one film of the pieces of each; their folders."""
+        """End the run's recordings, and join the pieces of each into one film; returns their folders."""
         self._end()
         for one in self.recordings:
             if (one.folder / "segments").is_dir():

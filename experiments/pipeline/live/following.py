@@ -1,4 +1,4 @@
-"""Follow a target live until its source ends: what `softaim live` does around its session."""
+"""Track a target live until its source ends: what `softaim live` does around its session."""
 
 from __future__ import annotations
 
@@ -35,26 +35,26 @@ SCENE = "scene.toml"
 
 
 class Attendant(Publisher, Protocol):
-    """Shows a run to those who watch, and does what they ask."""
+    """Shows a run to viewers, and handles their requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame of which nothing is estimated yet, the n_shown-th, or that there is none.
+        """Show a frame without an estimate, the n_shown-th, or that there is none.
 
-        time_s: the frame's, or now, as the source tells time [s]: the states that follow go on from it
+        time_s: the frame's time, or the present one, in the source's time [s]; later states continue from it
         """
 
     def attend(self, control: Control) -> None:
-        """Do what was asked since the last turn of the loop; it is between two frames."""
+        """Handle the requests since the last turn of the loop, between two frames."""
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """What came of a live run: counts of frames, latencies [ms], how often which advice, the fault that it met.
+    """The result of a live run: counts of frames, latencies [ms], counts of advice, its fault.
 
     deadlines_missed: frames dropped because a newer one had come, and those that took longer than a frame's interval
-    memory_mb: of the process when the first frame came, and at the end; None where the system does not tell
-    refused: how much of what a tracker sent could not be used, by kind; None where it was not one that sent
-    recordings: folders that were recorded to
+    memory_mb: of the process at the first frame, and at the end; None if the system does not report it
+    refused: counts of unusable input from a tracker, by kind; None for other sources
+    recordings: folders of its recordings
     """
 
     frames: int
@@ -89,11 +89,10 @@ def live(
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
 
-    begin: opens the folder that rows are written to as they come; begun: called when frames are used. While no frame
-    comes the target is predicted; events of the source are reported on standard error. With a needle's file there is
-    advice on it, too, in the status line and in advice.csv. film: makes the film of the run; attendant: what shows it
-    to those who watch; record: from the first frame on; phantom: its process, where that was begun ahead. Raises
-    InputError.
+    begin: opens the folder to which rows are written; begun: called when frames are used. Without a frame the target is
+    predicted; events of the source are reported on standard error. With a needle file there is also advice, in the
+    status line and in advice.csv. film: makes the film of the run; attendant: shows it to viewers; record: from the
+    first frame on; phantom: its process, if started ahead. Raises InputError.
     """
     shown_source = vision.shown_source(source)
     name = f"--source {shown_source}"
@@ -131,11 +130,11 @@ def live(
                 with as_interrupts():
                     follow(session, frames, np.inf if duration_s is None else duration_s, attend=attend)
             except KeyboardInterrupt:
-                pass  # Ctrl-C is how a live run ends
+                pass  # Ctrl-C ends a live run
             except (vision.SourceError, InputError) as error:
                 if not session.counters.frames:
                     raise InputError(f"{name}: {error}") from error
-                fault = error  # what was estimated until then is kept
+                fault = error  # earlier estimates are kept
             finally:
                 report_source_events(frames)
                 recordings = control.finish()
@@ -160,19 +159,19 @@ def _prepared(
     status: StatusLine,
     viewer: Attendant | None,
 ) -> Session:
-    """The session, made while frames of a source that goes on by itself are shown and counted as not used."""
+    """The session, prepared while frames of a continuous source are shown and counted as not used."""
 
     def show(frame: vision.Frame | None, n_shown: int) -> None:
         report_source_events(frames)
         if frame is not None:
             check_size(frame, scene)
-        if n_shown:  # what is bad input is one line alone
+        if n_shown:  # for bad input the error is the only line
             status.show(PREPARING)
         if viewer is not None:
             now_s = time.monotonic() if by_itself is not None or isinstance(frames, LiveMarks) else 0.0
             viewer.prepare(frame, n_shown, now_s if frame is None else frame.exposure_s)
 
-    rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # which writes nothing without a frame
+    rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # it writes nothing without a frame
     by_itself = frames if isinstance(frames, vision.LiveFrames) and not frames.waits else None
     try:
         session, n_shown = prepared(make, rehearse, by_itself, show)
@@ -210,15 +209,15 @@ def _followed(
 
 
 def _write(scene: Scene, path: Path) -> None:
-    """Write the scene of a run that goes on, whether that succeeds or not."""
+    """Write the scene of a run, which continues even if that fails."""
     try:
         write_scene(scene, path)
     except InputError as error:
-        LOG.warning("%s; the run goes on without it", error)
+        LOG.warning("%s; the run continues without it", error)
 
 
 def as_written(scene: Scene) -> Scene:
-    """The scene as a file has it, to the last bit: so that a replay begins with the same."""
+    """The scene as written to a file, to the last bit, so that a replay begins with the same."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / SCENE
         write_scene(scene, path)
@@ -242,9 +241,9 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they come, and coast where none does, until they end or for duration_s [s] once it is open.
+    """Process frames as they come, and predict without one, until they end or for duration_s [s] after opening.
 
-    attend: called at each turn, between two frames
+    attend: called in each turn, between two frames
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:

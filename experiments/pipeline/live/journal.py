@@ -1,4 +1,4 @@
-"""All that a live loop did, in order, so that it can be done again: journal.csv, and how it is done again."""
+"""The journal of a live loop: all that it did, in order, for an exact replay; journal.csv."""
 
 from __future__ import annotations
 
@@ -20,37 +20,37 @@ HEADER = ("what", "time_s", "now_s", "values")
 
 
 class Act(StrEnum):
-    """What the loop does."""
+    """Kinds of actions of the loop."""
 
     BEGIN = "begin"
-    """Writing begins; values: the source, and whether the run begins, too."""
+    """Writing begins; values: the source, and whether the run begins with it."""
     PAUSE = "pause"
-    """Frames are no longer used, or used again: the value."""
+    """Pause or resume the use of frames: the value."""
     ORIGIN = "origin"
-    """From now on times are told from time_s on."""
+    """Zero of the source's time at time_s."""
     FRAME = "frame"
-    """A frame comes that was exposed at time_s: the next picture of the recording."""
+    """A frame with exposure time time_s: the next picture of the recording."""
     MARKS = "marks"
-    """Another tracker's frame comes that was exposed at time_s; values: its marks, of which there may be none."""
+    """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"
-    """A frame that cannot be used comes, exposed at time_s: of another size, or no later than the one before."""
+    """An unusable frame with exposure time time_s: of another size, or not later than the one before."""
     COAST = "coast"
     """No frame comes."""
     DATED = "dated"
-    """Frames may come later than their times say by the first value [s]; they come unevenly or not: the second."""
+    """Frames may come later than their times by the first value [s]; the second: whether they come unevenly."""
     RESET = "reset"
-    """The state is forgotten."""
+    """Reset of the state."""
     FIX = "fix"
-    """The target is seen at the place of the values [m], whose last one is a standard deviation [m]."""
+    """A sighting of the target: position [m], then its standard deviation [m]."""
     HUE = "hue"
-    """The mark of the first value gets the colour of the others, in the order of `MarkHue`."""
+    """A new colour: node of the mark, then the colour in the order of `MarkHue`."""
     NEEDLE = "needle"
-    """The tip of a needle is seen at the place of the values [m], then its direction; without values it is not seen."""
+    """A tracked needle: position of its tip [m], then its direction; without values it is not seen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One thing that the loop did: of which time [s], when by the clock [s], and what else it takes to do it again."""
+    """One action of the loop: its time [s], the clock's time [s], and values for repeating it."""
 
     act: Act
     time_s: float
@@ -59,7 +59,7 @@ class Done:
 
     @property
     def row(self) -> tuple[str, ...]:
-        """As a journal has it: numbers are read bit for bit, values are such as JSON has."""
+        """A row of the journal: numbers are exact, values are JSON."""
         return str(self.act), repr(self.time_s), repr(self.now_s), json.dumps(self.values, allow_nan=False)
 
 
@@ -71,7 +71,7 @@ def mark_values(marks: Sequence[MarkMeasurement]) -> tuple[Any, ...]:
 
 
 def marks_of(values: Sequence[Any]) -> tuple[MarkMeasurement, ...]:
-    """The marks of such values. ValueError or TypeError where they are none."""
+    """The marks of such values. Raises ValueError or TypeError for invalid ones."""
     return tuple(
         MarkMeasurement(node, np.array(position), np.array(cov), None if shared is None else np.array(shared))
         for node, position, cov, shared in values
@@ -79,7 +79,7 @@ def marks_of(values: Sequence[Any]) -> tuple[MarkMeasurement, ...]:
 
 
 def read_journal(path: Path) -> Iterator[Done]:
-    """What a journal holds, in order; a last row without an end is left out. Raises InputError."""
+    """The actions in a journal, in order; an incomplete last row is left out. Raises InputError."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

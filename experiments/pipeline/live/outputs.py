@@ -1,4 +1,4 @@
-"""What a live run writes while it goes on, none of which the loop waits for or ends with: tables, a status line."""
+"""Output of a live run, for which the loop does not wait and which cannot end it: tables, a status line."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from experiments.errors import InputError
 from experiments.log import LOG
 
 A_LINE_S = 1.0
-"""A status line elsewhere than on a terminal comes no more often [s]; chosen."""
+"""Least interval of status lines without a terminal [s]; chosen."""
 
 LAST_S = 0.5
-"""How long the end waits for somebody to read the last status line [s]; chosen."""
+"""Timeout for writing the last status line [s]; chosen."""
 
 
 class LiveTable:
-    """A table that grows row by row, made when it begins; each row is handed to the system at once.
+    """A table that grows row by row; each row is written at once.
 
-    State: the file; why it can no longer be written, and how many rows are left out since; tables that get its rows,
-    too.
+    State: the file; why it can no longer be written, and the number of rows left out since; further tables for its
+    rows.
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
@@ -38,7 +38,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Make the file, where that is not done: a run without a frame leaves an older one as it is."""
+        """Make the file, if not done: a run without a frame does not change an older one."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -47,7 +47,7 @@ class LiveTable:
                 self._failed(error)
 
     def write(self, row: Sequence[Any]) -> None:
-        """Add a row; where that cannot be written it is said once, and it and the later ones are left out."""
+        """Add a row; a failure is reported once, and this and later rows are left out."""
         self.begin()
         if self.fault is None:
             try:
@@ -70,27 +70,27 @@ class LiveTable:
 
     def _failed(self, error: OSError) -> None:
         self.fault = InputError.refused(self.path, "a table that can be written", error)
-        LOG.warning("%s; the run goes on without it", self.fault)
+        LOG.warning("%s; the run continues without it", self.fault)
 
     def close(self) -> None:
         """End the table."""
         if self._file is not None:
             try:
                 self._file.close()
-            except OSError as error:  # what was left to write
+            except OSError as error:  # the remaining rows
                 self.fault = self.fault or InputError.refused(self.path, "a table that can be written", error)
 
 
 class StatusLine:
-    """A line on standard output, rewritten in place on a terminal; elsewhere a new line about once a second.
+    """A status line on standard output, rewritten in place on a terminal; otherwise a new line about once a second.
 
-    A thread writes the newest text: nobody has to read it, or to be there.
-    State: the text that waits.
+    A thread writes the newest text, so that a blocked or closed reader does not matter.
+    State: the waiting text.
     """
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stdout if stream is None else stream
-        # None: the program was called without one
+        # None: the program has no standard output
         self._terminal = self._stream is not None and self._stream.isatty()
         self._text: str | None = None
         self._ended = False
@@ -134,15 +134,15 @@ class StatusLine:
                 self._stream.write("\n")
                 self._stream.flush()
         except (OSError, ValueError):
-            return  # nobody is there any more
+            return  # the reader is gone
 
 
 FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
-"""Range of the latencies that are told apart [ms], and classes in a tenfold: to 1.2 %; numerical."""
+"""Range of the histogram of latencies [ms], and bins for each factor of ten: resolution 1.2 %; numerical."""
 
 
 class Latencies:
-    """How long frames took, from exposure to estimate, counted in classes: as much memory after hours as at first."""
+    """Histogram of latencies from exposure to estimate: its memory does not grow."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)
@@ -155,7 +155,7 @@ class Latencies:
         self._counts[min(int(place + 0.5), len(self._counts) - 1)] += 1
 
     def quantile_ms(self, share: float) -> float:
-        """What this share of them does not exceed [ms], to 1.2 %; 0 of none."""
+        """Quantile of the latencies [ms], to 1.2 %; 0 without any."""
         if not self._counts.any():
             return 0.0
         of = int(np.searchsorted(np.cumsum(self._counts), share * self._counts.sum()))

@@ -1,7 +1,7 @@
-"""Before a run: what frames would have to wait for is compiled or loaded, while they are shown as they come.
+"""Preparation of a run: code is compiled or loaded before frames are used, while they are shown.
 
-Compiling holds Python's lock for seconds at a time, and page and pictures would stand still: another process does that,
-and leaves it in numba's cache on disk. Where all is there already, or that process fails, none is needed.
+Compiling holds Python's lock for seconds, so that page and pictures would freeze. Another process compiles, and leaves
+the result in numba's disk cache. It is skipped if everything is cached.
 """
 
 from __future__ import annotations
@@ -22,46 +22,46 @@ import vision
 from experiments.log import LOG
 from experiments.threads import begin_helper
 
-PREPARING = "preparing: frames are shown and not used yet"
+PREPARING = "preparing: frames are shown but not used yet"
 
 LOOK_S = 0.05
-"""Between two looks at whether all is prepared [s]: so often it is shown that the run lives; chosen."""
+"""Interval between checks whether all is prepared, and between states that show a live run [s]; chosen."""
 
 NICENESS = 10
-"""Of the process that compiles: camera and page go first; chosen."""
+"""Priority of the compiling process, below camera and page; chosen."""
 
 Made = TypeVar("Made")
 Show = Callable[[vision.Frame | None, int], None]
 
 
 class NotCompiledError(Exception):
-    """A kernel that neither this process nor the cache on disk has for such arguments."""
+    """A kernel that is neither compiled in this process nor in the disk cache for these arguments."""
 
 
 class _Refusal(Listener):
-    """Compiles nothing in the thread that made it."""
+    """Forbids compilation in the thread that made it."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
 
     def on_start(self, event: object) -> None:
-        """Of compiling."""
+        """Called before compilation."""
         if threading.get_ident() == self._thread:
             raise NotCompiledError(str(event))
 
     def on_end(self, event: object) -> None:
-        """Of compiling, which another thread did."""
+        """Called after compilation, which another thread did."""
 
 
 def prepared(
     make: Callable[[], Made], rehearse: Callable[[], object], frames: vision.LiveFrames | None, show: Show
 ) -> tuple[Made, int]:
-    """What is made, in a thread of its own, and how many frames were shown meanwhile.
+    """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
-    make: may be broken off and begun anew; rehearse: calls the same kernels, and can be pickled
-    frames: of a source that goes on whether it is read or not; None: no frame is taken, as of a film, which begins when
-    it is first asked for one. show: is given each frame and how many came so far; None where none came for LOOK_S.
-    What make, show or the source raises is raised here.
+    make: may be interrupted and repeated; rehearse: calls the same kernels, and is picklable
+    frames: of a continuous source; None: no frame is read, for example of a film, which begins with the first request.
+    show: called with each frame and the number of frames so far; with None if none came for LOOK_S. Exceptions of make,
+    show or the source are raised here.
     """
     made = _in_thread(partial(_from_cache, make))
     n_shown = _shown_until(made.done, frames, show, 0)
@@ -73,7 +73,7 @@ def prepared(
 
 
 def _from_cache(make: Callable[[], Made]) -> Made:
-    """What is made without compiling; else NotCompiledError."""
+    """The result without compilation; raises NotCompiledError if that is needed."""
     with install_listener("numba:compile", _Refusal()):
         return make()
 
@@ -92,7 +92,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
 
 
 def _shown_until(over: Callable[[], bool], frames: vision.LiveFrames | None, show: Show, n_shown: int) -> int:
-    """Show what comes until that is over; how many frames were shown, with those n_shown before."""
+    """Show frames until it is over; returns the number of frames shown, with n_shown before."""
     while not over():
         frame = None
         if frames is None or frames.ended:
@@ -107,8 +107,8 @@ def _shown_until(over: Callable[[], bool], frames: vision.LiveFrames | None, sho
 def _compiled_elsewhere(
     rehearse: Callable[[], object], frames: vision.LiveFrames | None, show: Show, n_shown: int
 ) -> int:
-    """Have another process compile; where it cannot, this one will have to. How many frames were shown."""
-    LOG.info("kernels are compiled, once on this machine for such a scene; it takes about a minute")
+    """Compile in another process; if it fails, this one has to. Returns the number of frames shown."""
+    LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True
     )
@@ -119,12 +119,12 @@ def _compiled_elsewhere(
         process.kill()
         process.join()
     if process.exitcode:
-        LOG.warning("the process that compiles ended with %d: pictures stand still for a while", process.exitcode)
+        LOG.warning("the compiling process ended with %d: pictures will freeze for a while", process.exitcode)
     return n_shown
 
 
 def _rehearse(rehearse: Callable[[], object]) -> None:
-    """Rehearse, in a process that helps another and ends with it."""
+    """Rehearse, in a helper process that ends with its parent."""
     begin_helper()
     if sys.platform != "win32":
         os.nice(NICENESS)

@@ -1,4 +1,4 @@
-"""Record in a thread that a loop never waits for: what it hands over is drawn and compressed there."""
+"""Record in a thread, so that the loop does not wait for drawing and compression."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 
 
 class RecorderThread(Generic[Item]):
-    """Records what is put, in order, until `finish`.
+    """Records the items put, in order, until `finish`.
 
-    folder, codec: of the `Recorder`; frame: made of what was put, in the thread
-    n_waiting: as much waits for the thread, at most
-    faults, failed: which errors end it, and who is told, in the thread
-    State: what waits; the recorder, None before the first frame; how many frames were recorded; whether it ends.
+    folder, codec: of the `Recorder`; frame: makes the frame of an item, in the thread
+    n_waiting: most items that wait for the thread
+    faults, failed: which errors end it, and the function to call then, in the thread
+    State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it ends.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class RecorderThread(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item) -> bool:
-        """Hand this to the thread, unless as much waits as may; whether it was."""
+        """Pass an item to the thread, unless too many wait; returns whether it was passed."""
         with self._changed:
             if len(self._waiting) >= self._n_waiting:
                 return False
@@ -55,7 +55,7 @@ class RecorderThread(Generic[Item]):
         return True
 
     def make_room(self) -> bool:
-        """Drop the oldest where as much waits as may; whether that was so."""
+        """Drop the oldest item if too many wait; returns whether it did."""
         with self._changed:
             full = len(self._waiting) >= self._n_waiting
             if full:
@@ -63,7 +63,7 @@ class RecorderThread(Generic[Item]):
         return full
 
     def finish(self) -> None:
-        """Record what waits: nothing comes any more."""
+        """Record the waiting items and end."""
         with self._changed:
             self.ends = True
             self._changed.notify()
@@ -71,7 +71,7 @@ class RecorderThread(Generic[Item]):
 
     def _work(self) -> None:
         try:
-            while not self.ends or self._waiting:  # in this order: none comes after the end
+            while not self.ends or self._waiting:  # in this order: no item comes after the end
                 item = self._next()
                 if item is not None:
                     self._record(self._frame(item))

@@ -1,7 +1,7 @@
-"""Record while running: a folder that holds all that a live run saw, did and estimated, so that it can be replayed.
+"""Record a live run: a folder with all its input, actions and estimates, for an exact replay.
 
-It is a recording as `softaim record` writes it, or one with marks.csv, with the loop's journal and tables beside. It
-grows on the disk as a recording does; pictures are compressed by a thread that the loop never waits for.
+It is a recording like that of `softaim record`, or one with marks.csv, plus the loop's journal and tables. It is
+written continuously; a thread compresses pictures, for which the loop does not wait.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.recorder_thread import RecorderThread
 
 WAITING = 64
-"""Pictures that wait for the thread, at most: one second at 60 frames/s, 60 MB at 640x480; chosen."""
+"""Most pictures that wait for the thread: one second at 60 frames/s, 60 MB at 640x480; chosen."""
 
 
 class LiveRecording:
     """A recording of a live run, in a new folder.
 
     begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
-    Where the thread falls behind, or the disk is full, the recording ends there and says so; the run goes on.
+    If the thread falls behind, or the disk is full, the recording ends with a message; the run continues.
     State: the tables; the thread; how many frames were taken; the fault that ended it.
     """
 
@@ -58,17 +58,17 @@ class LiveRecording:
 
     @property
     def going(self) -> bool:
-        """Whether it still grows."""
+        """Whether it is still being written."""
         return self.fault is None and not self._pictures.ends
 
     def note(self, done: Done) -> None:
-        """Write down what is not a frame."""
+        """Write an action that is not a frame."""
         if self.going:
             self._journal.write(done.row)
             self.fault = self.fault or self._journal.fault
 
     def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
-        """Write down a frame that came, exposed at this time [s], and keep it; fits: whether it can be used."""
+        """Write a frame with this exposure time [s]; fits: whether it can be used."""
         if not self.going:
             return
         if not fits:
@@ -96,13 +96,13 @@ class LiveRecording:
             self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), *entries_mm2))
 
     def fail(self, fault: Exception) -> None:
-        """End it for this reason; what it has is kept."""
+        """End it for this reason; earlier content is kept."""
         if self.fault is None:
             self.fault = fault
-            LOG.warning("recording: %s; it ends here, the run goes on", fault)
+            LOG.warning("recording: %s; it ends here, the run continues", fault)
 
     def finish(self) -> None:
-        """Write what waits, and end the tables: nothing comes any more."""
+        """Write what waits, and end the tables."""
         self._pictures.finish()
         for table in (self._journal, self._marks, self._frames):
             if table is not None:

@@ -1,4 +1,4 @@
-"""Replay what a live run recorded: the same frames, requests and times through the same loop, so the same estimates."""
+"""Replay a recorded live run: the same frames, requests and times through the same loop give the same estimates."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, Session
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What came of a replay.
+    """The result of a replay.
 
-    rows: of estimates, by table, that were compared; different: the first row that differs, by table, where one does
-    begun: whether the recording began with its run; estimates of one that did not differ until both settled
-    frames: that were replayed; lacking: frames of the journal whose pictures were not on the disk when it was killed
+    rows: number of compared rows, by table; different: the first different row, by table, if there is one
+    begun: whether the recording began with its run; otherwise estimates differ until both have settled
+    frames: number of replayed ones; lacking: frames of the journal without pictures, after a kill
     """
 
     frames: int
@@ -35,16 +35,16 @@ class Replayed:
 
 
 def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
-    """Replay a recording of a live run, write its tables to a folder that exists, and compare. Raises InputError.
+    """Replay a recording of a live run, write its tables to an existing folder, and compare. Raises InputError.
 
-    advance: gets the share done
+    advance: is called with the share done
     """
     scene = read_scene(folder / "scene.toml")
     needle = folder / "needle.toml"
     plan = read_needle(needle, scene.target.radius_m, scene.network.dim) if needle.exists() else None
     journal = list(read_journal(folder / JOURNAL))
     begun = bool(journal) and journal[0].act is Act.BEGIN and journal[0].values[-1] is True
-    now_s = 0.0  # what the run's clock said
+    now_s = 0.0  # the time on the run's clock
     session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=lambda: now_s)
     pictures = _pictures(folder, journal)
     n_frames = lacking = 0
@@ -75,7 +75,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 
 def _pictures(folder: Path, journal: list[Done]) -> Iterator[vision.Frame]:
-    """The pictures of a recording, none where another tracker found its marks."""
+    """The pictures of a recording, none for another tracker's marks."""
     if any(done.act is Act.FRAME for done in journal):
         with read_recording(folder).open_frames() as frames:
             yield from frames
@@ -89,7 +89,7 @@ def _frame(done: Done, pictures: Iterator[vision.Frame], index: int) -> vision.F
 
 
 def _again(done: Done, session: Session, folder: Path) -> None:
-    """Do again what was not a frame."""
+    """Repeat an action that was not a frame."""
     values = done.values
     match done.act:
         case Act.ORIGIN:
@@ -120,9 +120,9 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """How many rows of a table both have, and the first of them that differs, counted from 1; None where none does.
+    """Number of common rows of both tables, and the first different one, counted from 1, or None.
 
-    A last row without an end, as a kill may leave it, is left out.
+    An incomplete last row, after a kill, is left out.
     """
     mine, theirs = (_rows(path) for path in (replayed, recorded))
     n = min(len(mine), len(theirs))

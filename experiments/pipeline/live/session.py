@@ -45,10 +45,10 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
-    """How long a live run waits for frames.
+    """Waiting times for frames in a live run.
 
-    wait_s: without a frame for so long, the target is predicted and shown without one [s]; choice
-    behind_s: the filter stays behind by so long, and by two frame intervals, for a frame that comes late [s]; choice
+    wait_s: after this time without a frame the target is predicted and shown without one [s]; choice
+    behind_s: the filter stays this long behind, plus two frame intervals, for late frames [s]; choice
     """
 
     wait_s: float = 0.1
@@ -59,19 +59,19 @@ LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
 
 SOURCE = vision.SourceSettings()
-"""Its hung_s is how far the filter stays behind before two frames gave the interval; its settled_frames are those of
-which the median interval is the usual one."""
+"""hung_s: how far the filter stays behind before two frames have shown the interval; settled_frames: number of frames
+for the usual, median interval."""
 
 
 class Session:
     """One live run.
 
-    needle: what advice is given on, None where none is asked for; advice.csv stands beside the rows of estimates
-    watch: is shown each frame, what it gave and the advice; publisher: also each moment without one
-    rehearse: no frame waits for a compiler; where time is a script's, none needs that
-    State: the line, the table of estimates; counters, and the statuses, counted; the advice; the newest picture;
-    who is told all that is done, so that it can be done again; whether the filter could use the last frame; whether the
-    marks contradicted the model.
+    needle: for advice, None without; advice.csv is written beside the estimates
+    watch: called with each frame, its step and the advice; publisher: also with moments without a frame
+    rehearse: compile before the first frame; not needed with a scripted clock
+    State: the line, the table of estimates; counters, and counts of statuses; the advice; the newest picture; the
+    journals that record all actions for a replay; whether the filter could use the last frame; whether the marks
+    contradicted the model.
     """
 
     def __init__(
@@ -107,11 +107,11 @@ class Session:
         self._last_s: float | None = None
 
     def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
-        """Estimate, write and show one frame, of pictures or of marks; whether it could be used.
+        """Estimate, write and show one frame, of pictures or of marks; returns whether it could be used.
 
-        Not used is a frame older than the filter's state or no newer than the one before, or of another size than the
-        scene's camera gives.
-        waited_s: how long the loop waited for it [s]. Raises InputError where the first frame has another size.
+        A frame is not used if it is older than the filter's state, not newer than the one before, or of another size
+        than the scene's camera.
+        waited_s: how long the loop waited for it [s]. Raises InputError if the first frame has another size.
         """
         exposure_s = round(frame.exposure_s, 9)
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
@@ -151,24 +151,24 @@ class Session:
         self._last_s = max(exposure_s, self._last_s or exposure_s)
 
     def _check_filter(self) -> None:
-        """Begin anew where the filter's state is no number any more, which no mark would mend."""
+        """Restart if the filter's state is not finite, because marks would not repair it."""
         if not self.line.filter.is_finite:
-            report_event(self._own_s(self._clock()), "filter", "its state is no number: it begins anew")
-            self._begin_anew()
+            report_event(self._own_s(self._clock()), "filter", "its state is not finite: it restarts")
+            self._restart()
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         self.line = Line(self.line.scene, baseline=False, explain=self._explain)
         self.integrity.restart()
         if self.advice is not None:
             self.advice.forget()
 
     def unfit(self, exposure_s: float) -> None:
-        """A frame came that is of no use, exposed at this time [s]."""
+        """Handle an unusable frame with this exposure time [s]."""
         self._came(exposure_s)
         self.counters.not_used += 1
 
     def _step(self, frame: vision.Frame | MarksFrame, exposure_s: float) -> Step | None:
-        """What the line makes of a frame; None where its marks cannot be used, which is reported once."""
+        """The line's step for a frame; None if its marks cannot be used, which is reported once."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)
@@ -191,7 +191,7 @@ class Session:
 
     @property
     def _fault(self) -> str | None:
-        """Why there is no advice, whatever the newest estimate says of itself."""
+        """Why there is no advice, whatever the newest estimate's status."""
         return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
@@ -220,7 +220,7 @@ class Session:
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
 
-        The filter itself stays behind, for a frame may yet come; its predictions without a frame are written.
+        The filter itself stays behind, because a frame may still come; its predictions are written.
         """
         self._check_filter()
         tissue = self.line.filter
@@ -245,7 +245,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Tell times as a source does whose own time was nought at origin_s on the clock [s]: those of a film."""
+        """Use the time of a source that is zero at origin_s on the clock [s], such as a film's."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -253,39 +253,39 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate in the source's time, with what the scene leaves unsaid in its covariance."""
+        """The estimate in the source's time, with unstated errors in its covariance."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
     def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> None:
-        """Tell the journals what is done now; time_s: of which time it is [s], of now where there is none."""
+        """Write an action to the journals; time_s: its time [s], by default the present."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
 
     def pause(self, on: bool) -> None:
-        """Use no frames from now on, or use them again; meanwhile there is no advice."""
+        """Pause or resume the use of frames; meanwhile there is no advice."""
         self._note(Act.PAUSE, [on])
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """By how much frames may come later than their times say [s], and whether they come too unevenly to tell."""
+        """How much later than their times frames may come [s], and whether they come too unevenly to know."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
     def reset(self) -> None:
-        """Forget the state: the next frame starts anew."""
+        """Forget the state: the next frame starts again."""
         self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
-        self._begin_anew()
+        self._restart()
         self.integrity.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:
-        """Take in a direct sighting of the target at the time of the newest estimate: where [m], (dim,), how sure [m].
+        """Fuse a direct sighting of the target at the time of the newest estimate: position [m], (dim,), sd [m].
 
-        The usual error that sightings have in common is in its covariance where the scene states none. ValueError where
-        there is no estimate yet, or the sighting does not fit the tissue's dimensions.
+        Its covariance includes the default common error of sightings if the scene states none. Raises ValueError
+        without an estimate, and for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:
@@ -297,17 +297,17 @@ class Session:
         self.line.identity.fix(place_m, (sd_m**2 + bias_m**2) * np.eye(dim))
 
     def colour(self, node: str, hue: vision.MarkHue) -> None:
-        """From now on the mark on this node has this colour."""
+        """Set the colour of this node's mark."""
         self._note(Act.HUE, [node, *astuple(hue)])
         self.line.colour(tuple(m.coloured(hue) if m.node == node else m for m in self.line.scene.marks))
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
-        """A tracked needle's tip is here [m], (dim,), and so it points, (dim,). ValueError where there is no needle."""
+        """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError without a needle."""
         self._needle().needle_at(tip_m, direction)
         self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
-        """The tracked needle is not seen any more. ValueError where there is no needle."""
+        """The tracked needle is no longer seen. Raises ValueError without a needle."""
         self._needle().needle_unseen()
         self._note(Act.NEEDLE)
 
@@ -323,12 +323,12 @@ class Session:
 
     @property
     def tables(self) -> list[LiveTable]:
-        """Of estimates, and of advice where it is asked for."""
+        """The tables of estimates and, if requested, of advice."""
         return [self._table] if self.advice is None else [self._table, self.advice.table]
 
     @property
     def wait_s(self) -> float:
-        """Longest wait for a frame before the target is predicted [s]: no longer than advice takes to go stale."""
+        """Longest wait for a frame before the target is predicted [s]: at most the time until advice is stale."""
         wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 

@@ -1,4 +1,4 @@
-"""What a live run knows at one moment, for all who show it: the estimate, the advice, and how the loop keeps up."""
+"""The state of a live run at one moment, for viewers: the estimate, the advice, and the loop's performance."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Frames after which nothing is loaded any more; chosen."""
+"""Number of frames after which nothing more is loaded; chosen."""
 
 STATM = Path("/proc/self/statm")
 
 
 def memory_mb() -> float | None:
-    """What this process holds in memory now [MB]; None where the system does not tell."""
+    """Memory of this process now [MB]; None if the system does not report it."""
     try:
         return int(STATM.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except (OSError, AttributeError, ValueError, IndexError):
@@ -33,14 +33,14 @@ def memory_mb() -> float | None:
 
 @dataclass(slots=True)
 class Counters:
-    """How the loop keeps up, counted since the run began.
+    """The loop's performance, counted since the run began.
 
     frames, without_frame, not_used: frames that gave an estimate, moments without one, frames that could not be used
-    dropped: frames in whose place a newer one was taken
-    late: frames whose estimate took longer than the usual time from frame to frame
+    dropped: frames that a newer one replaced
+    late: frames whose estimate took longer than the usual frame interval
     latencies: from exposure to estimate; latency_ms: of the newest frame
     stages_s: of the newest frame, by stage: wait (for the frame), predict, detect, update, advise
-    began_mb: memory of the process when the first frames were done
+    began_mb: memory of the process after the first frames
     """
 
     frames: int = 0
@@ -54,7 +54,7 @@ class Counters:
     began_mb: float | None = None
 
     def add(self, latency_s: float, stages_s: Mapping[str, float], *, took_s: float, interval_s: float | None) -> None:
-        """Count a frame that gave an estimate after so long, which took so long of the loop [s]."""
+        """Count a frame with an estimate, its latency and its time in the loop [s]."""
         self.frames += 1
         self.late += interval_s is not None and took_s > interval_s
         self.latency_ms = 1e3 * latency_s
@@ -65,20 +65,20 @@ class Counters:
 
     @property
     def deadlines_missed(self) -> int:
-        """Frames of which there was no estimate when the next one was due."""
+        """Frames without an estimate when the next one was due."""
         return self.late + self.dropped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """What is known at one moment.
+    """The state at one moment.
 
-    estimate: in the source's own time; at_s: the time of which it speaks, on the clock [s]
-    frame, step: None where no frame came and the target was predicted; frame also where another tracker found the marks
-    guidance, plan: the advice on the needle, and where that is; None without one
-    fault: why there is no advice to be given, whatever the needle
+    estimate: in the source's own time; at_s: the estimate's time on the clock [s]
+    frame, step: None without a frame, when the target was predicted; frame also None for another tracker's marks
+    guidance, plan: the advice, and the needle's position; None without a needle
+    fault: why there is no guidance for any needle
     interval_s: usual time from frame to frame [s]
-    errors: which errors have most of the target's variance
+    errors: the largest sources of the target's variance
     """
 
     estimate: TargetEstimate
@@ -94,10 +94,10 @@ class Shown:
 
 
 class Publisher(Protocol):
-    """Hands on what is known to whoever watches, and is never waited for."""
+    """Publishes the state to viewers; the loop does not wait for it."""
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """What is known now; the line stands as it was after it."""
+        """Publish the present state; the line has the state after it."""
 
 
 def status_text(

@@ -1,7 +1,7 @@
-"""Before the first frame: a rehearsal that compiles, or loads, all that frames of a scene may have to wait for.
+"""Rehearsal before the first frame: it compiles, or loads, all code that frames of a scene may need.
 
-Kernels are compiled by the types of their arguments, so what compiles them is what calls them: the line itself, on
-marks and pictures of a tissue that is seen, half hidden and gone.
+Kernels are compiled for the types of their arguments. So the rehearsal runs the line itself, on marks and pictures of a
+tissue that is seen, half hidden and lost.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
 INTERVAL_S = 1.0 / 30.0
-"""Between the frames of the rehearsal [s]: those of a usual camera."""
+"""Frame interval of the rehearsal [s]: that of a usual camera."""
 
 
 def warm_up(scene: Scene) -> None:
-    """Rehearse a scene; nothing of it is kept but what was compiled."""
+    """Rehearse a scene; only the compiled code is kept."""
     rest = scene.network.positions[[scene.network.index(mark.node) for mark in scene.marks]]
     _rehearse_marks(scene, rest)
     if scene.cameras:
@@ -34,7 +34,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Frames of marks at these places [m], (n_marks, dim), a fix, and a frame of none."""
+    """Frames of marks at these positions [m], (n_marks, dim), a fix, and a frame without marks."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
@@ -66,7 +66,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_search() -> None:
-    """What is searched for where a mark is not found by its colour alone."""
+    """The search for a mark that is not found by its colour alone."""
     disc = vision.Disc(np.array([60.0, 60.0]), (8.0, 8.0), 0.0)
     image = vision.draw_frame((120, 120), [disc], vision.Lighting(), np.random.default_rng(0))
     outline = vision.Outline(8.0 * np.eye(2), 0.05)
@@ -79,6 +79,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Rehearse a frame that the scene's filter may refuse: then it is refused as it would be in a run."""
+    """Rehearse a frame that the scene's filter may refuse, as it would be in a run."""
     with suppress(CovarianceError):
         frame()

@@ -1,7 +1,7 @@
-"""Are marks predicted as well as stated: innovations against the band of a consistent filter, and a verdict.
+"""Consistency of predicted marks: innovations against the band of a consistent filter, and a verdict.
 
-Innovations test the filter where there are marks. Of a hidden target they show nothing: a truth does, a fix, or marks
-that are withheld, predicted as if they were hidden.
+Innovations test the filter where there are marks. They do not test a hidden target: a truth does, a fix, or withheld
+marks, predicted as if they were hidden.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, mean_bounds
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Frames whose innovations are judged: at a start the prior is wide on purpose."""
+"""Statuses of frames whose innovations are tested: at a start the prior is wide on purpose."""
 
 COVERED = (0.9, 0.995)
-"""Share of frames inside the 95 % region below and above which the covariance is said to be too small, or large [1];
-choice."""
+"""Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
+[1]; choice."""
 
 UNTESTED = "this does not test the hidden target (track --check, a fix, or a recording with the target in view does)"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
-"""Frames in which the estimate did not rest on marks that fit; in the order in which a verdict names them."""
+"""Statuses of frames whose estimate was not based on fitting marks, in the order of a verdict."""
 
 
-NO_MARKS = "no marks were taken in after the start: the model alone estimates "
+NO_MARKS = "no marks were used after the start: the estimate is a prediction by the model  "
 LOOK = "(is the hue right? softaim hue)"
 CHECK = "(do times, positions and nodes of the table fit the scene?)"
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Mean NIS of the frames of a run, and the band that holds it with 95 % where model and noise levels are right.
+    """Mean NIS of the frames of a run, and its 95 % band for a right model and right noise levels.
 
-    frames: how many; degrees: of freedom of a frame, on average: two or three a mark; low, high: the band
+    frames: their number; degrees: mean degrees of freedom of a frame, two or three for each mark; low, high: the band
     """
 
     mean_nis: float
@@ -47,7 +47,7 @@ class Fit:
 
     @property
     def ratio(self) -> float:
-        """How large innovations were, by what the filter predicted of them: 1 is right."""
+        """Ratio of observed to predicted innovations: 1 is right."""
         return float(np.sqrt(self.mean_nis / self.degrees))
 
     @property
@@ -57,7 +57,7 @@ class Fit:
 
 
 def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
-    """The fit of a method's estimates; None where it states no NIS, or none that is finite."""
+    """The fit of a method's estimates; None without finite NIS."""
     judged = [e for e in estimates if e.nis is not None and e.marks_used > 0 and e.status in SETTLED]
     nis = np.array([e.nis for e in judged], dtype=float)
     degrees = np.array([len(e.mean) * e.marks_used for e in judged], dtype=float)
@@ -69,20 +69,20 @@ def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
 
 
 def sigmas_m(estimates: Sequence[TargetEstimate]) -> list[float]:
-    """Standard deviation of the target an axis [m] in each frame that has a finite covariance."""
+    """Standard deviation of the target on each axis [m] in frames with a finite covariance."""
     traces = [float(np.trace(e.cov)) / len(e.mean) for e in estimates if e.cov is not None]
     return [float(np.sqrt(trace)) for trace in traces if np.isfinite(trace) and trace >= 0.0]
 
 
 def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
-    """How many frames had which status, all of them named."""
+    """Number of frames by status, with all statuses."""
     statuses = [e.status for e in estimates]
     return {str(status): statuses.count(status) for status in Status}
 
 
 @dataclass(frozen=True, slots=True)
 class TruthScore:
-    """What a truth shows of the target's covariance: share of frames inside the 95 % region, mean NEES, dimension."""
+    """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension."""
 
     coverage95: float
     mean_nees: float
@@ -90,7 +90,7 @@ class TruthScore:
 
     @property
     def words(self) -> str:
-        """The scores, and what they say of the covariance."""
+        """The scores, and the verdict on the covariance."""
         found = "is too small" if self.coverage95 < COVERED[0] else "holds"
         if self.coverage95 > COVERED[1]:
             found = "is larger than the errors"
@@ -109,10 +109,10 @@ def verdict(
     pictures: bool = True,
     truth: TruthScore | None = None,
 ) -> str:
-    """What innovations show, what they do not, and in how many frames there were any.
+    """The verdict by innovations, its limits, and the number of frames with them.
 
-    refused: marks that the gate rejected; frozen: frames whose given values repeat; pictures: whether marks were looked
-    for in pictures, and not given; truth: scores of the target, where its truth is known
+    refused: marks that the gate rejected; frozen: frames with repeated values; pictures: whether marks were found in
+    pictures; truth: scores of the target, if its truth is known
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -149,10 +149,10 @@ def _fit_words(fit: Fit) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Withheld:
-    """How one mark was predicted by the filter that never gets it.
+    """Prediction of one mark by the filter without it.
 
-    frames: in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: the dimension is
-    right; ratio: root mean square of errors by what was predicted of them, 1 is right
+    frames: in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: equals the
+    dimension if right; ratio: observed by predicted rms error, 1 is right
     """
 
     frames: int
@@ -162,7 +162,7 @@ class Withheld:
 
 
 def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
-    """Of the predictions of one mark, one or more."""
+    """The figures of the predictions of one mark, one or more."""
     errors = np.array([one.error for one in checks])
     nees = float(np.mean([one.nees for one in checks]))
     distances = np.linalg.norm(errors, axis=1)
@@ -170,14 +170,14 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """What the check means for the target, in one sentence; scale: factor on the target's covariance, 1 or more."""
+    """The result of the check for the target, in one sentence; scale: factor on the target's covariance, 1 or more."""
     if not withheld:
-        return "no mark was predicted as if hidden while the others were tracked: the check says nothing"
+        return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)
     ratio = withheld[worst].ratio
-    meant = "the target, hidden too, may be off as much" if ratio > 1.0 else "so the target's sigma can be believed"
-    widened = f"was made {scale**0.5:.2f} times as large" if scale > 1.0 else "was left as it is"
+    meant = "the error of the hidden target may be as large" if ratio > 1.0 else "so the target's sigma is plausible"
+    widened = f"was multiplied by {scale**0.5:.2f}" if scale > 1.0 else "is unchanged"
     return (
-        f"marks predicted as if hidden are off by up to {ratio:.2f} times the predicted ({worst}): "
+        f"errors of marks predicted as if hidden are up to {ratio:.2f} times the predicted ({worst}): "
         f"{meant}; sigma of the target {widened}"
     )

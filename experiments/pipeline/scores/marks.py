@@ -1,4 +1,4 @@
-"""What became of each mark over a run: found, refused, lost and why; and what is to blame, in a sentence."""
+"""Statistics of each mark in a run: found, refused, lost and why; and the probable cause, in a sentence."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import Reason
 
 MANY = 0.05
-"""Share of frames from which on a mark that is not used is told of: as many as 95 % regions leave out; chosen."""
+"""Share of frames above which an unused mark is reported: the share outside 95 % regions; chosen."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -33,14 +33,14 @@ LOOK_AT: Mapping[str, str] = {
     REFUSED: "the model: softaim identify, softaim tune",
     NO_ROW: "the other tracker",
 }
-"""What a user should look at, by reason."""
+"""What the user should check, by reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class MarkShares:
-    """Shares of frames in which a mark was found and taken in, found and refused by the gate, and not found.
+    """Shares of frames in which a mark was found and used, found and refused by the gate, and not found.
 
-    reason: the most frequent one of those in which it was not taken in, and the share of frames that had it
+    reason: the most frequent one for not using it, and its share of frames
     """
 
     measured: bool
@@ -52,7 +52,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counts what became of each mark of a scene, frame by frame. State: the frames, and counts of (node, reason)."""
+    """Counts results of each mark of a scene, frame by frame. State: the frames, and counts of (node, reason)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -72,9 +72,9 @@ class MarkTally:
                 self._counts[mark.node, NO_ROW if why is None else why.reason] += 1
 
     def shares(self) -> dict[str, MarkShares]:
-        """By node; of no frames nothing is known, and nothing is there.
+        """The shares by node; empty without frames.
 
-        Nor is a mark for scoring only that has no row at all: it is hidden, not lost.
+        A mark for scoring only without any row is left out: it is hidden, not lost.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -90,7 +90,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """Which measured mark was not taken in most often, why, and what to look at; None where none was so often."""
+    """The measured mark that was unused most often, why, and what to check; None below the threshold."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -101,10 +101,10 @@ def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
     others = [node for node, share in missed.items() if share > MANY and node != worst]
     more = f" ({', '.join(others)} missed, too)" if others else ""
     where = f"{what} in {100.0 * one.reason_share:.0f} % of frames"
-    return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: look at {LOOK_AT[reason]}"
+    return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: check {LOOK_AT[reason]}"
 
 
 def reason_words(scene: Scene, node: str, reason: str) -> str:
-    """A reason with the keys of the mark's hue in it, where it speaks of them."""
+    """A reason, with the keys of the mark's hue if it concerns them."""
     mark = next(mark for mark in scene.marks if mark.node == node)
     return reason.replace("its hue", f"hue {mark.hue_deg:g} ± {mark.half_width_deg:g}")

@@ -1,4 +1,4 @@
-"""Contents of the messages that a live run sends and takes; lengths in mm. Source: [openigtlink], a page for each."""
+"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], a page for each."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ STRING = struct.Struct(">HH")
 POINT = struct.Struct(">64s32s4B3ff20s")
 POLYDATA = struct.Struct(">10I")
 LARGEST = float(np.finfo(np.float32).max)
-"""What a coordinate may be: they are sent as 32 bit floats."""
+"""Largest coordinate: they are sent as 32 bit floats."""
 
 
 def pack_transform(matrix: Floats) -> bytes:
-    """TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError where a number is too large."""
+    """TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError for too large numbers."""
     if matrix.shape != (4, 4) or not (np.abs(matrix) <= LARGEST).all():
         raise ValueError(f"transform: expected finite 32 bit numbers of shape (4, 4), found {matrix.tolist()}")
     return MATRIX.pack(*matrix[:3].T.ravel())
 
 
 def read_transform(content: bytes) -> Floats:
-    """The (4, 4) matrix of a TRANSFORM, of any numbers; MalformedError where it is of another size."""
+    """The (4, 4) matrix of a TRANSFORM, of any numbers; MalformedError for another size."""
     if len(content) != MATRIX.size:
         raise MalformedError(f"TRANSFORM: expected {MATRIX.size} bytes, found {len(content)}")
     matrix = np.eye(4)
-    # by struct: NumPy warns of a signalling NaN
+    # by struct, because NumPy warns of a signalling NaN
     matrix[:3] = np.array(MATRIX.unpack(content)).reshape(4, 3).T
     return matrix
 
 
 @dataclass(frozen=True, slots=True)
 class StatusBody:
-    """A STATUS: its code, 1 where all is well, a name of at most 20 bytes, and text."""
+    """A STATUS: its code, 1 for OK, a name of at most 20 bytes, and text."""
 
     code: int
     name: str
@@ -48,7 +48,7 @@ class StatusBody:
 
 
 def pack_status(status: StatusBody) -> bytes:
-    """STATUS, its text ended by a zero. ValueError for a longer name."""
+    """STATUS, with zero-terminated text. ValueError for a longer name."""
     name = status.name.encode()
     if len(name) > 20:
         raise ValueError(f"status name: expected at most 20 bytes, found {status.name!r}")
@@ -76,7 +76,7 @@ class PointBody:
 
 
 def read_points(content: bytes) -> list[PointBody]:
-    """The points of a POINT, of any numbers; MalformedError where it is none."""
+    """The points of a POINT, of any numbers; MalformedError for an invalid one."""
     if len(content) % POINT.size:
         raise MalformedError(f"POINT: expected a multiple of {POINT.size} bytes, found {len(content)}")
     points = []

@@ -1,6 +1,6 @@
 """Messages of OpenIGTLink and their bytes: header, extended header, content, metadata and checksum; all big-endian.
 
-What is read may be hostile: sizes are checked before anything is made of them. Source: [openigtlink], header.md.
+Input may be hostile: sizes are checked before use. Source: [openigtlink], header.md.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ INDEX, ENTRY = struct.Struct(">H"), struct.Struct(">HHI")
 VERSIONS = (1, 2)
 LONGEST_TYPE, LONGEST_NAME = 12, 20
 LARGEST_BODY = 65536
-"""Of a message that is read [bytes]; asked for by those who stand beside a needle."""
+"""Largest size of a received message [bytes]; a requirement of users at the needle."""
 ASCII, UTF8 = 3, 106
 """Character sets, by their MIBenum."""
 TICKS = 2.0**32
-"""Of a time stamp in a second: 32 bits of seconds since 1970 UTC, 32 bits of their fraction."""
+"""Time stamp units in a second: 32 bits of seconds since 1970 UTC, 32 bits of their fraction."""
 
 
 class MalformedError(ValueError):
-    """Bytes that are no message of OpenIGTLink, or one that is too long."""
+    """Bytes that are not a message of OpenIGTLink, or too long a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message, its content as bytes; utc_s: seconds since 1970 UTC, 0 where there is none.
+    """One message, its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
 
-    metadata and number: of version 2. Raises ValueError where a header has no room for it.
+    metadata and number: of version 2. Raises ValueError if they do not fit a header.
     """
 
     type: str
@@ -76,7 +76,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode_header(found: bytes) -> Header:
-    """The header of a message, 58 bytes; MalformedError where it is none, or announces too large a body."""
+    """The header of a message, 58 bytes; MalformedError if it is invalid, or announces too large a body."""
     if len(found) != HEADER.size:
         raise MalformedError(f"header: expected {HEADER.size} bytes, found {len(found)}")
     version, kind, device, ticks, size, crc = HEADER.unpack(found)
@@ -88,7 +88,7 @@ def decode_header(found: bytes) -> Header:
 
 
 def decode(header: Header, body: bytes) -> Message:
-    """The message of a header and its body; MalformedError where the one does not fit the other."""
+    """The message of a header and its body; MalformedError if they do not fit."""
     if len(body) != header.size:
         raise MalformedError(f"body: expected {header.size} bytes, found {len(body)}")
     if crc64(body) != header.crc:
@@ -126,12 +126,12 @@ def _metadata(index: bytes, texts: bytes) -> dict[str, str]:
 
 
 def padded_text(field_bytes: bytes) -> str:
-    """The text of a field that is filled up with zeros; MalformedError where it is none."""
+    """The text of a zero-padded field; MalformedError if it is invalid."""
     return utf8(field_bytes.partition(b"\0")[0])
 
 
 def utf8(text: bytes) -> str:
-    """Bytes as text; MalformedError where they are none."""
+    """Bytes as text; MalformedError if they are invalid."""
     try:
         return text.decode()
     except UnicodeDecodeError as error:

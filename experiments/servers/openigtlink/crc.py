@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 POLYNOMIAL = 0x42F0E1EBA9EA3693
-"""Of ECMA-182, annex B, without its leading term."""
+"""Polynomial of ECMA-182, annex B, without its leading term."""
 BLOCK = 256
-"""Bytes that are looked up at once: as many as keep the table within half a megabyte."""
+"""Bytes of a table look-up: the table stays within half a megabyte."""
 
 
 def _table() -> NDArray[np.uint64]:
-    """What a byte adds to the checksum, by the number of bytes after it and by its value, (BLOCK, 256)."""
+    """Contribution of a byte to the checksum, by the number of bytes after it and by its value, (BLOCK, 256)."""
     last = np.arange(256, dtype=np.uint64) << np.uint64(56)
     for _bit in range(8):
         last = (last << np.uint64(1)) ^ np.where(last >> np.uint64(63), np.uint64(POLYNOMIAL), np.uint64(0))
@@ -25,11 +25,11 @@ def _table() -> NDArray[np.uint64]:
 _TABLE = _table()
 _AFTER = np.arange(BLOCK - 1, -1, -1)
 _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
-"""What the first eight bytes of a block add: to go on from a checksum over a block is to put it there."""
+"""Contribution of the first eight bytes of a block, where the checksum so far is inserted to continue."""
 
 
 def crc64(body: bytes) -> int:
-    """The checksum of these bytes; zeros before them do not change it, so that blocks are filled up in front."""
+    """The checksum of these bytes; leading zeros do not change it, so that blocks are padded in front."""
     blocks = np.frombuffer(bytes(-len(body) % BLOCK) + body, dtype=np.uint8).reshape(-1, BLOCK)
     crc = 0
     for block in np.bitwise_xor.reduce(_TABLE[_AFTER, blocks], axis=1).tolist():

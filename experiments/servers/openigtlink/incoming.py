@@ -1,4 +1,4 @@
-"""What a client sends, as commands to the loop: a tracked needle's TRANSFORM, and sightings of the target as POINT."""
+"""Messages of a client as commands to the loop: a tracked needle's TRANSFORM, and sightings of the target as POINT."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""By how much products of axes may differ from those of a rotation: more is no tracked tool's pose; chosen."""
+"""Largest deviation of axes' products from those of a rotation: more is not a tracked tool's pose; chosen."""
 IN_PLANE = 0.5
 """Share of a needle's direction that must lie in the plane of flat tissue, within 60 degrees of it; chosen."""
 MOST_POINTS = 100
-"""Sightings in a message: what one list may grow to; more would hold others up, chosen."""
+"""Most sightings in a message, for a growing list; more would delay others; chosen."""
 
 Command = dict[str, Any]
 
 
 class RefusedError(ValueError):
-    """A message that is well formed, and asks for what cannot be done; instead: the commands that stand for it."""
+    """A well-formed message with an impossible request; instead: the commands that replace it."""
 
     def __init__(self, text: str, *instead: Command) -> None:
         super().__init__(text)
@@ -32,10 +32,10 @@ class RefusedError(ValueError):
 
 
 class Incoming:
-    """What one client sent, as commands, each checked.
+    """Messages of one client as checked commands.
 
-    dim: of the tissue: of a place in a plane z is left out
-    State: whether the client sends the needle; its newest points, as programs send a whole list again to add one.
+    dim: of the tissue: z is dropped for a plane
+    State: whether the client sends the needle; its newest points, because programs send a whole list again to add one.
     """
 
     def __init__(self, dim: int) -> None:
@@ -43,9 +43,9 @@ class Incoming:
         self._points: frozenset[PointBody] = frozenset()
 
     def commands(self, message: Message) -> list[Command]:
-        """The commands of a message, none where it asks for nothing that is known here.
+        """The commands of a message, none for an unknown request.
 
-        Raises MalformedError where its content is not of its type, RefusedError for numbers that make no sense.
+        Raises MalformedError if its content does not fit its type, RefusedError for invalid numbers.
         """
         if message.type == "TRANSFORM" and message.device == NEEDLE:
             return self._needle(message)
@@ -57,7 +57,7 @@ class Incoming:
         matrix = read_transform(message.content)
         self.sends_needle = True
         is_seen = message.metadata.get("TransformStatus", TransformStatus.OK) == TransformStatus.OK
-        if not is_seen or not np.isfinite(matrix).all():  # some trackers say so by NaN
+        if not is_seen or not np.isfinite(matrix).all():  # some trackers send NaN then
             return [UNSEEN]
         try:
             return [self._pose(matrix)]
@@ -69,7 +69,7 @@ class Incoming:
         with np.errstate(over="ignore", invalid="ignore"):
             rigid = bool((np.abs(axes.T @ axes - np.eye(3)) <= RIGID).all())
         if not rigid:
-            raise RefusedError("needle: expected axes of length 1, square to each other")
+            raise RefusedError("needle: expected axes of length 1, perpendicular to each other")
         if np.linalg.det(axes) < 0.0:
             raise RefusedError("needle: expected a rotation, found a mirrored one")
         along = axes[: self._dim, 2]

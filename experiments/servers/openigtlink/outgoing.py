@@ -1,4 +1,4 @@
-"""What is sent of a moment: transforms of target, needle and spread, STATUS and STRING: docs/openigtlink.md."""
+"""Messages of a moment: transforms of target, needle and spread, STATUS and STRING: docs/openigtlink.md."""
 
 from __future__ import annotations
 
@@ -26,26 +26,27 @@ from experiments.servers.openigtlink.codec import Message, encode
 
 TARGET, NEEDLE, SPREAD = "TargetToReference", "NeedleTipToReference", "SpreadToReference"
 SPHERE, HEALTH, DETAILS, REPLY = "Spread", "Softaim", "SoftaimState", "SoftaimReply"
-"""Device names of the sphere, STATUS, STRING and answers; no two alike, for some programs keep one message a name."""
+"""Device names of the sphere, STATUS, STRING and answers; all differ, because some programs keep one message for each
+name."""
 WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
 """Root of the chi-square quantile, 2 and 3 degrees of freedom, 95 %: semi-axes in standard deviations."""
 FLAT_MM = 0.5
-"""Half the thickness of the ellipsoid of tissue in a plane [mm]: to be seen from the side; chosen."""
+"""Half the thickness of the ellipsoid of tissue in a plane [mm], visible from the side; chosen."""
 LONGEST_TEXT = 500
-"""Letters of a reason or a fault that are sent; a STRING has room for 65535 bytes."""
+"""Most letters of a reason or a fault; a STRING has room for 65535 bytes."""
 
 
 class TransformStatus(StrEnum):
-    """How far a transform may be relied upon, in the words of PLUS, whose clients use OK ones."""
+    """Validity of a transform, in the terms of PLUS, whose clients use OK ones."""
 
     OK = "OK"
     MISSING = "MISSING"
-    """No mark is seen: the model alone."""
+    """No mark is seen: a prediction by the model."""
     INVALID = "INVALID"
 
 
 class Code(IntEnum):
-    """Codes of a STATUS, of the protocol's own list."""
+    """Codes of a STATUS, from the protocol's list."""
 
     OK = 1
     UNKNOWN_ERROR = 2
@@ -61,14 +62,14 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Bytes of one moment: all but the needle, and the needle, which those are not sent who send it themselves."""
+    """Bytes of one moment: all but the needle, and the needle, which is not sent to clients that send it themselves."""
 
     common: bytes
     needle: bytes = b""
 
 
 def packet_of(state: Mapping[str, Any]) -> Packet:
-    """What is sent of a state."""
+    """Messages of a state."""
     utc_s, fit = state["utc_s"], transform_status(state)
 
     def transform(device: str, matrix: Floats | None) -> bytes:
@@ -83,7 +84,7 @@ def packet_of(state: Mapping[str, Any]) -> Packet:
 
 
 def sphere_message() -> bytes:
-    """The unit sphere, as POLYDATA, that `SpreadToReference` carries to the ellipsoid."""
+    """The unit sphere, as POLYDATA, which `SpreadToReference` maps to the ellipsoid."""
     return encode(Message("POLYDATA", SPHERE, pack_surface(*unit_sphere())))
 
 
@@ -93,7 +94,7 @@ def status_message(device: str, status: StatusBody, utc_s: float) -> bytes:
 
 
 def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
-    """How far the transforms of a state may be relied upon; None where none is to be sent, for the target is lost."""
+    """Validity of the transforms of a state; None if none is sent, because the target is lost."""
     status = Status(state["status"])
     if status is Status.LOST:
         return None
@@ -107,20 +108,20 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
     if state["fault"] is not None:
         return StatusBody(Code.UNKNOWN_ERROR, "FAULT", _short(state["fault"]))
     if state["paused"]:
-        return StatusBody(Code.DISABLED, "PAUSED", "paused: what is sent is not of now")
+        return StatusBody(Code.DISABLED, "PAUSED", "paused: the data are not current")
     status = Status(state["status"])
     code, text = {
         Status.TRACKING: (Code.OK, "marks are seen"),
-        Status.COASTING: (Code.NOT_FOUND, "no mark is seen: predicted by the model alone"),
+        Status.COASTING: (Code.NOT_FOUND, "no mark is seen: predicted by the model"),
         Status.LOST: (Code.NOT_PRESENT, "no mark for too long: the target is lost, no transform is sent"),
-        Status.DIVERGED: (Code.UNKNOWN_ERROR, "the marks contradict the model: not to be relied upon"),
-        Status.INITIALISING: (Code.NOT_READY, "the first marks: not yet to be relied upon"),
+        Status.DIVERGED: (Code.UNKNOWN_ERROR, "the marks contradict the model: not reliable"),
+        Status.INITIALISING: (Code.NOT_READY, "the first marks: not yet reliable"),
     }[status]
     return StatusBody(code, str(status), text)
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """What STRING holds, as JSON: covariance, health, probability of a hit, and advice: no GO where INVALID or lost."""
+    """The content of STRING as JSON: covariance, health, probability of a hit, and advice: no GO if INVALID or lost."""
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -131,7 +132,7 @@ def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4), axes as the scene's, its origin in the target; None where that is not known."""
+    """(4, 4), axes of the scene, origin in the target; None if that is unknown."""
     if state["target_mm"] is None:
         return None
     matrix = np.eye(4)
@@ -140,9 +141,9 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4) that carries the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
+    """(4, 4) that maps the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
 
-    Of tissue in a plane it is the 95 % ellipse, by 2 degrees of freedom, with FLAT_MM to either side of the plane.
+    For tissue in a plane it is the 95 % ellipse, with 2 degrees of freedom, and FLAT_MM to either side of the plane.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -159,10 +160,10 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4), its origin in the needle's tip, +z the direction of its push; None without a needle.
+    """(4, 4), origin in the needle's tip, +z in the direction of its push; None without a needle.
 
-    The shaft lies along -z, as calibrations of SlicerIGT have it. The turn about the needle is not known: any, that of
-    [duff2017], section 3.
+    The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; [duff2017],
+    section 3, gives one.
     """
     needle = state["needle"]
     if needle is None or needle["tip_mm"] is None:

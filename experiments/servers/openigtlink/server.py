@@ -1,7 +1,7 @@
-"""The server: every client is sent the newest moment only, and what clients send is handed to the loop as commands.
+"""The server: it sends every client the newest moment only, and passes messages of clients to the loop as commands.
 
-A client that is gone, stuck, or sends what is no message of OpenIGTLink, is dropped; the others notice nothing. For
-users: docs/openigtlink.md.
+A client that is gone, stuck, or sends an invalid message is dropped without effect on others. For users:
+docs/openigtlink.md.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: at once; more are told BUSY and dropped; asked for by those who stand beside a needle
+    clients: at the same time; more get BUSY and are dropped; a requirement of users at the needle
     message_s: from the first byte of a message to its last [s]; source: what pyigtl allows a body
-    stuck_s: a client that takes nothing for so long is dropped [s]; choice
-    kernel_bytes: that the operating system may hold for a client [bytes], which Linux doubles: some ten moments, so
-        that what a slow client reads is not old; choice. Linux and macOS take none while the last one waits
+    stuck_s: a client that receives nothing for this long is dropped [s]; choice
+    kernel_bytes: socket buffer for a client [bytes], which Linux doubles: some ten moments, so that a slow client does
+    not read old data; choice. Linux and macOS accept none while the last one waits
     """
 
     clients: int = 16
@@ -50,16 +50,16 @@ class LinkSettings:
 
 SETTINGS = LinkSettings()
 GONE = (OSError, asyncio.IncompleteReadError)
-"""How a connection ends whose client simply goes; a TimeoutError is an OSError, too."""
+"""Exceptions of a connection whose client leaves; a TimeoutError is an OSError, too."""
 
 
 async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SETTINGS) -> None:
-    """Serve clients until cancelled; then all connections are closed, and the socket; sock: bound, of any address."""
+    """Serve clients until cancelled; then close all connections and the socket; sock: bound, at any address."""
     await _Server(feed, settings).run(sock)
 
 
 class _Server:
-    """State: the clients' tasks; how many were dropped; the newest packet and its count; an event for the next one."""
+    """State: the clients' tasks; number of dropped ones; the newest packet and its count; an event for the next one."""
 
     def __init__(self, feed: Feed, settings: LinkSettings) -> None:
         self._feed, self._settings, self._sphere = feed, settings, sphere_message()
@@ -79,7 +79,7 @@ class _Server:
             await asyncio.gather(*self._clients, return_exceptions=True)
 
     async def _follow(self) -> None:
-        """Make a packet of each new moment; of none where none comes in time. What was there before is not new."""
+        """Make a packet of each new moment, or of none if none comes in time. An earlier moment is not new."""
         number = 0 if self._feed.newest is None else self._feed.newest.number
         stale_s = 1e-3 * self._feed.scene["stale_ms"]
         while True:
@@ -95,7 +95,7 @@ class _Server:
 
     def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if len(self._clients) >= self._settings.clients:
-            writer.write(_refusal(Code.BUSY, f"{self._settings.clients} clients are served already"))
+            writer.write(_refusal(Code.BUSY, f"{self._settings.clients} clients are already served"))
             writer.close()
             return
         task = asyncio.get_running_loop().create_task(self._client(reader, writer))
@@ -103,7 +103,7 @@ class _Server:
         task.add_done_callback(self._clients.discard)
 
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Tell and hear one client until it is gone."""
+        """Serve one client until it is gone."""
         writer.transport.set_write_buffer_limits(high=0)
         _keep_little(writer.get_extra_info("socket"), self._settings.kernel_bytes)
         incoming = Incoming(self._feed.scene["dim"])
@@ -125,7 +125,7 @@ class _Server:
             writer.transport.abort()
 
     async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Send the sphere, then the newest packets; what comes while the client is taking the last one is left out."""
+        """Send the sphere, then the newest packets; packets during a transmission are skipped."""
         writer.write(self._sphere)
         sent = self._count
         while True:
@@ -137,7 +137,7 @@ class _Server:
             writer.write(self._packet.common + (b"" if incoming.sends_needle else self._packet.needle))
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Hand on what the client asks for. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
+        """Pass on the client's requests. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
         may_write = _is_local(writer)
         while True:
             first = await reader.readexactly(1)
@@ -150,15 +150,17 @@ class _Server:
                 _answer(writer, Code.ILLEGAL_INSTRUCTION, str(error))
                 commands = list(error.instead) if may_write else []
             if commands and not may_write:
-                _answer(writer, Code.ACCESS_DENIED, "needles and points are taken from programs of this machine only")
+                _answer(
+                    writer, Code.ACCESS_DENIED, "needles and points are accepted from programs on this machine only"
+                )
                 commands = []
             for command in commands:
                 self._feed.command(command)
-            # Messages that wait in the buffer are read without a pause: others must have their turn
+            # waiting messages are read without a pause: others must get their turn
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """A line of what ended a connection, where the client did not simply go: of the 1st, 2nd, 4th ... dropped."""
+        """Log the end of a connection, unless the client left: for the 1st, 2nd, 4th ... dropped one."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1
@@ -169,7 +171,7 @@ class _Server:
 
 
 def _stale(stale_s: float) -> Packet:
-    text = f"nothing new for {1e3 * stale_s:.0f} ms: what was sent is not of now"
+    text = f"nothing new for {1e3 * stale_s:.0f} ms: the data are not current"
     return Packet(status_message(HEALTH, StatusBody(Code.TIME_OUT, "STALE", text), time.time()))
 
 
@@ -178,13 +180,13 @@ def _refusal(code: Code, text: str) -> bytes:
 
 
 def _answer(writer: asyncio.StreamWriter, code: Code, text: str) -> None:
-    """Say why something was not done, unless the client is still taking what it was sent before."""
+    """Send why a request failed, unless the client is still receiving earlier data."""
     if writer.transport.get_write_buffer_size() == 0:
         writer.write(_refusal(code, text))
 
 
 def _keep_little(sock: socket.socket, n_bytes: int) -> None:
-    """Let the operating system keep little that a client has not yet received."""
+    """Limit what the operating system buffers for a client."""
     with contextlib.suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, n_bytes)
     with contextlib.suppress(OSError, AttributeError):
@@ -196,7 +198,7 @@ def _name(writer: asyncio.StreamWriter) -> str:
 
 
 def _is_local(writer: asyncio.StreamWriter) -> bool:
-    """Whether the other end is on the loopback."""
+    """Whether the other end is on loopback."""
     try:
         address = ipaddress.ip_address(_name(writer).partition("%")[0])
     except ValueError:

@@ -1,6 +1,6 @@
 """Who may read and write: exact Host and Origin against pages of others and DNS rebinding, and a token.
 
-`Guard` stands before the application, so that nothing is answered or accepted that it refuses.
+`Guard` wraps the application, so that refused requests are neither answered nor accepted.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""A client offers PROTOCOL and, with this prefix, its token as subprotocols: a browser can send no other header."""
+"""A client offers PROTOCOL and, with this prefix, its token as subprotocols: a browser cannot send other headers."""
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """What is asked of a client.
+    """Access rules for clients.
 
-    hosts: exact values of Host, `address:port`, in lower case
-    token: needed to write, and to read unless read_open
+    hosts: allowed values of Host, `address:port`, in lower case
+    token: required to write, and to read unless read_open
     """
 
     hosts: frozenset[str]
@@ -31,7 +31,7 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request is to one of the hosts and from no page but ours: one exact Host, that Origin or none."""
+        """Whether a request is for one of the hosts and from our page: one exact Host, the same Origin or none."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False
@@ -39,11 +39,11 @@ class Access:
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
     def grant(self, subprotocols: Iterable[str]) -> Grant:
-        """What the subprotocols that a client offers allow it to do."""
+        """The rights of a client by its offered subprotocols."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return Grant(read=self.read_open, write=False)
-        # A wrong token reads nothing even where all may read: its page is of another run, and is to say so
+        # a wrong token may not read even if reading is open: its page belongs to another run, and must show that
         known = len(tokens) == 1 and secrets.compare_digest(tokens[0].encode(), self.token.encode())
         return Grant(read=known, write=known)
 
@@ -57,16 +57,16 @@ class Grant:
 
 
 class Guard:
-    """Before an application: refuses foreign hosts and origins, all methods but GET and HEAD, and requests with a body.
+    """Wraps an application: refuses foreign hosts and origins, all methods but GET and HEAD, and requests with a body.
 
-    Every answer gets headers: the page is not to be framed, cached, guessed at or made to load from elsewhere.
+    Every answer gets headers that forbid framing, caching, sniffing and loading from elsewhere.
     """
 
     def __init__(self, app: ASGIApp, access: Access) -> None:
         self._app, self._access = app, access
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Hand a request on, or refuse it. Its body is never read."""
+        """Pass a request on, or refuse it. Its body is never read."""
         headers = Headers(scope=scope)
         if not self._access.knows_place(headers):
             if scope["type"] == "websocket":
@@ -92,12 +92,12 @@ class Guard:
 
     @staticmethod
     def _refuse(status: int, why: str, **headers: str) -> ASGIApp:
-        """The connection ends with the answer: what else the client sends on it is not looked at."""
+        """The connection ends with the answer: further input is not read."""
         return PlainTextResponse(f"{why}\n", status, {"connection": "close", **headers})
 
 
 def _headers(host: str) -> list[tuple[bytes, bytes]]:
-    """Headers of every answer; host: exact, and known."""
+    """Headers of every answer; host: an allowed one."""
     policy = [
         "default-src 'none'",
         "script-src 'self'",

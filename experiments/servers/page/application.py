@@ -29,11 +29,11 @@ KINDS = {
 def application(feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> Starlette:
     """The page at `/`, its files beside it, and the stream at `/stream`.
 
-    hosts: by which the server is called, `address:port`, exactly; a request to another is refused
-    token: needed to write always, and to read unless read_open
+    hosts: exact names of the server, `address:port`; requests to others are refused
+    token: required to write, and to read unless read_open
     """
     access = Access(frozenset(host.lower() for host in hosts), token, read_open)
-    # All is in memory: no path of a request ever meets the disk
+    # all files are in memory: paths of requests never reach the disk
     files = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*")) if path.suffix in KINDS}
     held = {name: (path.read_bytes(), KINDS[path.suffix]) for name, path in files.items()}
 

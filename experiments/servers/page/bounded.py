@@ -1,6 +1,6 @@
-"""uvicorn's protocols with what they lack against hostile clients: every connection has bounded memory and an end.
+"""uvicorn's protocols, hardened against hostile clients: every connection has bounded memory and duration.
 
-`python -m tests.experiments.servers.page.fuzz` tries them by the hundred thousand.
+`python -m tests.experiments.servers.page.fuzz` tests them with hundreds of thousands.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 MOST_CONNECTIONS = 64
-"""Connections of all kinds at a time: 16 clients, and as many again that each fetch the page over three; chosen."""
+"""Most connections of all kinds: 16 clients, and as many again that each fetch the page over three; chosen."""
 REQUESTS_S = 20.0
-"""Age at which a connection ends that is no WebSocket [s]: a page is fetched in less; chosen."""
+"""Longest duration of a connection that is not a WebSocket [s]: a page is fetched in less; chosen."""
 CLOSING_S = 2.0
-"""Time that a client has to take what is left for it once its connection is to end [s]; chosen."""
+"""Time for a client to receive remaining data when its connection ends [s]; chosen."""
 MOST_UNSENT = 8 * 2**20
-"""Bytes that may wait for a client that goes on sending: more than the largest picture; chosen."""
+"""Most bytes that wait for a client that keeps sending: more than the largest picture; chosen."""
 MOST_HEAD = 16_384
-"""Bytes of a request's line and headers; chosen: ours have 1000."""
+"""Most bytes of a request's line and headers; chosen: ours have 1000."""
 MOST_PIECES = 256
-"""Frames in one message: empty ones count nothing against its size; chosen."""
+"""Most frames in one message: empty ones do not count in its size; chosen."""
 
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")
-"""What h11 takes for it."""
+"""The corresponding setting of h11."""
 
 
 class BoundedHttp(H11Protocol):
@@ -38,7 +38,7 @@ class BoundedHttp(H11Protocol):
     _end: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take a connection, or end it at once."""
+        """Accept a connection, or end it at once."""
         crowded = len(self.connections) >= MOST_CONNECTIONS
         super().connection_made(transport)
         if crowded:
@@ -52,7 +52,7 @@ class BoundedHttp(H11Protocol):
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Answer what came, unless its head is too long: h11 counts only heads that have not come whole."""
+        """Answer a request, unless its head is too long: h11 counts only incomplete heads."""
         came = self.conn.trailing_data[0] if self.conn.their_state is h11.IDLE else b""
         if len(came) > MOST_HEAD and END_OF_HEAD.search(came, 0, MOST_HEAD) is None:
             self.send_400_response(f"expected a head of at most {MOST_HEAD} bytes\n")
@@ -60,7 +60,7 @@ class BoundedHttp(H11Protocol):
         super().handle_events()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Hand the connection on: what ends it then is `BoundedWebSocket`."""
+        """Pass the connection on: `BoundedWebSocket` then limits it."""
         self._forget_end()
         super().handle_websocket_upgrade(event)
 
@@ -70,10 +70,10 @@ class BoundedHttp(H11Protocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """WebSocket; a connection that is not accepted in CLOSING_S ends, and one that is closed ends CLOSING_S later."""
+    """WebSocket; a connection that is not accepted within CLOSING_S ends, and a closed one ends CLOSING_S later."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take a connection."""
+        """Accept a connection."""
         super().connection_made(transport)
         self._end = self.loop.call_later(CLOSING_S, self._end_unless_open)
 
@@ -83,39 +83,39 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Take what came, unless the client does not read: each of its pings would be answered all the same."""
+        """Receive data, unless the client does not read: its pings would still be answered."""
         if self.transport.get_write_buffer_size() > MOST_UNSENT:
             self.transport.abort()
             return
         super().data_received(data)
 
     def handle_cont(self, event: Any) -> None:
-        """Take a piece of a message."""
+        """Receive part of a message."""
         if len(self.frames) >= MOST_PIECES:
             self.transport.abort()
             return
         super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
-        """Hand a message on, unless it is called text and is none: that is nothing to be logged."""
+        """Pass a message on, unless it is invalid text, which is not logged."""
         if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
             self.transport.abort()
             return
         super().send_receive_event_to_app()
 
     async def send(self, message: Any) -> None:
-        """Send, unless the connection was closed by what the client sent while this was on its way."""
+        """Send, unless the client's input closed the connection meanwhile."""
         if self.close_sent and message["type"] == "websocket.send":
             raise ClientDisconnected
         await super().send(message)
 
     def keepalive_timeout(self) -> None:
-        """End a connection whose client answers no ping."""
+        """End a connection whose client does not answer pings."""
         super().keepalive_timeout()
         self._end_soon()
 
     async def run_asgi(self) -> None:
-        """Serve; then end, though the client may take nothing of what is left."""
+        """Serve; then end, even if the client does not receive the rest."""
         try:
             await super().run_asgi()
         finally:

@@ -14,15 +14,15 @@ from experiments.servers.page.application import application
 from experiments.servers.page.bounded import MOST_HEAD, BoundedHttp, BoundedWebSocket
 
 MOST_INBOUND = 65_536
-"""Bytes of a message from a client; asked for."""
+"""Most bytes of a message from a client; a requirement."""
 PING_S = 10.0
-"""Between two pings, and the time in which one is to be answered [s]: who is gone is dropped in twice that; chosen."""
+"""Interval of pings, and timeout of their answers [s]: a lost client is dropped within twice that; chosen."""
 LEAVING_S = 1
-"""Time that clients have to close when the server ends [s]; chosen."""
+"""Time for clients to close when the server ends [s]; chosen."""
 
 
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:
-    """Serve a feed on a bound socket until cancelled, then close connections and socket; the rest as in `application`.
+    """Serve a feed on a bound socket until cancelled, then close connections and socket; see `application`.
 
     Signals are left to the process.
     """
@@ -38,7 +38,7 @@ async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token:
         timeout_graceful_shutdown=LEAVING_S,
         lifespan="off",
         log_config=None,
-        log_level="error",  # what a hostile client does wrong fills no log
+        log_level="error",  # errors of hostile clients do not fill a log
         access_log=False,
         proxy_headers=False,
         server_header=False,
@@ -59,5 +59,5 @@ class _Server(uvicorn.Server):
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Capture none."""
+        """Capture no signals."""
         yield

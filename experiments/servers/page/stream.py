@@ -1,6 +1,6 @@
-"""The JSON stream to a viewer: the scene, then the newest state whenever it can take one; and its commands back.
+"""The JSON stream to a viewer: the scene, then the newest state whenever it is ready; and its commands back.
 
-Nobody is waited for: a state that came while a viewer was still taking an older one is never sent to it.
+The server does not wait: a state is skipped if the viewer is still receiving an older one.
 """
 
 from __future__ import annotations
@@ -18,36 +18,36 @@ from experiments.servers.feed import Feed
 from experiments.servers.page.access import PROTOCOL, Access
 
 MOST_CLIENTS = 16
-"""Viewers and programs at a time; asked for."""
+"""Most viewers and programs at a time; a requirement."""
 STUCK_S = 10.0
-"""A client that takes nothing for so long is let go [s]; chosen: a tablet that was away comes back anew."""
+"""A client that receives nothing for this long is dropped [s]; chosen: a tablet that was away connects again."""
 NEXT = "next"
-"""What a client that sets its own pace sends when it is ready for a state."""
+"""Message of a client with its own pace when it is ready for a state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
-"""Codes by which a connection is closed."""
+"""Closing codes of a connection."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""What ends a client that is gone or takes nothing: whoever sends first finds it gone, whoever sends next, closed."""
+"""Exceptions of a client that is gone or stuck: the first sender finds it gone, the next one closed."""
 LONGEST_ERROR = 200
-"""Letters of an error that an answer repeats: it may quote what the client sent."""
+"""Most letters of an error in an answer, which may quote the client's input."""
 
 
 class Stream:
-    """WebSocket endpoint of all clients of a feed. State: how many; `Feed.n_watching` counts those with pictures."""
+    """WebSocket endpoint of all clients of a feed. State: their number; `Feed.n_watching`: those with pictures."""
 
     def __init__(self, feed: Feed, access: Access) -> None:
         self._feed, self._access = feed, access
         self._n_clients = 0
 
     async def serve(self, socket: WebSocket) -> None:
-        """Serve one client until it goes, takes nothing, or breaks the protocol."""
+        """Serve one client until it leaves, is stuck, or breaks the protocol."""
         offered = socket.scope["subprotocols"]
         await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
         grant = self._access.grant(offered)
         if not grant.read:
-            await socket.close(WRONG_TOKEN, "a token is needed, and none or a wrong one came")
+            await socket.close(WRONG_TOKEN, "a token is required; it was missing or wrong")
             return
         if self._n_clients >= MOST_CLIENTS:
-            await socket.close(TOO_MANY, f"{MOST_CLIENTS} clients are connected already")
+            await socket.close(TOO_MANY, f"{MOST_CLIENTS} clients are already connected")
             return
         viewer = Viewer(socket, self._feed, may_write=grant.write)
         with self._counted(pictures=viewer.pictures):
@@ -67,8 +67,8 @@ class Stream:
 class Viewer:
     """One client.
 
-    pictures: whether it asked for them (`?pictures=1`)
-    State: whether it is ready for a state, which it says itself if it asked for that (`?pace=1`).
+    pictures: whether it requests them (`?pictures=1`)
+    State: whether it is ready for a state, which it reports itself with `?pace=1`.
     """
 
     def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:
@@ -80,7 +80,7 @@ class Viewer:
         self._sending = asyncio.Lock()
 
     async def serve(self) -> None:
-        """Send and receive until either ends."""
+        """Send and receive until one of them ends."""
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
@@ -118,16 +118,16 @@ class Viewer:
                 self._ready.set()
             else:
                 await self._send(json.dumps(self._answer(text)))
-            await asyncio.sleep(0)  # a client that sends without pause takes its turn with the others
+            await asyncio.sleep(0)  # a client that sends without pause must not block the others
 
     def _answer(self, text: str) -> Mapping[str, Any]:
-        """Hand a command over; what became of that."""
+        """Pass a command on; returns the result."""
         name = None
         try:
             command = read_command(text)
             name = command.command
             if not self._may_write:
-                raise ValueError("a token is needed to write")
+                raise ValueError("a token is required to write")
             self._feed.command(command.model_dump())
         except ValueError as error:
             if self._may_write and is_needle(text):
@@ -137,7 +137,7 @@ class Viewer:
         return {"type": "answer", "command": name, "error": None}
 
     async def _send(self, text: str, picture: bytes | None = None) -> None:
-        """A message, and its picture right after it. TimeoutError where the client takes nothing."""
+        """Send a message, and its picture right after it. Raises TimeoutError if the client is stuck."""
         async with asyncio.timeout(STUCK_S), self._sending:
             await self._socket.send_text(text)
             if picture is not None:

@@ -1,4 +1,4 @@
-"""A body in motion: the network that stands for it, which of its nodes are seen, and where all of them truly were."""
+"""A body in motion: its network, its visible nodes, and the true positions of all nodes."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from experiments.arrays import Floats
 GRAVITY_M_S2 = 9.81
 
 MARK_SD_M = 0.5e-3
-"""Standard deviation of a mark, each axis, before bodies of size 1 [m]; of other sizes in proportion."""
+"""Standard deviation of a mark on each axis, for bodies of size 1 [m]; proportional to the size."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Factors on a body's size, stiffness and mass; gravity, seconds and frames stay as they are.
+    """Factors on a body's size, stiffness and mass; gravity, seconds and frames are unchanged.
 
-    Another size is the same shape under gravity: masses go with its cube, stiffnesses with its square, so that it
-    sags by the same share. Dashpots go along so that damping ratios stay.
+    Another size has the same shape under gravity: masses scale with its cube, stiffnesses with its square, so that the
+    relative sag is the same. Dashpots scale so that damping ratios stay.
     """
 
     size: float = 1.0
@@ -57,13 +57,13 @@ class Scale:
 class Body:
     """A body in motion.
 
-    network: its best-known constants, drawn in a shape that a user would draw
+    network: its best-known constants, in the shape that a user would draw
     times_s: of the frames, (n_frames,); positions: of all nodes [m], (n_frames, n_nodes, dim)
     marked: names of the nodes seen, to mark_sd_m an axis [m]
-    at_rest: whether the drawn shape is one at rest, so that rest lengths follow from it
-    in_line: whether the nodes follow each other along a line, the first to the last
-    led: those of the marked nodes that a hand leads
-    kinds: the kind of each spring, of which one factor is identified; none: each spring is its own
+    at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
+    in_line: whether the nodes form a line in order
+    led: marked nodes that are led
+    kinds: the kind of each spring, with one identified factor for each; empty: each spring has its own
     """
 
     network: MassSpringNetwork

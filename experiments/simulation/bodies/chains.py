@@ -1,4 +1,4 @@
-"""Chains of rigid links that start in motion, and cables that are held at one end and led at the other."""
+"""Chains of rigid links that start in motion, and cables with one fixed and one led end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.simulation.bodies.simulate import compiled, motion
 LINKS_M = (0.0917, 0.0693, 0.080)
 MASSES_KG = (0.030, 0.012, 0.020)
 LINK_N_M, LINK_N_S_M = 2000.0, 0.5
-"""What a user writes for a link that does not stretch."""
+"""A user's stiffness for a link that does not stretch."""
 
 HINGE_N_M_S = 1e-5
 SPEED_RAD_S = 3.0
@@ -26,18 +26,18 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend at which a spring over two segments has the energy of the joint, for springs have none of a small one; the root
-mean square of these cables' bends, at either speed."""
+"""Bend at which a spring over two segments has the energy of the joint, because springs have none at small bends; the
+root mean square of these cables' bends, at either speed."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
-"""Side by side, as behind something that covers the middle."""
+"""Adjacent nodes, as behind something that covers the middle."""
 
 
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
-    """A pendulum of so many rigid links in the plane, its outer end seen at 100 Hz.
+    """A pendulum of rigid links in the plane, its outer end seen at 100 Hz.
 
-    Links are springs in the truth, too, where mass or stiffness is scaled: of a rigid one neither matters.
+    Links are also springs in the truth if mass or stiffness is scaled: for a rigid link neither matters.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -71,7 +71,7 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
 
 
 def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
-    """A joint along the link of this stiffness [N/m] and damping [N s/m], where they matter."""
+    """A joint along the link with this stiffness [N/m] and damping [N s/m], if they matter."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
@@ -95,10 +95,11 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
 
 
 def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
-    """A cable of twelve segments in space, one end held, the other led by a hand; its middle hidden.
+    """A cable of twelve segments in space, one end fixed, the other led; its middle hidden.
 
-    speed: of the hand, factor; at 1 it moves at up to 1 m/s
-    Springs against bending resist stretching, too: where links stretch, those of the truth do as both kinds together.
+    speed: factor on the led end's speed; at 1 it moves at up to 1 m/s
+    Springs against bending also resist stretching: if links stretch, the truth's links have the stiffness of both
+    kinds.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
@@ -161,7 +162,7 @@ class _HandPath:
         self.rise_s = rise_s
 
     def at(self, time_s: float) -> Floats:
-        """Where the hand is [m], (3,)."""
+        """Position of the led end [m], (3,)."""
         rise = min(1.0, time_s / self.rise_s)
         rise = rise * rise * (3.0 - 2.0 * rise)
         swaying = self.home + (self.amplitude * np.sin(self.w * time_s + self.phase)).sum(axis=0)

@@ -1,4 +1,4 @@
-"""Elastic bodies by finite elements: blocks that are pressed and let go, blocks that float, sheets that are pulled."""
+"""Elastic bodies by finite elements: blocks that are pressed and released, floating blocks, pulled sheets."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
 POISSON = 0.3
 RAYLEIGH_S = 0.01
-"""Damping by stiffness [s]."""
+"""Ratio of damping to stiffness [s]."""
 
 PRESS, FINGER = 0.05, 0.6
 """Largest force on the lower face of a block, by Young's modulus and its area, and the finger's radius by the side."""
@@ -43,9 +43,9 @@ class Push:
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft block hanging from a plate, pressed from below and let go; its surface is seen, its inside hidden.
+    """A soft block hanging from a plate, pressed from below and released; its surface is seen, its inside hidden.
 
-    It does not stand: of a tenth of its stiffness it would buckle under its own weight.
+    It hangs, because at a tenth of its stiffness it would buckle under its own weight.
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
@@ -77,7 +77,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 
 def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft block that nothing holds, afloat, its faces led about by springs; corners and face centres are seen."""
+    """A soft floating block without supports, its faces moved by springs; corners and face centres are seen."""
     per_side = 3
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA / 3.0 * scale.k / scale.size
@@ -106,7 +106,7 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 
 def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A cloth that hangs from its upper edge, pulled at nodes of its rim and let go; its inside is hidden."""
+    """A cloth that hangs from its upper edge, pulled at nodes of its rim and released; its inside is hidden."""
     sides = scale.size * np.array(SHEET_M)
     mass = SHEET_KG_M2 * SHEET_M[0] * SHEET_M[1] * scale.m
     stretch = SHEET_N_M * scale.k
@@ -134,7 +134,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
     stiffness = 0.75 * stretch * np.where(_diagonal(grid, springs, spacing), 0.5, shared)
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
-    # lengths as cut, not as drawn: of those drawn some springs would be pressed and the sheet fold out of its plane
+    # lengths as cut, not as drawn: with those drawn some springs would be compressed and the sheet would buckle
     network = replace(network, rest_lengths=spring_lengths(grid, springs))
     marked = tuple(f"n{i}" for i in np.flatnonzero(rim))
     return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
@@ -191,7 +191,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[f
 
 
 def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Floats]) -> list[Push]:
-    """One after the other, with pauses in which the body swings out."""
+    """Forces one after the other, with pauses in which the body settles."""
     found, start = [], float(rng.uniform(0.2, 0.5))
     while start < seconds:
         lasts = float(rng.uniform(0.2, 0.8))
@@ -214,7 +214,7 @@ def _pushing(model: Any, pushes: Sequence[Push]) -> Callable[[float, Any], None]
 
 
 class _Leading:
-    """Springs and dashpots that lead nodes along smooth random paths about where they are drawn."""
+    """Springs and dashpots that lead nodes along smooth random paths about their drawn positions."""
 
     def __init__(
         self, rng: np.random.Generator, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping: float
@@ -228,7 +228,7 @@ class _Leading:
         self.stiffness, self.damping = stiffness, stiffness * damping
 
     def act(self, model: Any) -> Callable[[float, Any], None]:
-        """For `motion`."""
+        """Forces for `motion`."""
         bodies = model.flex_vertbodyid[self.nodes]
         at = np.array([model.body_dofadr[b] for b in bodies])[:, None] + np.arange(3)
 
@@ -259,7 +259,7 @@ def _on_hull(grid: Floats) -> NDArray[np.bool_]:
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Edges and face diagonals of a grid, (n_springs, 2), and what share of each lies inside the body, (n_springs,)."""
+    """Edges and face diagonals of a grid, (n_springs, 2), and the share of each inside the body, (n_springs,)."""
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

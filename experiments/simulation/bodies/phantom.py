@@ -1,4 +1,4 @@
-"""The four-mass phantom without its braces, of springs of 80 N/m: it hangs from its anchors, and is poked."""
+"""The four-mass phantom without its braces, with springs of 80 N/m: it hangs from its anchors, and is poked."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def unbraced_network(scale: Scale) -> MassSpringNetwork:
 
 
 def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
-    """The unbraced phantom, its outer masses poked now and then by up to 10 m/s²; the inner one is hidden."""
+    """The unbraced phantom, its outer masses sometimes poked by up to 10 m/s²; the inner one is hidden."""
     network = unbraced_network(scale)
     model, data = compiled(_xml(network))
     rng = np.random.default_rng([seed, 0])

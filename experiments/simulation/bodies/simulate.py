@@ -11,11 +11,11 @@ import numpy as np
 from experiments.arrays import Floats
 
 Act = Callable[[float, Any], None]
-"""Sets forces or led places in MuJoCo's data for the step that begins at this time [s]."""
+"""Sets forces or led positions in MuJoCo's data for the step that begins at this time [s]."""
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model and data of this text, its positions computed."""
+    """MuJoCo's model and data of this text, with positions computed."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -25,16 +25,16 @@ def compiled(xml: str) -> tuple[Any, Any]:
 def motion(
     model: Any, data: Any, read: Callable[[Any], Floats], *, times_s: Floats, longest_s: float, act: Act | None = None
 ) -> Floats:
-    """What `read` finds at each of these equally spaced times [s], (n_frames, ...), from the data as they are.
+    """Results of `read` at each of these equally spaced times [s], (n_frames, ...), from the present data.
 
-    longest_s: of a step [s]; steps divide the frame interval
+    longest_s: longest step [s]; steps divide the frame interval
     """
     interval = float(times_s[1] - times_s[0])
     n_steps = int(np.ceil(interval / longest_s - 1e-9))
     model.opt.timestep = interval / n_steps
     seen = []
     for time_s in times_s:
-        mujoco.mj_forward(model, data)  # a step leaves places as they were before it
+        mujoco.mj_forward(model, data)  # a step leaves derived positions as before it
         seen.append(np.array(read(data)))
         for step in range(n_steps):
             if act is not None:

@@ -23,10 +23,10 @@ BODIES: dict[str, Callable[[int, Scale, float], Body]] = {
 """Made from a seed, factors on size, stiffness and mass, and the length of the recording [s]."""
 
 SECONDS = {"chain2": 4.0, "chain3": 4.0, "cable-slow": 5.0, "cable-fast": 5.0, "phantom": 5.0}
-"""Length of a recording [s] where it is not 3 s."""
+"""Length of a recording [s] if it is not 3 s."""
 
 
 def make_body(name: str, seed: int, scale: Scale | None = None, seconds: float | None = None) -> Body:
-    """The body of this name in the motion of this seed; KeyError where there is none."""
+    """The body of this name in the motion of this seed; KeyError if there is none."""
     length_s = SECONDS.get(name, 3.0) if seconds is None else seconds
     return BODIES[name](seed, Scale() if scale is None else scale, length_s)

@@ -1,4 +1,4 @@
-"""Recordings of the study: marks of a body, and where its hidden points truly are."""
+"""Recordings of the study: marks of a body, and the true positions of its hidden points."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from experiments.studies.zoo.constants import assumed, measured
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """What a filter is given, and what is true.
+    """Input of a filter, and the truth.
 
     Attributes
     ----------
@@ -112,10 +112,10 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
 """By name, made from a seed."""
 
 LUNG = "lung"
-"""Of a folder of landmarks; it has no seed."""
+"""Name of the run for a folder of landmarks, which has no seed."""
 
 
 @lru_cache(maxsize=1)
 def recording(body: str, seed: int, lungs: str) -> Recording:
-    """The recording of a body, `LUNG` or one of `BODIES`; runs that follow each other share it."""
+    """The recording of a body, `LUNG` or one of `BODIES`; consecutive runs share it."""
     return lung(Path(lungs)) if body == LUNG else BODIES[body](seed)

@@ -1,4 +1,4 @@
-"""Mechanisms of the filter that can be turned off, by its arguments wherever there is one, and the code of each."""
+"""Mechanisms of the filter that can be turned off, by arguments where possible, and the code of each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from experiments.studies.ablation.recordings import Recording
 WHOLE = "whole filter"
 
 FORCES, FIELD = Disturbances(), Discrepancy()
-"""The usual priors."""
+"""The default priors."""
 
 Fields = Mapping[str, Any]
 
@@ -31,7 +31,7 @@ class Switch:
     Attributes
     ----------
     code : str
-        What would go with it: names in `estimators.core`, and numbers of lines elsewhere.
+        Code that would be removed: names in `estimators.core`, and numbers of lines elsewhere.
     disturbances, discrepancy, settings : mapping
         Fields of the filter's arguments that turn it off.
     knows_constants : bool
@@ -49,7 +49,7 @@ class Switch:
 
     @property
     def lines(self) -> int:
-        """How many lines would go."""
+        """Number of lines that would be removed."""
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
     def filter(self, given: Recording) -> TissueFilter:
@@ -66,7 +66,7 @@ class Switch:
         )
 
     def patched(self) -> ExitStack:
-        """Within it the patches hold."""
+        """Context in which the patches are applied."""
         stack = ExitStack()
         for place, value in self.patches.items():
             stack.enter_context(patch(f"estimators.core.{place}", value))
@@ -74,7 +74,7 @@ class Switch:
 
 
 def _length(name: str) -> int:
-    """Lines of what has this name in `estimators.core`: a function or class of a module, or a method."""
+    """Lines of this name in `estimators.core`: a function or class of a module, or a method."""
     module, *rest = name.split(".")
     found: Any = import_module(f"estimators.core.{module}")
     for part in rest:
@@ -103,7 +103,7 @@ SWITCHES: Mapping[str, Switch] = {
         "8",
         disturbances={
             "poke_m_s2": FORCES.calm_m_s2,
-            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # others are raised as before
+            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # other errors are raised as before
         },
     ),
     "led mode": Switch("14", disturbances={"led_m_s2": FORCES.poke_m_s2}),
@@ -131,4 +131,4 @@ SWITCHES: Mapping[str, Switch] = {
         "statics.StaticStates.moved_by_constants statics.StaticStates._accelerations 20", knows_constants=False
     ),
 }
-"""By name; the first turns nothing off."""
+"""Mechanisms by name; the first is the whole filter."""

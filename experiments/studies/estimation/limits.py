@@ -1,4 +1,4 @@
-"""Runs at the limits: against the lower bound, hard ones, and without marks; parts of the study."""
+"""Runs at the limits: against the lower bound, strong disturbances, and without marks; parts of the study."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from experiments.engine.runs import Case
 from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Model, Trial, passed, run, seen, truth
 
 TREMOR = 0.05
-"""Of the shipped scenarios, white acceleration on each free node [m/s²/sqrt(Hz)]."""
+"""White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""From which frame on a run counts."""
+"""First frame of a run that counts."""
 
 
 def hard_trial(k: int) -> Trial:
@@ -36,7 +36,7 @@ def hard_trial(k: int) -> Trial:
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Mean square error of the filter in a quiet run, and what the posterior Cramér-Rao bound leaves, by section."""
+    """Mean square error of the filter in a quiet run, and the posterior Cramér-Rao bound, by section."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -74,7 +74,7 @@ def lost_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
-    """The longest time [s] from the first to the last frame of an unbroken row of these."""
+    """The longest duration [s] of consecutive frames with the condition."""
     found, since = 0.0, None
     for time_s, now in zip(times_s, wrong, strict=True):
         since = (time_s if since is None else since) if now else None

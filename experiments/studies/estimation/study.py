@@ -4,10 +4,10 @@
     python -m experiments.studies.estimation.study grid --runs 10 --out study
     python -m experiments.studies.estimation.page study                    # rewrite the page from what is there
 
-Parts are kept as JSON in the folder, their runs in `runs` and truths in `truth` beside them; a study that was ended
-goes on where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes
-are half sines (`poked`: one mass at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to
-140 mm). Errors of constants are in the model: what is true stays the phantom's.
+Parts are kept as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
+continues where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes are half sines (`poked`: one mass
+at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to 140 mm). Errors of constants are in
+the model: the truth stays the phantom.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 """Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
 
 LEFT = {kind: 0.02 for kind in KINDS if kind != "rest_length"}
-"""What is taken to be left after identification in the grid; rest lengths are corrected by a picture at rest."""
+"""Errors assumed after identification in the grid; rest lengths are corrected by a picture at rest."""
 
 SCENARIOS = ("quiet", "poked", "shoved")
 NOISES_MM = (0.1, 0.3, 1.0, 4.14, 8.0)
@@ -66,7 +66,7 @@ Row = dict[str, float | int]
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """Where a study keeps its runs and truths, how many runs each figure takes, and where they are done."""
+    """Folders of a study's runs and truths, number of runs of each figure, and workers."""
 
     folder: Path
     n_runs: int
@@ -74,12 +74,12 @@ class Study:
 
     @property
     def seeds(self) -> range:
-        """Of the runs."""
+        """Folder of the runs."""
         return range(100, 100 + self.n_runs)
 
     @property
     def cache(self) -> Path:
-        """Where truths are kept."""
+        """Folder of the truths."""
         return self.folder / "truth"
 
     def runs(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> pd.DataFrame:
@@ -91,8 +91,8 @@ def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run; errors are means [mm], mean squares [mm²] and largest, shares are of its frames.
 
     diverged: an error of more than FAR_M while TRACKING, for UNREPORTED_S or longer or in the last frame; ever_far: at
-    any time; unsaid_s: the longest time for which it was surely wrong and TRACKING: more than FAR_M with a NEES above
-    30, which one frame in three million has
+    any time; unsaid_s: the longest time for which it was certainly wrong and TRACKING: more than FAR_M with a NEES
+    above 30, which occurs in one frame of three million
     """
     ours_mm = 1e3 * outcome.filtered
     far = (outcome.filtered > FAR_M) & (np.array(outcome.status) == "TRACKING")
@@ -135,13 +135,13 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def far_figures(runs: pd.DataFrame) -> Row:
-    """`figures`, runs that diverged or were ever far, and the longest time [s] that one was surely wrong unsaid."""
+    """`figures`, runs that diverged or were ever far, and the longest time [s] of an unreported, certain error."""
     far = {"runs_diverged": int(runs["diverged"].sum()), "runs_ever_far": int(runs["ever_far"].sum())}
     return figures(runs) | far | {"longest_unsaid_s": float(runs["unsaid_s"].max())}
 
 
 def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
-    """`figures` of all frames together and of each scenario, as `label` and its name."""
+    """`figures` of all frames together and of each scenario, with `label` and its name."""
     each = {f"{label}{name}": figures(own) for name, own in runs.groupby("scenario", sort=False)}
     return {f"{label}all": figures(runs)} | each
 
@@ -166,7 +166,7 @@ def calibration(seed: int, cache: Path) -> Frames:
 
 
 def identified(study: Study) -> dict[str, Row]:
-    """Constants wrong by 10 %, identified from 30 s, both methods with what was found; 4.14 mm, 30 frames/s."""
+    """Constants wrong by 10 %, identified from 30 s, both methods with the identified ones; 4.14 mm, 30 frames/s."""
     found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
     means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
     return by_scenario(found) | {"constants": means.to_dict()}
@@ -205,7 +205,7 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def grid(study: Study) -> dict[str, Row]:
-    """Mark noise by frame rate, constants wrong by 2 %, known to that, rest seen; half the runs quiet, half shoved."""
+    """Mark noise by frame rate, constants wrong by 2 % and so stated, rest seen; half the runs quiet, half shoved."""
     seeds = study.seeds[: (study.n_runs + 1) // 2]
     cases = cases_of(noise_mm=NOISES_MM, rate=RATES, scenario=("quiet", "shoved"), seed=seeds)
     found = study.runs("grid", grid_row, cases).groupby(["noise_mm", "rate"], sort=False)
@@ -233,7 +233,7 @@ def _left(cache: Path) -> ParameterUncertainty:
 
 
 def bound(study: Study) -> dict[str, Row]:
-    """Nobody pokes, constants known: RMSE by the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
+    """No pokes, exact constants: RMSE relative to the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
     runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
@@ -255,7 +255,7 @@ def hard_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def overturned(study: Study) -> dict[str, Row]:
-    """Pokes so strong that the truth turns over: whether the filter follows, or reports that it does not."""
+    """Pokes so strong that the truth turns over: whether the filter follows, or reports its failure."""
     cases = cases_of(strength=(1.5, 2.0, 3.0), seed=[3000 + seed for seed in study.seeds])
     runs = study.runs("overturned", overturned_row, cases)
     by_strength = runs[runs["turned"]].groupby("strength", sort=False)
@@ -268,7 +268,7 @@ def overturned_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def lost(study: Study) -> dict[str, Row]:
-    """All marks lost for 2 s, pokes going on, and half a second of them after; 4.14 mm, 30 frames/s."""
+    """All marks lost for 2 s with continued pokes, and half a second of marks after; 4.14 mm, 30 frames/s."""
     rows: dict[str, Row] = {}
     cases = cases_of(scenario=SCENARIOS, seed=study.seeds)
     for name, runs in study.runs("lost", lost_row, cases).groupby("scenario", sort=False):
@@ -285,7 +285,7 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the parts named, or all, and keep their figures."""
+    """Run the named parts, or all, and keep their figures."""
     parser = study_options(__doc__)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
     parser.add_argument("--runs", type=int, default=100)

@@ -29,20 +29,20 @@ from experiments.simulation.simulate import EXACT, true_motion
 Frames = list[tuple[float, list[MarkMeasurement]]]
 
 KNOTS_PER_S = 120
-"""Truth is kept this often [1/s]; frame rates must divide it."""
+"""Sampling rate of the truth [1/s]; frame rates must divide it."""
 MISPLACED_M = (0.03, 0.15)
-"""How far from its place an outlier is [m]."""
+"""Distance of an outlier from the true position [m]."""
 
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Of a filter whose model is the true one, as scenes of simulated phantoms state."""
+"""Discrepancy of a filter with the true model, as in scenes of simulated phantoms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One run: a shipped scenario with another seed, strength of pokes, camera, and shares of marks lost or misplaced.
 
-    outliers: share of the marks that are 30 to 150 mm from their places, in any direction
+    outliers: share of the marks that are 30 to 150 mm from their true positions, in any direction
     """
 
     scenario: str
@@ -57,7 +57,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """The model of the tissue that the methods are given."""
+    """The model of the tissue for the methods."""
 
     network: MassSpringNetwork = field(default_factory=four_mass_phantom)
     uncertainty: ParameterUncertainty | None = None
@@ -66,7 +66,7 @@ class Model:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """What came of a run.
+    """The result of a run.
 
     open_loop, filtered: error of the hidden mass [m], (n_frames,); nees: by the filter's covariance
     repairs: of covariances; turned: whether a spring of the truth ever turned by more than a right angle
@@ -82,7 +82,7 @@ class Outcome:
 
 
 def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
-    """Marks of these names at these places [m], (n_frames, n_names, dim), that are known to so much an axis [m]."""
+    """Marks of these names at these positions [m], (n_frames, n_names, dim), with this sd on each axis [m]."""
     return [
         (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
         for time_s, at in zip(times_s, places, strict=True)
@@ -112,7 +112,7 @@ def truth(trial: Trial, cache: Path) -> Floats:
 
 
 def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[str] = OUTER) -> tuple[Frames, Floats]:
-    """Frames with the marks of these nodes, and where the hidden mass was at each [m], (n_frames, dim)."""
+    """Frames with the marks of these nodes, and the hidden mass at each [m], (n_frames, dim)."""
     positions = truth(trial, cache)
     step = KNOTS_PER_S // trial.frames_per_s
     network = four_mass_phantom()
@@ -132,7 +132,7 @@ def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[st
 
 
 def _misplaced(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of places [m], (n, dim): 30 to 150 mm in any direction for this share of them, else none."""
+    """Errors of positions [m], (n, dim): 30 to 150 mm in any direction for this share of them, else zero."""
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (len(ways), 1)) / np.linalg.norm(ways, axis=1, keepdims=True)
     return np.where(rng.random((len(ways), 1)) < share, ways, 0.0)
@@ -148,7 +148,7 @@ def passed(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
 
 
 def run(trial: Trial, model: Model, cache: Path) -> Outcome:
-    """The paper's method and ours on the same marks."""
+    """The paper's method and the filter on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
     open_loop = OpenLoop(model.network, HIDDEN)
@@ -168,7 +168,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether a spring between these free nodes, (n, n_free, dim), ever points against where it does at rest."""
+    """Whether a spring between these free nodes, (n, n_free, dim), is ever reversed against its rest direction."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

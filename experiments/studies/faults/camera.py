@@ -61,10 +61,10 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng: arrivals) -> Arrives:
-    """Of a device that states times, by a clock that is this much off while the fault lasts [s]."""
+    """Frames of a device with its own times, whose clock has this error during the fault [s]."""
     return lambda arrivals, rng: arrives(
         [
-            replace(one, told_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
+            replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
             for k, one in enumerate(arrivals)
         ],
         rng,

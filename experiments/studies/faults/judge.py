@@ -1,4 +1,4 @@
-"""What was shown while something failed, judged: how fast it was noticed, and whether GO was shown that was wrong."""
+"""Evaluation of a run with a fault: how fast it was detected, and whether a wrong GO was shown."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""When a fault begins, from the first exposure on [s]: the breath is learnt by then."""
+"""Onset of a fault, from the first exposure on [s]: the breathing model is ready by then."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Within this, or three frames if that is longer, a fault that a frame shows has to be noticed [s]: asked for."""
+"""Time limit for detecting a fault that a frame shows, or three frames if longer [s]; a requirement."""
 HIDDEN_S = 2.0
-"""Within this a fault that no single frame can show has to be noticed, or the covariance to cover it [s]: asked for."""
+"""Time limit for detecting a fault that single frames do not show, or for covering it by the covariance [s]; a
+requirement."""
 WRONG = 0.999
-"""An estimate is wrong where the truth lies outside of its region of this probability, and by more than `LEAST_M`."""
+"""An estimate is wrong if the truth lies outside its region of this probability, by more than `LEAST_M`."""
 LEAST_M = 1e-3
-"""A needle does not mind less [m]; chosen."""
+"""Smaller errors do not matter to a needle [m]; chosen."""
 STALE_S = 0.2
-"""Age of what is shown from which on it must not be GO [s]: asked for."""
+"""Age of a state above which it must not show GO [s]; a requirement."""
 STEADY_S = 0.5
-"""So long all has to be well again to call it recovered [s]; chosen."""
+"""Time without faults that counts as recovered [s]; chosen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """What was shown at one time [s] from the first exposure on.
+    """The display at one time [s] from the first exposure on.
 
     age_s: of the newest frame that was used; status, advice: the words that were shown; advice None for none
-    why: the reason that was shown, empty for none; told: what was reported at that moment, empty for nothing
+    why: the reason that was shown, empty for none; reported: what was reported at that moment, empty for nothing
     sigma_m: of the target
-    wrong: whether the truth was outside of the estimate; astray: whether the needle lay so that it would miss
-    well: whether nothing was shown but that the target is tracked
+    wrong: whether the truth was outside the estimate's region; astray: whether the needle would miss
+    well: whether only tracking was shown, without a fault
     """
 
     time_s: float
@@ -56,37 +57,37 @@ class Moment:
     sigma_m: float
     wrong: bool
     well: bool
-    told: str = ""
+    reported: str = ""
     astray: bool = False
 
     @property
     def faulty_go(self) -> bool:
-        """Whether GO was shown that was wrong."""
+        """Whether a wrong GO was shown."""
         return self.advice == "GO" and (self.wrong or self.astray or self.age_s > STALE_S)
 
     @property
     def words(self) -> str:
-        """What was shown of the fault, empty for nothing."""
+        """The displayed fault, empty for none."""
         if self.well:
-            return self.told
+            return self.reported
         what = self.advice if self.advice in ("ABORT", "REALIGN") else self.status
         return f"{what}: {self.why}" if self.why else what
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """What came of a fault in one run.
+    """The result of a fault in one run.
 
-    noticed_ms: after its onset; None where nothing was shown of it
-    covered: whether no estimate was wrong from `within_s` on until the fault was over and noticed to be
-    shown: the words that were shown most while it lasted, or else what was reported
-    recovered_ms: after its end, or after its onset where it stays; None where it did not until the run's end
-    sigma_before_mm, sigma_most_mm: spread of the target before, and the largest while it lasted
+    noticed_ms: after its onset; None if it was never shown
+    covered: whether no estimate was wrong from `within_s` until the fault was over and its end was noticed
+    shown: the most frequent words during the fault, or else what was reported
+    recovered_ms: after its end, or after its onset if it stays; None if it did not recover
+    sigma_before_mm, sigma_most_mm: standard deviation of the target before, and the largest during the fault
     go_shown_while_faulty: moments at which GO was shown on an estimate that was wrong, or older than STALE_S, or of a
         needle that would miss, from `within_s` after the onset on; go: all at which it was shown, from the onset on
-    ended: how the program ended where one of its own ran, else empty
-    lacks_s: of what was shown before its end, or before its disk was full, how much its tables or its recording lack
-        [s]; all where they cannot be read, None where there are none
+    ended: how the process ended if there was one, else empty
+    lacks_s: how much of the time before its end, or before a full disk, its tables or its recording lack [s]; all if
+    they are unreadable, None if there are none
     """
 
     fault: str
@@ -105,11 +106,11 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Fault(ABC):
-    """A fault, and how it is made and judged.
+    """A fault, its simulation and its evaluation.
 
-    name: as the table has it; what: in a few words; lasts_s: from ONSET_S on [s], inf for one that stays
-    within_s: when it has to be noticed, at the latest, or covered [s]
-    alone: whether its run takes place in real time, so that nothing else may be at work on the machine
+    name: in the table; what: in a few words; lasts_s: from ONSET_S on [s], inf for one that stays
+    within_s: time limit for noticing or covering it [s]
+    alone: whether its run is in real time, so that nothing else may run on the machine
     """
 
     name: str
@@ -120,12 +121,12 @@ class Fault(ABC):
 
     @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
-        """What came of it in a run; folder: one that exists, for what the run writes."""
+        """Its result in a run; folder: an existing one, for the run's output."""
 
 
 @contextmanager
 def quiet_folder() -> Iterator[Path]:
-    """A folder for what a run writes, gone afterwards; meanwhile nothing is logged."""
+    """A temporary folder for a run's output; logging is off meanwhile."""
     level = LOG.level
     LOG.setLevel(logging.CRITICAL)
     try:
@@ -136,7 +137,7 @@ def quiet_folder() -> Iterator[Path]:
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
-    """Whether the truth [m], (dim,), lies outside of the estimate's region of `WRONG`, and not only by a little."""
+    """Whether the truth [m], (dim,), lies outside the estimate's region of `WRONG`, by more than `LEAST_M`."""
     if cov is None or not np.isfinite(mean).all() or not np.isfinite(cov).all():
         return True
     off = truth_m - mean
@@ -146,15 +147,15 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> Judged:
-    """What the moments of a run tell of a fault that began at ONSET_S and lasted so long [s], inf for one that stays.
+    """The verdict of a run's moments on a fault that began at ONSET_S and lasted this long [s], inf for one that stays.
 
-    A run that shows nothing any more has ended before the last of them.
+    A run without further display has ended before the last of them.
     """
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]
     after = [one for one in moments if one.time_s >= ONSET_S]
-    noticed_s = next((one.time_s for one in after if not one.well or one.told), None)
+    noticed_s = next((one.time_s for one in after if not one.well or one.reported), None)
     recovered_s = _recovered(after, ONSET_S if stays else ends_s, noticed_s)
     over_s = np.inf if recovered_s is None or stays else recovered_s
     faulty = [one for one in after if ONSET_S + fault.within_s <= one.time_s < over_s]
@@ -174,17 +175,17 @@ def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> J
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The words that were shown most, whatever their figures, or else what was reported first."""
+    """The most frequent words, whatever their numbers, or else what was reported first."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
-        return next((one.told for one in moments if one.told), "")
+        return next((one.reported for one in moments if one.reported), "")
     kinds = [re.sub(r"\d+(\.\d+)?", "0", words) for words in ill]
     (most, _), *_ = Counter(kinds).most_common(1)
     return ill[kinds.index(most)]
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """When all is well for good after the fault was over, or was noticed where it stays [s]."""
+    """Time from which all is well after the end of the fault, or after its detection if it stays [s]."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

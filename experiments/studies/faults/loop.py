@@ -1,4 +1,4 @@
-"""Faults of what the loop is told beside frames, a tracked needle, and of the filter itself."""
+"""Faults of the loop's other input, a tracked needle, and of the filter itself."""
 
 from __future__ import annotations
 

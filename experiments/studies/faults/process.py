@@ -1,4 +1,4 @@
-"""A live run as a process of its own, of a simulated film, with what is around it: terminal, disk, viewers."""
+"""A live run of a simulated film in its own process, with its environment: terminal, disk, viewers."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from experiments.studies.faults.world import Motion, drawn, scenario_of, scene_i
 from vision import Frame, SourceError
 
 FRAME_S = 0.05
-"""From frame to frame of the film [s]: what a busy machine shows and records at its own pace."""
+"""Frame interval of the film [s], which a busy machine can show and record in real time."""
 STARTS_S = 60.0
-"""So long a run may take to show its page [s]: longer than any does."""
+"""Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""So long before the end of its film a run is left to that [s]."""
+"""Time before the end of its film at which a run is left alone [s]."""
 ENDS_S = 20.0
-"""So long a run may take to end when its film has [s]."""
+"""Timeout for a run to end after its film [s]."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
 )
-"""The program, which Ctrl-C ends though it was begun in the background, where it would be ignored."""
+"""The program with Ctrl-C enabled, which would be ignored for a background process."""
 GONE_S = 3.0
-"""So long its other processes may take to end after it [s]."""
+"""Timeout for its other processes to end after it [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,13 +66,13 @@ class Film:
 
 @cache
 def _films() -> tempfile.TemporaryDirectory[str]:
-    """Where films are, until the process ends."""
+    """Folder of the films, until the process ends."""
     return tempfile.TemporaryDirectory(prefix="softaim-films-")
 
 
 @cache
 def filmed(seed: int, duration_s: int) -> Film:
-    """Film it for so many seconds; kept, for most faults are of the same films."""
+    """Film it for this many seconds; cached, because most faults use the same films."""
     folder = Path(tempfile.mkdtemp(dir=_films().name))
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
@@ -98,9 +98,9 @@ def filmed(seed: int, duration_s: int) -> Film:
 
 
 class Terminal:
-    """Reads what a process writes, as long as somebody does.
+    """Reads the output of a process.
 
-    State: what was read; whether it is read; where it comes from.
+    State: the output so far; whether it is read; its source.
     """
 
     def __init__(self, *sources: int) -> None:
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Read no longer: nobody is there any more."""
+        """Stop reading, as if the reader were gone."""
         self._closing = True
         self._thread.join()
 
@@ -138,10 +138,10 @@ class Terminal:
 class LiveRun:
     """`softaim live` of a film, recorded, with a needle, from `start` until it has ended.
 
-    folder: that exists, for its output; options: of the command line, beside these; on_terminal: whether it runs in a
-    terminal, not in pipes; igtl_port: where OpenIGTLink listens, 0 for nowhere
-    State: the process, and who reads what it writes, from `start` on; port and token of its page, and who watches it,
-    once it is there; other viewers; what is held until its end.
+    folder: an existing one, for its output; options: further ones of the command line; on_terminal: whether it runs in
+    a terminal, not in pipes; igtl_port: of OpenIGTLink, 0 for none
+    State: from `start` on the process, and the readers of its output; port and token of its page, and its viewer, once
+    it is there; other viewers; resources held until its end.
     """
 
     film: Film
@@ -158,7 +158,7 @@ class LiveRun:
     _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
-        """As a context manager: nothing of it is left at its end."""
+        """As a context manager: cleans up at its end."""
         return self
 
     def __exit__(
@@ -173,7 +173,7 @@ class LiveRun:
         return self.folder / "live"
 
     def start(self) -> bool:
-        """Start it, and watch it once its page is there; whether that came to be."""
+        """Start it, and watch it once its page is there; returns whether it was."""
         command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
         command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
         theirs, mine = self._ends()
@@ -200,7 +200,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """What it writes to, its standard output and standard error, and where that is read."""
+        """Its standard output and standard error, and their reading ends."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -216,7 +216,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """End it as Ctrl-C does, unless it ends by itself; the film's time then [s], inf where it had ended before."""
+        """End it by Ctrl-C, unless it ends by itself; returns the film's time then [s], inf if it had ended before."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -225,7 +225,7 @@ class LiveRun:
         return min(now_s, self.film.ends_s)
 
     def ended(self) -> str:
-        """How it ended, in words; waits for that."""
+        """Wait for its end; returns how it ended, in words."""
         process = self.process
         try:
             code = process.wait(ENDS_S)
@@ -245,18 +245,18 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """How much tables or recording lack of what was shown until this time of the film [s]; all if unreadable."""
+        """Time that tables or recording lack up to this time of the film [s]; all if unreadable."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
         try:
             kept_s = min(self._kept_s())
-        except (InputError, SourceError, ValueError):  # also of a table without rows
+        except (InputError, SourceError, ValueError):  # also for a table without rows
             kept_s = shown_s[0]
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Until when estimates, advice and pictures are there, in the film's time [s]."""
+        """End of estimates, advice and pictures in the film's time [s]."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]
@@ -267,7 +267,7 @@ class LiveRun:
 
 
 def _last_s(table: Path) -> float:
-    """The time of a table's last whole row [s]. Raises InputError, ValueError."""
+    """The time of a table's last complete row [s]. Raises InputError, ValueError."""
     rows = read_rows(table, "the table of a live run", torn=True)
     column = next(rows).index("time_s")
     return max(float(row[column]) for row in rows)

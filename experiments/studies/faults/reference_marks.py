@@ -1,4 +1,4 @@
-"""Error of the hidden target where the camera moves and reference marks correct it, by that of a camera that stands.
+"""Error of the hidden target with a moving camera and reference marks, relative to a fixed camera.
 
 `python -m experiments.studies.faults.reference_marks --seeds 10` prints a row for each body and motion: the four-mass
 phantom with reference marks on its three anchors, and the breast, in space, with four of its anchors marked; pokes of 5
@@ -15,7 +15,7 @@ camera drifts. Figures obtained, with ten seeds:
     breast   drift 1 mm/s        0.450         1.02          86.8 %
     breast   moved 10 mm         0.457         1.04          85.9 %
 
-Those of the breast are of 6 s (--seconds 6); there the filter is overconfident with a camera that stands, too.
+Those of the breast are of 6 s (--seconds 6); there the filter is overconfident with a fixed camera, too.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ BODIES = ("phantom", "breast")
 
 
 def moved_by(row: str, t: float, dim: int) -> Floats:
-    """Change of the camera's pose from where it is calibrated, (n,), at a time since the start [s]."""
+    """Change of the camera's pose from the calibrated one, (n,), at a time since the start [s]."""
     change = np.zeros(dim * (dim + 1) // 2)
     if row in ("drift 1 mm/s", "unseen"):
         change[0] = 1e-3 * t
@@ -66,7 +66,7 @@ def moved_by(row: str, t: float, dim: int) -> Floats:
 
 
 def scene_and_scenario(body: str, seed: int, seconds: float) -> tuple[Scene, Scenario]:
-    """The scene of a body with its reference marks, and what moves it."""
+    """The scene of a body with its reference marks, and its forces."""
     scenario = read_scenario("poked")
     scene = scene_of(scenario) if body == "phantom" else scene_with_marks(breast_phantom(), {})
     network = scene.network

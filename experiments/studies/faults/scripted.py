@@ -1,4 +1,4 @@
-"""Faults by a script's own clock: the whole loop of a live run before a simulated world, in which one thing fails."""
+"""Faults by a script's clock: the whole loop of a live run before a simulated world with one fault."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ from vision.arrays import Image
 
 DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
-"""From exposure to arrival [s]: half a frame, and reading it out."""
+"""Time from exposure to arrival [s]: half a frame, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that without a fault nearly always GO is shown, and nothing hides behind WAIT."""
+"""Radius of the lesion [m]: so large that GO is shown nearly always without a fault, so that WAIT hides nothing."""
 ABOVE_M = 0.03
-"""From the entry of the needle to its target, as the scene is drawn [m]."""
+"""Distance from the entry of the needle to its target, as drawn [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
-"""From the target to where the needle comes from, by dimension."""
+"""Direction from the target to the needle's entry, by dimension."""
 
 Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
@@ -54,10 +54,10 @@ Arrives = Callable[[list[Arrival], np.random.Generator], list[Arrival]]
 
 @dataclass(frozen=True, slots=True)
 class TrackedNeedle:
-    """A needle that a tracker sees.
+    """A tracked needle.
 
-    pose: where it truly is, by the time since the onset [s] and the plan's needle, that is not inserted
-    push_N: by which it presses the tissue along itself while any of it is inside [N]
+    pose: its true pose, by the time since the onset [s] and the plan's needle, which is not inserted
+    push_N: its force on the tissue along itself while any of it is inside [N]
     seen: whether the tracker sees it
     """
 
@@ -67,7 +67,7 @@ class TrackedNeedle:
 
 
 def as_is(thing: Thing) -> Thing:
-    """What does not change."""
+    """The identity."""
     return thing
 
 
@@ -75,11 +75,11 @@ def as_is(thing: Thing) -> Thing:
 class ScriptedFault(Fault):
     """A `Fault` that a script makes.
 
-    picture: what becomes of a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
-    places: where the picture shows the nodes [m]; arrivals: what the reads give
-    becomes: what becomes of the true network at the onset; believed: the scene that the filter is given
-    needle: one that is tracked, None for one that stays where the plan has it
-    upsets: what is done to the run itself, once, at the onset
+    picture: changes a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
+    places: displaces the nodes in the picture [m]; arrivals: changes the reads
+    becomes: changes the true network at the onset; assumed: changes the scene of the filter
+    needle: a tracked one, None for the plan's fixed one
+    upsets: changes the run itself, once, at the onset
     """
 
     picture: Alters = lambda image, _since_s, _rng: image
@@ -87,7 +87,7 @@ class ScriptedFault(Fault):
     places: Moves = lambda places, _since_s, _scene: places
     arrivals: Arrives = lambda arrivals, _rng: arrivals
     becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = as_is
-    believed: Callable[[Scene], Scene] = as_is
+    assumed: Callable[[Scene], Scene] = as_is
     needle: TrackedNeedle | None = None
     upsets: Callable[[Session], None] = lambda _session: None
 
@@ -96,12 +96,12 @@ class ScriptedFault(Fault):
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
-        """What came of it in a run; folder: one that exists, for the run's tables."""
+        """Its result in a run; folder: an existing one, for the run's tables."""
         return verdict(self, seed, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):
-    """A `Publisher` that keeps what was shown. State: the moments."""
+    """A `Publisher` that keeps the displayed moments. State: the moments."""
 
     def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
         self._frames, self._motion, self._target = frames, motion, target
@@ -110,7 +110,7 @@ class Watching(Publisher):
         self._used_s = -np.inf
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Keep what is known now."""
+        """Keep the present state."""
         if shown.step is not None:
             self._used_s = shown.at_s
         now_s = self._frames.now_s
@@ -135,20 +135,20 @@ class Watching(Publisher):
                 np.inf if cov is None else float(np.sqrt(np.linalg.eigvalsh(cov)[-1])),
                 is_wrong(estimate.mean, cov, truth),
                 well=estimate.status is Status.TRACKING and not why,
-                told="; ".join([*filter(None, [self._frames.told()]), *came]),
+                reported="; ".join([*filter(None, [self._frames.reported()]), *came]),
                 astray=self.needle is not None and misses(self.needle, truth),
             )
         )
 
 
 def misses(needle: NeedlePose, truth_m: Floats) -> bool:
-    """Whether a needle that goes on along itself passes the lesion about this place [m], (dim,)."""
+    """Whether a needle that moves along itself misses the lesion about this position [m], (dim,)."""
     beside = truth_m - needle.tip
     return float(np.linalg.norm(beside - (beside @ needle.direction) * needle.direction)) > LESION_M
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle that is almost there: whatever the breath, GO is shown while all is well."""
+    """A needle close to the target: at any phase of the breath, GO is shown while all is well."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)
@@ -162,10 +162,10 @@ def plan_of(scene: Scene) -> NeedlePlan:
 
 
 def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -> list[Moment]:
-    """All that was shown in a run with the fault."""
+    """All displayed moments of a run with the fault."""
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
-    plan, needle = plan_of(fault.believed(scene)), fault.needle
+    plan, needle = plan_of(fault.assumed(scene)), fault.needle
 
     def pose(time_s: float) -> NeedlePose:
         assert needle is not None
@@ -182,7 +182,7 @@ def _moments(fault: ScriptedFault, seed: int, folder: Path, duration_s: float) -
     watching = Watching(frames, motion, scene.network.index(scene.target.node))
     clock = partial(getattr, frames, "now_s")
     session = Session(
-        fault.believed(scene),
+        fault.assumed(scene),
         folder / ESTIMATES,
         lambda _text: None,
         needle=plan,

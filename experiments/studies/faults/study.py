@@ -55,7 +55,7 @@ def faults_study(
     force: also into a folder that has other files
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
-        raise InputError.at(folder, "an empty or a new folder, or one of this study", "files in it")
+        raise InputError.at(folder, "an empty or new folder, or one of this study", "files in it")
     cases = grid(fault=chosen("--only", only, FAULTS), seed=seeds)
     alone = [case for case in cases if FAULTS[case["fault"]].alone]
     if alone:

@@ -102,7 +102,7 @@ class SystemFault(Fault):
 
 
 def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
-    """What it showed until this time of the film [s], told as if the fault had begun at ONSET_S."""
+    """The moments until this time of the film [s], shifted so that the fault begins at ONSET_S."""
     return [replace(one, time_s=one.time_s - onset_s + ONSET_S) for one in viewer.moments if one.time_s < until_s]
 
 

@@ -88,7 +88,7 @@ TISSUE: tuple[ScriptedFault, ...] = (
     ),
     ScriptedFault("cut spring", "a spring is cut", FOREVER, HIDDEN_S, becomes=_cut),
     ScriptedFault("slipped anchor", "an anchor slips by 8 mm", FOREVER, HIDDEN_S, becomes=_slipped),
-    ScriptedFault("stiffness", "the scene's springs are 30 % too stiff", FOREVER, HIDDEN_S, believed=_stiffer),
-    ScriptedFault("scale", "the scene states 5 % more mm per pixel", FOREVER, HIDDEN_S, believed=_scaled),
-    ScriptedFault("wrong scene", "the scene is of a body 30 % larger", FOREVER, HIDDEN_S, believed=_another),
+    ScriptedFault("stiffness", "the scene's springs are 30 % too stiff", FOREVER, HIDDEN_S, assumed=_stiffer),
+    ScriptedFault("scale", "the scene states 5 % more mm per pixel", FOREVER, HIDDEN_S, assumed=_scaled),
+    ScriptedFault("wrong scene", "the scene is of a body 30 % larger", FOREVER, HIDDEN_S, assumed=_another),
 )

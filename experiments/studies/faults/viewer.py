@@ -1,4 +1,4 @@
-"""Who watches a live run from outside: a client of its stream that shows what the page would, and keeps it."""
+"""An external viewer of a live run: a client of its stream that records what the page would show."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from experiments.studies.faults.judge import STALE_S, Moment, is_wrong
 from experiments.studies.faults.world import Motion
 
 POLL_S = 0.02
-"""A viewer looks at its clock so often [s]."""
+"""Interval at which a viewer checks its clock [s]."""
 OPENS_S = 30.0
-"""So long a viewer waits for its connection [s]: longer than any run takes to serve it."""
+"""Timeout of a viewer's connection [s]: longer than any run needs."""
 STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """Asks for the newest state whenever it has shown the one before.
+    """Requests the newest state whenever it has shown the one before.
 
-    As the page does, it shows STALE where nothing came for STALE_S by its own clock, or where what comes was on its way
-    for that much longer than the fastest.
+    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if states were delayed by that much
+    more than the fastest.
 
-    motion, target: the truth; n_measured: marks that the filter may use; pause_s: how slowly it shows a state [s]
-    State: the moments, by the film's own time; how that is told from the clock's; of the states from frames, when each
-    came and of which time it is [s]; how long the fastest was on its way [s]; the events that it was told of.
+    motion, target: the truth; n_measured: marks that the filter may use; pause_s: time to show a state [s]
+    State: the moments, by the film's own time; the conversion from the clock's time; arrival and exposure time of
+    states from frames [s]; the least delay [s]; the events that it received.
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -45,15 +45,15 @@ class Viewer:
 
     @property
     def now_s(self) -> float:
-        """The film's time now [s], before its beginning where no state came yet."""
+        """The film's present time [s], before its start if no state came yet."""
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Note what somebody else was told."""
-        self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, told=text))
+        """Add a report to another client."""
+        self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         self._ended.set()
         self._thread.join()
 
@@ -111,12 +111,12 @@ class Viewer:
                 np.inf if state["sigma_mm"] is None else 1e-3 * state["sigma_mm"],
                 wrong=is_wrong(mean, cov, self._motion.at(time_s)[self._target]),
                 well=state["status"] == "TRACKING" and not why,
-                told=self._new(state["events"]),
+                reported=self._new(state["events"]),
             )
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
-        """Events that were not there before; those of before the first state tell of no fault."""
+        """New events; those before the first state do not count as faults."""
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))

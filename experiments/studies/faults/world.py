@@ -1,6 +1,6 @@
 """A breathing phantom before a camera, by a script's own time: its truth, its pictures, and a live source of them.
 
-Truth is SciPy's RK45. Nothing takes time but the script, so that no figure depends on the machine.
+Truth is SciPy's RK45. Only the script advances time, so that results do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from vision.sources.frames import Frame
 from vision.sources.live import LiveFrames, Reader
 
 BEGAN_S = 100.0
-"""The clock at the first exposure [s]."""
+"""Time on the clock at the first exposure [s]."""
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
-"""Times of the truth in a frame's interval."""
+"""Samples of the truth in a frame interval."""
 GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
-"""Events that tell of no fault."""
+"""Kinds of events that are not faults."""
 HUES_DEG = (0.0, 120.0, 240.0, 60.0)
-"""Of the marks: such as a user takes who wants them told apart."""
+"""Hues of the marks: well distinguishable ones."""
 
 
 def scenario_of(seed: int, duration_s: float) -> Scenario:
@@ -54,7 +54,7 @@ def scenario_of(seed: int, duration_s: float) -> Scenario:
 
 
 def scene_in_view(scenario: Scenario) -> Scene:
-    """The scenario's scene with a colour for each mark, of a user who does not state how exact the model is."""
+    """The scenario's scene with a colour for each mark, without a stated model error."""
     scene = scene_of(scenario)
     marks = tuple(replace(mark, hue_deg=hue) for mark, hue in zip(scene.marks, HUES_DEG, strict=True))
     return replace(scene, marks=marks, settings=FilterSettings())
@@ -62,13 +62,13 @@ def scene_in_view(scenario: Scenario) -> Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """Where all nodes truly are: times from the first exposure on [s], (n,), positions [m], (n, n_nodes, dim)."""
+    """True positions of all nodes: times from the first exposure on [s], (n,), positions [m], (n, n_nodes, dim)."""
 
     times_s: Floats
     positions: Floats
 
     def at(self, time_s: float) -> Floats:
-        """At this time [s], straight between the times, (n_nodes, dim)."""
+        """Positions at this time [s], linearly interpolated, (n_nodes, dim)."""
         place = np.clip(time_s / self.times_s[-1] * (len(self.times_s) - 1), 0, len(self.times_s) - 1)
         k = min(int(place), len(self.times_s) - 2)
         share = place - k
@@ -83,7 +83,7 @@ def moved(
     at_s: float,
     pushed: Force | None = None,
 ) -> Motion:
-    """The phantom's motion, whose network becomes another one at this time [s].
+    """The phantom's motion, with a change of its network at this time [s].
 
     pushed: a force beside those of the scenario
     """
@@ -117,13 +117,13 @@ def moved(
 
 @lru_cache(maxsize=64)
 def undisturbed(seed: int, duration_s: float) -> Motion:
-    """The phantom's motion where nothing changes it; kept, for most faults are of the same, and it takes its time."""
+    """The phantom's motion without a change; cached, because most faults use the same."""
     scenario = scenario_of(seed, duration_s)
     return moved(scenario, scene_in_view(scenario).network, lambda network: network, 0.0)
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
-    """What a needle does to the free nodes that presses on the skin, with push_N while it is inside, by time [s]."""
+    """Forces of a needle on the free nodes: it presses on the skin, with push_N while it is inside, by time [s]."""
     shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
@@ -131,27 +131,27 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """What a read of the camera gave, and when it came back [s].
+    """A read of the camera, and when it returned [s].
 
-    image: None where it failed; told_s: the camera's own time of it [s], None from one that tells none
+    image: None if it failed; stated_s: the camera's own time [s], None if it reports none
     """
 
     at_s: float
     image: Image | None
-    told_s: float | None = None
+    stated_s: float | None = None
 
 
 class ScriptedFrames(LiveFrames):
-    """A live source whose reads come back when a script says so: `LiveFrames` without its thread.
+    """A live source with scripted reads: `LiveFrames` without its thread.
 
-    State: the script's clock [s], the reads to come, the faults that nobody was told yet.
+    State: the script's clock [s], the reads to come, the faults not yet reported.
     """
 
     def __init__(self, arrivals: list[Arrival]) -> None:
         self.now_s = BEGAN_S
         self._to_come = deque(arrivals)
         self._times = RisingTimes(DeviceTimes())
-        self._told: list[str] = []
+        self._reported: list[str] = []
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
@@ -181,20 +181,20 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _Read(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked; faults are kept to be told, too."""
+        """The events since the last call; faults are also kept for `reported`."""
         events = super().take_events()
-        self._told += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
+        self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events
 
-    def told(self) -> str:
-        """The faults that were reported since this was last asked."""
-        told, self._told = "; ".join(self._told), []
-        return told
+    def reported(self) -> str:
+        """The faults reported since the last call."""
+        reported, self._reported = "; ".join(self._reported), []
+        return reported
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Read:
-    """A device as it is in one read."""
+    """A device during one read."""
 
     arrival: Arrival
 
@@ -208,15 +208,15 @@ class _Read:
         return True, self.arrival.image
 
     def get(self, prop: int) -> float:
-        told_s = self.arrival.told_s
-        return 1e3 * told_s if prop == cv2.CAP_PROP_POS_MSEC and told_s is not None else 0.0
+        stated_s = self.arrival.stated_s
+        return 1e3 * stated_s if prop == cv2.CAP_PROP_POS_MSEC and stated_s is not None else 0.0
 
     def release(self) -> None:
         return
 
 
 def drawn(scene: Scene, places: Floats, rng: np.random.Generator, *, hidden: tuple[str, ...] = ()) -> Image:
-    """A picture of all nodes at these places [m], (n_nodes, dim), some marks covered by something grey."""
+    """A picture of all nodes at these positions [m], (n_nodes, dim), with some marks covered in grey."""
     image = draw(scene, places, vision.Lighting(), rng, strays=[])
     camera = scene.cameras[0]
     for mark in scene.marks:

@@ -1,12 +1,13 @@
-"""Coverage of the target by how coarse the marks are, with constants and noise stated as they are.
+"""Coverage of the target by mark noise, with constants and noise stated exactly.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
-Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm an axis at 30 frames/s, stated as it is, ten times as coarse
-and three times as fine; nothing moves the body, or a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or both.
-Frames count from the second on. Last figures, four masses, three seeds of 20 s: with nothing or pokes 91 to 100 % are
-covered; with a breath, marks of 1 mm 98 to 100 %, 4.14 mm 84 to 94, 10 mm 56 to 90, 30 mm 33 to 83: too few.
+Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm an axis at 30 frames/s, stated exactly, ten times as coarse
+and three times as fine; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or
+both. Frames count after the first second. Last figures, four masses, three seeds of 20 s: with nothing or pokes 91
+to 100 % are covered; with a breath, marks of 1 mm 98 to 100 %, 4.14 mm 84 to 94, 10 mm 56 to 90, 30 mm 33 to 83: too
+few.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from experiments.studies.honesty.run import PUSHES, run
 
 SD_M = (0.3e-3, 1e-3, 4.14e-3, 10e-3, 30e-3)
 STATED = (1.0, 10.0, 1.0 / 3.0)
-"""The marks' standard deviation as stated, by the true one."""
+"""Ratio of the marks' stated standard deviation to the true one."""
 
 CELL = ["method", "body", "pushes", "sd_m", "stated"]
 

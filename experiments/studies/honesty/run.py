@@ -1,4 +1,4 @@
-"""One run of the study: a body whose constants are stated as they are, and marks with this noise."""
+"""One run of the study: a body with exactly stated constants, and marks with this noise."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ PUSHES = {
     "pokes": Pushes(5.0, 0.0),
     "both": Pushes(5.0, 2.0),
 }
-"""What moves the body, by name: pokes and a breath of 3 to 6 s [m/s²]."""
+"""Forces on the body, by name: pokes and a breath of 3 to 6 s [m/s²]."""
 
 AFTER_S = 1.0
-"""From when on frames count: the start has its own tests [s]."""
+"""Time from which frames count [s]: the start has its own tests."""
 
 
 @lru_cache(maxsize=16)
 def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
-    """How a body truly moves in the runs of a seed, whatever its marks are."""
+    """True motion of a body in the runs of a seed, independent of its marks."""
     return motion_of(scene_of_body(body), Truth(pushes=PUSHES[pushes]), seed, duration_s)
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """A body and what moves it, by a seed; noise of the marks true and as stated (`sd_m`, `stated`), as a row.
+    """A body and its forces, by a seed, with true and stated noise of the marks (`sd_m`, `stated`), as a row.
 
     method: `FILTER` or one of `METHODS`
 
@@ -76,7 +76,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
-    """The scene of a case, its frames, and where the target truly is in each [m]; arguments as for `run`."""
+    """The scene of a case, its frames, and the true target in each [m]; arguments as for `run`."""
     duration_s, dt = float(case["duration_s"]), INTERVAL_S
     motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
     scene = scene_of_body(case["body"])

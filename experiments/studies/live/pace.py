@@ -4,10 +4,10 @@
     python -m experiments.studies.live.pace --seconds 600
 
 The simulated phantom, 640x480, with advice on a needle. Camera, loop and servers are processes of `softaim live`, the
-clients are here: one takes the page's stream with its pictures, one OpenIGTLink. Prints what `softaim live --json`
-counts: frames, latency from exposure to estimate, the share of deadlines missed, memory after the first frames and at
-the end; what the clients got a second, and how old transforms were when they came; and how many processors were busy
-with the run, with the clients and with whatever else was at work: with much of that the figures are the machine's.
+clients are here: one takes the page's stream with its pictures, one OpenIGTLink. Prints the counts of `softaim live
+--json`: frames, latency from exposure to estimate, share of missed deadlines, memory after the first frames and at the
+end; messages of the clients a second, and the age of transforms at arrival; and the number of processors busy with the
+run, with the clients and with other work: with much other work the figures depend on the machine.
 Figures: docs/live.md.
 """
 
@@ -42,7 +42,7 @@ radius_mm = 2.5
 
 @dataclass(slots=True)
 class Got:
-    """What a client got: messages, pictures among them, how old transforms were when they came."""
+    """Messages of a client, pictures among them, and ages of transforms at arrival."""
 
     messages: int = 0
     pictures: int = 0
@@ -50,7 +50,7 @@ class Got:
 
 
 def page_client(address: str, got: Got) -> None:
-    """Take the page's stream as the page does, until it ends."""
+    """Receive the page's stream like the page, until it ends."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
 
@@ -67,7 +67,7 @@ def page_client(address: str, got: Got) -> None:
 
 
 def igtl_client(address: str, got: Got) -> None:
-    """Take OpenIGTLink's messages until they end."""
+    """Receive OpenIGTLink's messages until they end."""
     host, _, port = address.rpartition(":")
     with socket.create_connection((host, int(port))) as connection, connection.makefile("rb") as stream:
         try:
@@ -81,11 +81,11 @@ def igtl_client(address: str, got: Got) -> None:
 
 
 CLIENTS: dict[str, Callable[[str, Got], None]] = {"page: http://": page_client, "OpenIGTLink: ": igtl_client}
-"""What connects to which address that a run prints."""
+"""Clients by the address that a run prints."""
 
 
 def watch(pid: int, spent_s: list[dict[str, float]]) -> None:
-    """Each second, the time, and processor time so far of the run's processes, the clients, the machine [s]."""
+    """Record, each second, the time and the processor time of the run's processes, the clients, the machine [s]."""
     import psutil
 
     run, clients, used = psutil.Process(pid), psutil.Process(), dict[int, float]()
@@ -102,7 +102,7 @@ def watch(pid: int, spent_s: list[dict[str, float]]) -> None:
 
 
 def busy(spent_s: list[dict[str, float]]) -> dict[str, float]:
-    """Processors that were busy on average, with the run, with the clients, with all else."""
+    """Mean number of processors busy with the run, with the clients, with other work."""
     spent = {name: spent_s[-1][name] - spent_s[0][name] for name in spent_s[0]}
     spent["others"] = spent.pop("all") - spent["run"] - spent["clients"]
     over_s = spent.pop("at")
@@ -110,7 +110,7 @@ def busy(spent_s: list[dict[str, float]]) -> dict[str, float]:
 
 
 def measured(seconds: float, fps: float) -> dict[str, float]:
-    """The figures of a run of so long at so many frames/s. Raises RuntimeError where it does not end as it should."""
+    """The figures of a run of this duration and frame rate. Raises RuntimeError if it does not end normally."""
     got = {name: Got() for name in CLIENTS}
     spent_s: list[dict[str, float]] = []
     reported: list[str] = []
@@ -137,12 +137,12 @@ def measured(seconds: float, fps: float) -> dict[str, float]:
 
 
 def beside(work: Callable[..., None], *given: object) -> None:
-    """Do it in a thread that ends with the process."""
+    """Run it in a thread that ends with the process."""
     threading.Thread(target=work, args=given, daemon=True).start()
 
 
 def figures(done: Mapping[str, Any], got: Sequence[Got], seconds: float) -> dict[str, float]:
-    """What the run and its clients counted."""
+    """Counts of the run and its clients."""
     page, igtl = got
     began_mb, end_mb = done["memory_mb"]
     counted = {key: done[key] for key in ("frames", "without_frame", "not_used", "p50_ms", "p99_ms", "worst_ms")}

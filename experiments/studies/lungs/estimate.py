@@ -1,4 +1,4 @@
-"""Inner landmarks of a lung from those seen on its hull: by doing nothing, by a spline, by the filter."""
+"""Inner landmarks of a lung from those seen on its hull: without motion, by a spline, by the filter."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from experiments.arrays import Floats
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.lungs.landmarks import Lung
 from experiments.studies.lungs.model import LungConstants, lung_network, node_name
-from experiments.studies.zoo.rivals import thin_plate_weights
+from experiments.studies.zoo.references import thin_plate_weights
 from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""How many landmarks of each lung are seen."""
+"""Numbers of seen landmarks of each lung."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inner:
     """Errors of the inner landmarks of a lung [m], (n_phases - 1, n_inner), the first phase left out: it is given.
 
-    landmarks: places of the inner ones in the lung, (n_inner,)
-    filtered, nees: of the filter, None where it could not; failure: why
+    landmarks: indices of the inner ones in the lung, (n_inner,)
+    filtered, nees: of the filter, None if it failed; failure: why
     """
 
     lung: str
@@ -42,7 +42,7 @@ class Inner:
 
 
 def by_spline(lung: Lung, seen: str) -> Inner:
-    """Doing nothing and a thin-plate spline of the displacements, `seen` one of `SEEN`; not yet the filter."""
+    """Errors without motion and by a thin-plate spline, not of the filter; `seen` one of `SEEN`."""
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
     moved = lung.positions[1:, marked] - start[marked]
@@ -57,7 +57,7 @@ def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
     if filtered.failure:
         return replace(found, failure=f"not possible yet: {filtered.failure}")
     errors = filtered.means[1:] - lung.positions[1:, lung.inner]
-    # where a landmark was read is itself not exact
+    # the reading of a landmark has an error, too
     read = filtered.covs[1:] + constants.reading_sd_m**2 * np.eye(3)
     nees = normalised_error_squared(errors.reshape(-1, 3), read.reshape(-1, 3, 3)).reshape(errors.shape[:2])
     return replace(found, filtered=np.linalg.norm(errors, axis=2), nees=nees)

@@ -1,4 +1,4 @@
-"""Landmarks of breathing lungs read from tables, a table a person, and parted into left and right."""
+"""Landmarks of breathing lungs from tables, one for each person, divided into left and right."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from experiments.formats.tables import Table, read_table
 
 COLUMNS = ("landmark", "phase", "x_mm", "y_mm", "z_mm")
 PHASE_S = 0.4
-"""A tenth of a breath [s]: the phases are that far apart."""
+"""Interval of the phases [s]: a tenth of a breath."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,11 +33,11 @@ class Lung:
 
     @property
     def times_s(self) -> Floats:
-        """Of the phases, (n_phases,)."""
+        """Times of the phases [s], (n_phases,)."""
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """So many landmarks of the hull, far from each other, the first of the hull first; None: all of them."""
+        """Some landmarks of the hull, far from each other, starting with the first of the hull; None: all."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -57,7 +57,7 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 
 def read_person(path: Path) -> list[Lung]:
-    """The two lungs of a table, parted at the widest gap along x; raises InputError."""
+    """The two lungs of a table, divided at the widest gap along x; raises InputError."""
     table = read_table(path, COLUMNS)
     positions = _by_phase(table)
     x = np.sort(positions[0, :, 0])
@@ -67,7 +67,7 @@ def read_person(path: Path) -> list[Lung]:
 
 
 def _by_phase(table: Table) -> Floats:
-    """Positions [m], (n_phases, n_landmarks, 3), both counted from 0 and every pair of them there once."""
+    """Positions [m], (n_phases, n_landmarks, 3), both counted from 0, with every pair once."""
     numbers = table.numbers
     if table.n_rows == 0:
         raise InputError.at(table.path, "a row for each landmark in each phase", "none")

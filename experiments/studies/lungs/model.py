@@ -15,7 +15,7 @@ from experiments.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class LungConstants:
-    """What all lungs have in common; chosen once, never for a person or a landmark.
+    """Constants common to all lungs; chosen once, not for a person or a landmark.
 
     strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
     damping_s: dashpot of a spring by its stiffness [s]: air and blood follow slowly; choice
@@ -42,7 +42,7 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
 
 
 def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
-    """The network of landmarks at the end of inhaling [m], (n, 3), at rest there, weightless: the chest bears it."""
+    """The weightless network of landmarks at the end of inhaling [m], (n, 3), at rest there: the chest supports it."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)

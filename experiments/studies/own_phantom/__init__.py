@@ -1,1 +1,1 @@
-"""The steps of a new user on phantoms of their own, and whether probabilities come true; `__main__` has the command."""
+"""A new user's steps on phantoms of their own, and the reliability of probabilities; `__main__` has the command."""

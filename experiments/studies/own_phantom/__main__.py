@@ -1,4 +1,4 @@
-"""The steps of a new user on three phantoms, and whether the probabilities that come out of them come true.
+"""The steps of a new user on three phantoms, and the reliability of the resulting probabilities.
 
     python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; prints both tables
     python -m experiments.studies.own_phantom --out FOLDER --runs 2   # fewer recordings to insert into
@@ -6,7 +6,7 @@
 For each phantom `softaim new` makes a project; the commands of its STEPS.md are typed, each in a process of its own,
 and timed. Then the project's scenario is simulated again with seeds that nobody has looked at, filmed as before, and
 the tuned scene advises the project's needle in each recording, four times a second. Predicted is the probability of
-a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.came_true`).
+a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.observed_hits`).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The steps of a new user, typed and timed, and insertions into recordings of the project that they leave."""
+"""The timed steps of a new user, and insertions into recordings of the resulting project."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ PHANTOMS = {
 
 
 def steps_of(project: Path) -> list[list[str]]:
-    """The commands of the project's STEPS.md, without `softaim`, in their order; those for a real phantom left out."""
+    """The commands of the project's STEPS.md in order, without `softaim` and without those for a real phantom."""
     lines = (project / "STEPS.md").read_text(encoding="utf-8").splitlines()
     commands = [line.split()[1:] for line in lines if line.startswith("softaim ")]
     return [command for command in commands if command[0] != "record"]
 
 
 def typed(command: list[str], folder: Path) -> float:
-    """Type a command of `softaim` in a folder; how long it took [s]. Raises InputError where it fails."""
+    """Run a command of `softaim` in a folder; returns its time [s]. Raises InputError if it fails."""
     start = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-c", "from experiments.commands.app import main; main()", *command],
@@ -51,7 +51,7 @@ def typed(command: list[str], folder: Path) -> float:
 
 
 def stepped(name: str, folder: Path) -> list[dict[str, Any]]:
-    """All steps of a phantom, from `softaim new` on: a row for each command, and the seconds that it took."""
+    """All steps of a phantom, from `softaim new` on: a row for each command, with its time [s]."""
     new = ["new", folder.name, *PHANTOMS[name]]
     rows = [{"phantom": name, "command": " ".join(new), "seconds": typed(new, folder.parent)}]
     for command in steps_of(folder):
@@ -71,10 +71,11 @@ def times_table(rows: pd.DataFrame) -> str:
 
 
 EVERY_S = 0.25
-"""Between two insertions [s]: some 75 in a recording of 20 s, whose end no needle reaches; parameter of the study."""
+"""Interval of insertions [s]: some 75 in a recording of 20 s, without those that arrive after its end; parameter of the
+study."""
 
 LAST = ("tuned.toml", "identified.toml")
-"""The scene that the steps of a project end with: tuned where its filter has levels to tune."""
+"""The final scene of a project's steps: tuned if its filter has levels to tune."""
 
 
 OF_HITS = ("predicted", "observed")
@@ -92,9 +93,9 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
         scene = recording.scene
         plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
         rows = table(advise(recording, plan, every_s=EVERY_S))
-    known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["came_true"])]
+    known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["observed"])]
     return [
-        {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.came_true, "advice": row.advice}
+        {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.observed, "advice": row.advice}
         for row in known.itertuples()
     ]
 

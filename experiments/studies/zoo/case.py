@@ -11,12 +11,12 @@ from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Best-known ones; each 20 % wrong, one standard deviation; fitted on another recording of the same body."""
+"""Best-known constants; each 20 % wrong, one standard deviation; fitted on another recording of the same body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
 REPORT_SEEDS = range(1000, 1020)
-"""Those that the table reports on; 0 to 19 are for development."""
+"""Seeds of the table; 0 to 19 are for development."""
 
 N_SCALED = 10
 """Seeds of a scaled body."""
@@ -27,7 +27,7 @@ class Case:
     """One run of the zoo.
 
     body: its name in `BODIES`; constants: one of `CONSTANTS`
-    length_s: of the recording [s], 0 for the body's own
+    length_s: of the recording [s], 0 for the body's default
     """
 
     body: str
@@ -45,19 +45,19 @@ class Case:
 
     @property
     def cell(self) -> str:
-        """What the seeds of a cell have in common."""
+        """The part that all seeds of a cell share."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
     @property
     def motion(self) -> Body:
-        """The body as it moves; cases of one motion that follow each other share it."""
+        """The moving body; consecutive cases with one motion share it."""
         return _body(self.body, self.seed, self.scale, self.length_s)
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Case:
-        """As a table has it; other columns are left out."""
+        """The case of a table's row; other columns are ignored."""
         return cls(**{field.name: table[field.name] for field in fields(cls) if field.name in table})
 
 

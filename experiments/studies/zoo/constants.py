@@ -19,19 +19,19 @@ WRONG = float(np.log(1.2))
 """Standard deviation of the logarithm of a wrong constant."""
 
 OTHER_RECORDING = 100_000
-"""Added to a seed: the recording on which constants are identified."""
+"""Offset of the seed of the recording for identification."""
 
 BUDGET_S = 12.0
-"""Processor time that an identification may take [s]: so the whole zoo takes an hour on two cores."""
+"""Limit of an identification's processor time [s]: with it the whole zoo takes an hour on two cores."""
 
 
 class NotIdentifiedError(Exception):
-    """Constants could not be found; the message gives the reason."""
+    """Constants could not be identified; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumed:
-    """What a run assumes of the body: its network, and which of its constants are uncertain, where that is known."""
+    """The assumptions of a run on the body: its network, and the uncertainty of its constants, if known."""
 
     network: MassSpringNetwork
     uncertainty: ParameterUncertainty | None = None
@@ -48,7 +48,7 @@ def assumed(body: Body, case: Case) -> Assumed:
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
     """Each stiffness, dashpot and mass by its own factor, log-normal, 20 % one standard deviation.
 
-    Where the body is drawn at rest, rest lengths are made to fit as a user would, from the drawing.
+    If the body is drawn at rest, rest lengths are fitted to the drawing, as a user would do.
     """
     network = body.network
 
@@ -68,9 +68,9 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Assumed:
     """Constants fitted on another recording of the same body in which every node is seen; raises NotIdentifiedError.
 
-    seconds: processor time that it may take [s]
-    It starts from stiffnesses and dashpots that are wrong kind by kind, masses are known. Rest lengths are fitted, too:
-    those that follow from a drawing at rest do so by the wrong stiffnesses.
+    seconds: limit of its processor time [s]
+    It starts from stiffnesses and dashpots that are wrong kind by kind, with exact masses. Rest lengths are also
+    fitted, because those from a drawing at rest depend on the wrong stiffnesses.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])

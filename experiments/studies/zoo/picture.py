@@ -1,4 +1,4 @@
-"""The zoo at a glance: how good the filter is in each cell, and whether its covariance holds."""
+"""Overview of the zoo: accuracy of the filter in each cell, and coverage."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from experiments.studies.zoo.table import BOUNDS, Cell, faults
 
 KEPT, BEYOND = GREEN, VERMILLION
 KEPT_MARK, BEYOND_MARK, FAILED_MARK = "o", "D", "x"
-"""Beside the colours: for prints without any."""
+"""Markers beside the colours, for prints without colour."""
 
 SHOWN = (0.03, 100.0)
-"""Ratios beyond are drawn at the edge."""
+"""Larger ratios are drawn at the edge."""
 
 
 @styled
 def zoo_figure(cells: Sequence[Cell]) -> Figure:
-    """A line a cell: error by that of the better rival, left of 1 the filter wins; share covered; time a frame."""
+    """A line for each cell: error by that of the better reference; share covered; time of a frame."""
     figure = new_figure(PAGE_MM, 26.0 + 4.0 * len(cells))
     ratio, covered, cost = figure.subplots(1, 3, sharey=True, width_ratios=[2.2, 1.2, 1.0])
     places = np.arange(len(cells))
@@ -41,7 +41,7 @@ def zoo_figure(cells: Sequence[Cell]) -> Figure:
         if cell.ms_a_frame is not None:
             cost.plot(cell.ms_a_frame, place, "o", color=GREY, ms=2.5)
     ratio.axvline(1.0, color="0.5", lw=0.8)
-    ratio.set(xscale="log", xlim=SHOWN, xlabel="error by the better of open loop and spline [–]", yticks=places)
+    ratio.set(xscale="log", xlim=SHOWN, xlabel="error / better of open loop and spline [–]", yticks=places)
     ratio.set_yticklabels([cell.name for cell in cells], fontsize=SMALL_PT)
     for label, cell in zip(ratio.get_yticklabels(), cells, strict=True):
         label.set_color(BEYOND if faults(cell) else KEPT)

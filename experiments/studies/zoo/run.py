@@ -1,4 +1,4 @@
-"""One run of the zoo: a body before the filter and its rivals, as a record of numbers."""
+"""One run of the zoo: the filter and its references on a body, as a record of numbers."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from estimators import FilterSettings, TissueFilter
 from experiments.simulation.bodies.body import Body
 from experiments.studies.zoo.case import Case
 from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, identified, measured
-from experiments.studies.zoo.rivals import open_loop, spline
+from experiments.studies.zoo.references import open_loop, spline
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
 Record = dict[str, Any]
 
 LIMIT_S = 60.0
-"""Processor time after which the filter is stopped in a run [s]."""
+"""Limit of the filter's processor time in a run [s]."""
 
 KERNELS_S = 0.5
-"""Length of the recordings with which compiled code is loaded [s]; numerical."""
+"""Length of recordings for loading compiled code [s]; numerical."""
 
 
 def run(case: Case) -> Record:
@@ -40,7 +40,7 @@ def run(case: Case) -> Record:
         return record | {"ended": str(error)}
     found = filtered(model, body, case.seed, LIMIT_S)
     done = len(found.status)
-    compared = slice(done or None)  # rivals are scored in the frames that the filter was
+    compared = slice(done or None)  # references are scored in the filter's frames
     frames = measured(body, body.marked, case.seed)[compared]
     simulated = open_loop(model.network, body, frames)
     record |= {
@@ -59,13 +59,13 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """As `run`, of a case that JSON made: for `run_study`."""
+    """As `run`, for a case from JSON: for `run_study`."""
     return run(Case.from_json(case))
 
 
 @cache
 def compile_kernels() -> None:
-    """Identify and filter two small bodies, once in a process: compiled code is loaded before runs are timed."""
+    """Identify and filter two small bodies, once in each process, to load compiled code before runs are timed."""
     for name in ("chain2", "phantom"):
         case = Case(name, 0, "identified", length_s=KERNELS_S)
         model = identified(case.motion, case, np.random.default_rng(0), seconds=np.inf)

@@ -1,4 +1,4 @@
-"""What a filter makes of a recording at hidden points, and the scores of that against the truth."""
+"""A filter's estimates of hidden points in a recording, and their scores against the truth."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""TRACKING is wrong where the error is both beyond so many sigma and beyond this share of the body's size."""
+"""TRACKING is wrong if the error is beyond this many sigma and beyond this share of the body's size."""
 
 
 @dataclass(slots=True, eq=False)
 class Followed:
-    """What a filter made of a recording, until it failed or its time was up.
+    """A filter's estimates of a recording, until it failed or its time was up.
 
     means: of the hidden points [m], (n, n_hidden, dim); covs [m²], (n, n_hidden, dim, dim); status: of each frame
     seconds: processor time of predict and update; repairs: counts by kind; failure: empty, or why it ended early
@@ -47,15 +47,15 @@ def followed(
     frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
     limit_s: float = np.inf,
 ) -> Followed:
-    """A filter's way through a recording, all hidden points of the network read from its state.
+    """Run a filter through a recording, and read all hidden points of the network from its state.
 
-    begun: makes the filter; limit_s: processor time that it may take [s]
+    begun: makes the filter; limit_s: limit of its processor time [s]
     """
     means, covs = [], []
     found = Followed(np.empty((0, len(hidden), network.dim)), np.empty((0, len(hidden), network.dim, network.dim)))
     start_s = time.process_time()
     try:
-        with np.errstate(all="ignore"):  # a state that overflows is counted as such
+        with np.errstate(all="ignore"):  # an overflowing state is counted
             tissue = begun()
             maps = [target_map(network, one) for one in hidden]
             for time_s, marks in frames:
@@ -69,7 +69,7 @@ def followed(
                 if time.process_time() - start_s > limit_s and len(means) < len(frames):
                     found.failure = f"stopped after {limit_s:g} s"
                     break
-    except Exception as error:  # whatever a filter raises is a result of the study
+    except Exception as error:  # any exception of a filter is a result of the study
         found.failure = f"{type(error).__name__}: {error}"
     found.seconds = time.process_time() - start_s
     if means:
@@ -78,7 +78,7 @@ def followed(
 
 
 def mean_distance(places: Floats, truth: Floats) -> float:
-    """Mean distance of places from the truth [m], each (..., dim); infinite where a place is not finite."""
+    """Mean distance of positions from the truth [m], each (..., dim); infinite for non-finite positions."""
     if not np.isfinite(places).all():
         return float("inf")
     return float(np.linalg.norm(places - truth, axis=-1).mean())

@@ -78,7 +78,7 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
         return factor * float(np.mean(values)) if values and len(values) == len(done) else None
 
     filter_mm, loop_mm, spline_mm = (mean(key, 1e3) for key in ("error_m", "open_loop_m", "spline_m"))
-    rivals = [mm for mm in (loop_mm, spline_mm) if mm is not None]
+    references = [mm for mm in (loop_mm, spline_mm) if mm is not None]
     return Cell(
         name=name,
         constants=runs[0]["constants"],
@@ -88,7 +88,7 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
         filter_mm=filter_mm,
         open_loop_mm=loop_mm,
         spline_mm=spline_mm,
-        ratio=None if filter_mm is None or not rivals else filter_mm / min(rivals),
+        ratio=None if filter_mm is None or not references else filter_mm / min(references),
         covered=mean("covered"),
         nees=mean("nees"),
         **{key: int(sum(run[key] for run in done)) for key in ("non_finite", "wrong_tracking", "repairs")},

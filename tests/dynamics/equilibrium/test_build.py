@@ -48,7 +48,7 @@ def test_it_is_the_phantom_whose_values_it_is_given():
 
 
 def test_it_rests_where_it_is_drawn():
-    """By hand: each spring carries m g / (2 cos 45°) and is shorter at rest by that over its stiffness."""
+    """Closed form: each spring bears m g / (2 cos 45°) and is shorter at rest by that over its stiffness."""
     network = build()
     np.testing.assert_allclose(rest_shape(network), PLACES, rtol=0, atol=1e-12)
     tension = 0.2 * 9.81 / np.sqrt(2.0)

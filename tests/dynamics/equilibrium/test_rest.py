@@ -153,6 +153,6 @@ TWICE = [[0.0, 0.0], [0.1, 0.0]], [(0, 1), (1, 0)]
     ],
 )
 def test_the_reach_of_a_node_is_the_shortest_way_to_an_anchor(build, drawn, anchors, rest_lengths, expected):
-    """By hand. 1e-15 m: rounding of sums."""
+    """Against the written-out sum. 1e-15 m: rounding of sums."""
     changes = {} if rest_lengths is None else {"rest_lengths": np.array(rest_lengths)}
     np.testing.assert_allclose(reaches(build(*drawn, anchors, **changes)), expected, rtol=0, atol=1e-15)

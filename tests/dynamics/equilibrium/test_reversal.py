@@ -22,7 +22,7 @@ def test_a_shape_moved_turned_a_little_and_stretched_has_none_turned():
 
 @pytest.mark.parametrize(("degrees", "found"), [(89.0, False), (91.0, True)])
 def test_a_right_angle_is_the_limit(degrees, found):
-    """M3 carried about M2 by the angle: the spring M2-M3 turns by it, those to M1 and M4 by less than a right angle."""
+    """M3 turned about M2 by the angle: the spring M2-M3 turns by it, those to M1 and M4 by less than a right angle."""
     moved = REST.copy()
     angle = np.radians(90.0 + degrees)
     moved[2] = REST[1] + 0.19 * np.array([np.cos(angle), np.sin(angle)])
@@ -36,7 +36,7 @@ def test_springs_to_anchors_count():
     assert inverted_springs(PHANTOM, states(moved))[0]
 
 
-def test_sets_are_told_apart_and_what_follows_the_state_is_not_looked_at():
+def test_sets_are_distinguished_and_what_follows_the_state_is_not_looked_at():
     two = np.concatenate([states(REST), states(-REST)])
     more = np.concatenate([two, np.full((2, 2, 6), 1e3)], axis=2)
     assert inverted_springs(PHANTOM, more).tolist() == [False, True]

@@ -62,7 +62,7 @@ def test_springs_and_dashpots_keep_momentum_and_angular_momentum(tangled, dim):
 
 
 STILL = np.zeros((2, 2))
-BY_HAND = {
+EXPECTED = {
     # sign of [paper] (6) put right: k (l - l0) = 80 (0.3 - 0.2) = 8 N toward each other
     "stretched": ({}, [[0.0, 0.0], [0.3, 0.0]], STILL, [[8.0, 0.0], [-8.0, 0.0]]),
     "shortened": ({}, [[0.0, 0.0], [0.15, 0.0]], STILL, [[-4.0, 0.0], [4.0, 0.0]]),
@@ -76,10 +76,10 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("case", BY_HAND)
-def test_forces_of_a_pair_by_hand(build, case):
+@pytest.mark.parametrize("case", EXPECTED)
+def test_forces_of_a_pair(build, case):
     """A spring of 80 N/m, 0.2 m long at rest. Exact up to rounding."""
-    changes, x, v, expected = BY_HAND[case]
+    changes, x, v, expected = EXPECTED[case]
     pair = build([[0.0, 0.0], [0.2, 0.0]], [(0, 1)], **changes)
     np.testing.assert_allclose(node_forces(pair, x, v), expected, atol=1e-13)
 
@@ -105,7 +105,7 @@ def test_the_energy_of_a_spring_is_continuous_through_nothing(build):
 
 
 def test_energies_of_one_hanging_mass(build):
-    """V = k (l - l0)²/2 + m g h and K = m v²/2 by hand: 0.4 - 0.5886 J and 2.5 J; an anchor has neither."""
+    """V = k (l - l0)²/2 + m g h and K = m v²/2: 0.4 - 0.5886 J and 2.5 J; an anchor has neither."""
     hung = build([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], gravity=[0.0, -9.81])
     assert potential_energy(hung, [[0.0, 0.0], [0.0, -0.3]]) == pytest.approx(0.4 - 0.5886, rel=1e-14)
     assert kinetic_energy(hung, [[9.0, 9.0], [3.0, -4.0]]) == pytest.approx(2.5, rel=1e-14)

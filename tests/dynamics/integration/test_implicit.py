@@ -96,10 +96,10 @@ def test_a_driven_node_keeps_its_velocity_in_the_matrices_too(slack):
     free[[0, 1], [10, 11]] = dt
     np.testing.assert_allclose(found.F[0][own], free, rtol=0, atol=1e-9)
     mass = float(slack.masses[driven[0]])
-    by_hand = mass * DRIVEN * found.by_force[0][:, 2]
-    np.testing.assert_allclose(by_hand[own], [0.5 * dt**2, 0.0, dt, 0.0], rtol=0, atol=1e-9)
+    expected = mass * DRIVEN * found.by_force[0][:, 2]
+    np.testing.assert_allclose(expected[own], [0.5 * dt**2, 0.0, dt, 0.0], rtol=0, atol=1e-9)
     reached = stepper.advance(start[None], dt, mass * DRIVEN * eps * np.eye(8)[2:3], driven=driven)[0] - start
-    np.testing.assert_allclose(by_hand, reached / eps, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(expected, reached / eps, rtol=0, atol=1e-5)
 
 
 def test_a_half_step_twice_is_the_whole(smooth):

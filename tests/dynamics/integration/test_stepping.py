@@ -200,7 +200,7 @@ def test_an_integration_that_gives_up_is_an_error(phantom):
 
 
 def test_derivative_is_velocity_and_force_over_mass(build):
-    """dx/dt = v, dv/dt = (k (l0 - l) + F) / m = (80 (-0.1) + 2) / 0.2 = -30 m/s², by hand. Rounding."""
+    """dx/dt = v, dv/dt = (k (l0 - l) + F) / m = (80 (-0.1) + 2) / 0.2 = -30 m/s². Rounding."""
     mass = build([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], [0])
     found = derivative(mass, np.array([1.1, 0.0, 0.3, 0.0]), [[2.0, 0.0]])
     np.testing.assert_allclose(found, [0.3, 0.0, -30.0, 0.0], rtol=0, atol=1e-13)

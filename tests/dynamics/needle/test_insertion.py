@@ -83,8 +83,8 @@ def test_fourth_order_where_nothing_jumps(phantom, punctured):
     needle = NeedleMechanics(pose, entry, contact_N_m=100.0, slip_m_s=0.1, friction_N_m=5.0)
     force, rate = force_on_free(network, needle, punctured=punctured), motion(network)
     start = at_rest(network)
-    told = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
-    exact = solve_ivp(lambda t, y: rate(y, force(t, y)), (0.0, 0.2), start, **told).y[:, -1]
+    reported = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    exact = solve_ivp(lambda t, y: rate(y, force(t, y)), (0.0, 0.2), start, **reported).y[:, -1]
     errors = [np.abs(forced_states(network, start, force, [0.0, 0.2], n)[-1] - exact).max() for n in (160, 320)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
 

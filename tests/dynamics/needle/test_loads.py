@@ -132,8 +132,8 @@ def test_a_measured_push_lands_where_the_model_says(network, punctured):
     needle = needle_into(network)
     still = np.zeros_like(network.positions)
     load = needle_load(network, needle, 2.0, network.positions, still, punctured=punctured)
-    told = distributed_force(network, needle, 2.0, float(np.linalg.norm(load.on_needle)), punctured=punctured)
-    np.testing.assert_allclose(told, load.nodes[network.free], rtol=0, atol=1e-13)
+    reported = distributed_force(network, needle, 2.0, float(np.linalg.norm(load.on_needle)), punctured=punctured)
+    np.testing.assert_allclose(reported, load.nodes[network.free], rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("key", ["radius_m", "puncture_N", "contact_N_m", "reach_m", "slip_m_s", "cutting_N"])

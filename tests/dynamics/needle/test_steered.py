@@ -41,7 +41,7 @@ def advanced(network, needle, state, motion, outside, between_s, punctured=False
 @pytest.mark.slow
 @pytest.mark.parametrize("pieces", [1, 20])
 def test_an_insertion_is_that_of_dop853(pieces):
-    """0.5 s, contact, puncture, cutting and friction, under a force that swings; told in one piece or in twenty.
+    """0.5 s, contact, puncture, cutting and friction, under a force that swings; commanded in one piece or in twenty.
 
     insert_needle at 1e-8: 2 µm, of a target pushed by more than a millimetre. The puncture is noticed a step late.
     """
@@ -63,8 +63,8 @@ def test_an_insertion_is_that_of_dop853(pieces):
     state, punctured = rest, False
     edges = np.linspace(0.0, 0.5, pieces + 1)
     for a, b in pairwise(edges):
-        told = drive(target, SPEED * a)
-        state, punctured = advanced(network, needle, state, told, SampledForces(forces, 1e-3), (a, b), punctured)
+        reported = drive(target, SPEED * a)
+        state, punctured = advanced(network, needle, state, reported, SampledForces(forces, 1e-3), (a, b), punctured)
     assert punctured
     still, _ = advanced(network, needle, rest, drive(target, -1.0), SampledForces(forces, 1e-3), (0.0, 0.5))
     place = network.coordinates(HIDDEN)
@@ -75,11 +75,11 @@ def test_an_insertion_is_that_of_dop853(pieces):
 def test_a_needle_that_slides_pushes_as_its_load_says():
     """`needle_load` of a needle a thousand times as fast as its slip, in tissue at rest: 1e-6."""
     network = four_mass_phantom()
-    told = drive(network.positions[network.index(HIDDEN)], 0.02)
-    needle = NeedleMechanics(lambda _t: NeedlePose(told.tip, told.direction, 2.0, 0.02), ENTRY)
+    reported = drive(network.positions[network.index(HIDDEN)], 0.02)
+    needle = NeedleMechanics(lambda _t: NeedlePose(reported.tip, reported.direction, 2.0, 0.02), ENTRY)
     still = np.zeros_like(network.positions)
     exact = needle_load(network, needle, 0.0, network.positions, still, punctured=True).nodes[network.free]
-    found = sliding_friction(network, needle, told.tip[None], told.direction, np.array([0.02]))
+    found = sliding_friction(network, needle, reported.tip[None], reported.direction, np.array([0.02]))
     np.testing.assert_allclose(found[0], exact, rtol=1e-6, atol=1e-12)
 
 

@@ -32,7 +32,7 @@ def right(phantom, frames):
 
 
 def means(phantom, frames):
-    """Of a filter that nobody tells a wrong name, (n_frames, 2)."""
+    """Means of a filter with the right names, (n_frames, 2)."""
     return np.array([one.mean for one in through(TissueFilter(phantom, HIDDEN, OUTER), frames)])
 
 
@@ -71,13 +71,13 @@ def test_an_exchange_for_ten_frames_is_undone_twice(phantom, frames, right):
 
 
 def test_right_names_stay(phantom, frames, right):
-    """Half of the marks lost at random, too: no rival outlives the start, and the filter is left as it is."""
+    """Half of the marks lost at random, too: no alternative outlives the start, and the filter is left as it is."""
     rng = np.random.default_rng(0)
     lossy = [(t, [mark for mark in marks if k == 0 or rng.random() < 0.5]) for k, (t, marks) in enumerate(frames)]
     for seen, expected in ((frames, right), (lossy, means(phantom, lossy))):
         identity, made = followed(phantom, seen, lambda _k: {})
         assert identity.swaps == []
-        assert identity.rivals == []
+        assert identity.alternatives == []
         np.testing.assert_array_equal([one.estimate.mean for one in made], expected)
 
 
@@ -90,7 +90,7 @@ def test_names_wrong_from_the_start_are_mended(phantom, frames, right, order):
     wrong = dict(zip(OUTER, order, strict=True))
     identity, made = followed(phantom, frames[:20], lambda _k: wrong)
     assert {wrong[node] for node in OUTER} == set(OUTER)
-    assert {told: identity.node_of[told] for told in OUTER} == {wrong[node]: node for node in OUTER}
+    assert {reported: identity.node_of[reported] for reported in OUTER} == {wrong[node]: node for node in OUTER}
     assert len(identity.swaps) == 1
     mended = next(k for k, one in enumerate(made) if one.swap is not None)
     fits_none = all(node != other for node, other in wrong.items())
@@ -105,8 +105,10 @@ def test_a_start_alone_tells_no_names(phantom, frames):
     """The tissue may be turned: the shape in the first frame makes no names more probable than `decisive`, 1e3 to 1."""
     identity, made = followed(phantom, frames[:1], lambda _k: {"M1": "M4", "M4": "M1"})
     assert made[0].swap is None
-    assert sorted(one.names for one in identity.rivals) == sorted(p for p in permutations(range(3)) if p != (0, 1, 2))
-    best = max(identity.rivals, key=lambda one: one.ahead)
+    assert sorted(one.names for one in identity.alternatives) == sorted(
+        p for p in permutations(range(3)) if p != (0, 1, 2)
+    )
+    best = max(identity.alternatives, key=lambda one: one.ahead)
     assert best.names == (2, 1, 0)
     assert best.ahead == pytest.approx(IdentitySettings().decisive - IdentitySettings().exchange)
 
@@ -120,19 +122,19 @@ def test_marks_of_different_hues_are_never_tried(phantom, frames):
     assert "M3" not in identity.node_of
     assert all("M3" not in swap.nodes for swap in identity.swaps)
     for k, ((_, marks), one) in enumerate(zip(frames, made, strict=True)):
-        told = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
-        assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, told.position)
+        reported = next(mark for mark in marks if mark.node == ("M3" if k < 20 else "M1"))
+        assert np.array_equal(next(mark for mark in one.marks if mark.node == "M3").position, reported.position)
 
 
 @pytest.mark.parametrize("alike", [[], [("M1",), ("M3",), ("M4",)]])
 def test_marks_of_which_none_are_alike_go_through(phantom, frames, alike):
     identity, made = followed(phantom, frames[:10], lambda k: {"M1": "M3", "M3": "M1"} if k >= 5 else {}, alike)
     assert identity.swaps == []
-    assert identity.rivals == []
+    assert identity.alternatives == []
     assert [mark.node for mark in made[-1].marks] == ["M3", "M1", "M4"]
 
 
-def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames):
+def test_one_mark_that_comes_back_by_the_name_of_another_is_reported(phantom, frames):
     """M1 and M4 are hidden for half a second; M1 comes back as M4, alone."""
     unseen = [
         (t, marks if k < 20 or k >= 45 else [m for m in marks if m.node == "M3" or (m.node == "M1" and k >= 35)])
@@ -144,7 +146,7 @@ def test_one_mark_that_comes_back_by_the_name_of_another_is_told(phantom, frames
     np.testing.assert_array_equal(made[-1].estimate.mean, means(phantom, unseen)[-1])
 
 
-def test_a_fix_reaches_the_rivals(phantom, frames):
+def test_a_fix_reaches_the_alternatives(phantom, frames):
     """Wrong from the start, and the target sighted in the second frame: as if the names had been right all the time."""
     plain = TissueFilter(phantom, HIDDEN, OUTER)
     identity = AssociationFilter(TissueFilter(phantom, HIDDEN, OUTER), [OUTER])
@@ -152,13 +154,13 @@ def test_a_fix_reaches_the_rivals(phantom, frames):
     for k, (time_s, marks) in enumerate(frames[:8]):
         plain.predict(time_s)
         identity.tissue.predict(time_s)
-        told = identity.update(identity.named(called(marks, {"M1": "M4", "M4": "M1"})))
+        reported = identity.update(identity.named(called(marks, {"M1": "M4", "M4": "M1"})))
         right = plain.update(marks)
         if k == 0:
             plain.fix(place, cov)
             identity.fix(place, cov)
     assert len(identity.swaps) == 1
-    np.testing.assert_array_equal(told.estimate.mean, right.mean)
+    np.testing.assert_array_equal(reported.estimate.mean, right.mean)
 
 
 def test_costs_of_names_are_gaussian():
@@ -185,36 +187,36 @@ def test_a_swap_that_slipped_by_is_mended(phantom, frames, right, order):
         if k < 30:
             identity.tissue.update(called(marks, wrong))
         else:
-            told = identity.update(identity.named(called(marks, wrong)))
+            reported = identity.update(identity.named(called(marks, wrong)))
     assert len(identity.swaps) == 1
     assert frames[30][0] <= identity.swaps[0].time_s <= frames[30][0] + 0.2
-    place = {mark.node: mark.position for mark in told.marks}
+    place = {mark.node: mark.position for mark in reported.marks}
     assert all(np.array_equal(place[mark.node], mark.position) for mark in frames[-1][1])
-    assert np.linalg.norm(told.estimate.mean - right[-1]) < 1e-3
+    assert np.linalg.norm(reported.estimate.mean - right[-1]) < 1e-3
 
 
-def test_names_that_do_not_beat_the_same_ones_begun_anew_are_not_believed(phantom, frames):
-    """Wrong from the start; but what stands beside the rivals explains as much as the best of them: it does itself."""
+def test_names_that_do_not_beat_the_same_ones_restarted_are_not_adopted(phantom, frames):
+    """Wrong from the start; but the restart under the same names explains as much as the best alternative."""
     wrong = {"M1": "M4", "M4": "M1"}
     for beaten, undone in ((True, 1), (False, 0)):
         identity, _ = followed(phantom, frames[:1], lambda _k: wrong)
-        best = max(identity.rivals, key=lambda one: one.ahead)
+        best = max(identity.alternatives, key=lambda one: one.ahead)
         identity.same_names = replace(best, ahead=-1e6) if beaten else best
         for time_s, marks in frames[1:5]:
             identity.tissue.predict(time_s)
             identity.update(identity.named(called(marks, wrong)))
         assert len(identity.swaps) == undone
-        assert bool(identity.rivals) != beaten
+        assert bool(identity.alternatives) != beaten
 
 
-def test_rivals_do_not_outlive_a_loss(phantom, frames):
-    """Nothing for longer than a second: the next marks start all names anew."""
+def test_alternatives_do_not_outlive_a_loss(phantom, frames):
+    """Nothing for longer than a second: the next marks restart all names."""
     identity, _ = followed(phantom, frames[:1], lambda _k: {})
-    assert {one.since_s for one in identity.rivals} == {0.0}
+    assert {one.since_s for one in identity.alternatives} == {0.0}
     for time_s, marks in ((0.9, []), (1.1, []), (1.2, frames[1][1])):
         identity.tissue.predict(time_s)
         identity.update(marks)
-    assert {one.since_s for one in identity.rivals} == {1.2}
+    assert {one.since_s for one in identity.alternatives} == {1.2}
 
 
 def test_names_as_seen_from_others():

@@ -17,10 +17,10 @@ def motion(phantom, rest_state, driven, poke_forces):
     return driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(1)))[::4]
 
 
-def followed(network, told, states, marks_of):
-    """A LeaveOneOut told of `told` through marks of `network`'s motion; checks, estimates and truth of all frames."""
+def followed(network, reported, states, marks_of):
+    """A LeaveOneOut of `reported` on marks of `network`'s motion; checks, estimates and truth of all frames."""
     rng = np.random.default_rng(1)
-    both = LeaveOneOut(told, HIDDEN, OUTER)
+    both = LeaveOneOut(reported, HIDDEN, OUTER)
     checks, estimates = [], []
     for k, state in enumerate(states):
         both.predict(k / 30.0)
@@ -36,7 +36,7 @@ def right(phantom, motion, marks_of):
 
 @pytest.fixture(scope="module")
 def wrong(phantom, motion, marks_of):
-    """The same motion, the filters told of springs 30 % off, and 3 % of their rest lengths, at random."""
+    """The same motion, the filters with springs wrong by 30 %, and rest lengths by 3 %, at random."""
     which = parameters(phantom, ("stiffness", "rest_length"))
     off = np.array([0.3 if one.kind == "stiffness" else 0.03 for one in which])
     change = off * np.random.default_rng(0).normal(size=len(which))

@@ -34,7 +34,7 @@ def test_coverage_counts_up_to_the_tables_95_percent_point(degrees, inside, outs
 
 
 def test_normalised_squared_is_the_quadratic_form():
-    """By hand: (3, 4) with variances 9 and 4 is 1 + 4; with covariance [[2, 1], [1, 2]] (1, 1) gives 2/3. Rounding."""
+    """(3, 4) with variances 9 and 4 is 1 + 4; with covariance [[2, 1], [1, 2]] (1, 1) gives 2/3. Rounding."""
     covs = [np.diag([9.0, 4.0]), np.array([[2.0, 1.0], [1.0, 2.0]])]
     np.testing.assert_allclose(normalised_error_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
 
@@ -46,7 +46,7 @@ def test_drawn_errors_are_covered_as_they_should(share):
     errors = np.random.default_rng(1).multivariate_normal(np.zeros(2), cov, size=40_000)
     squared = normalised_error_squared(errors, np.broadcast_to(cov, (40_000, 2, 2)))
     assert coverage(squared, 2, share) == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / 40_000))
-    # A filter that believes itself twice as sure covers 1 - exp(-x / 4) of it, by the law of two degrees.
+    # A filter with half the standard deviation covers 1 - exp(-x / 4) of it, by the law of two degrees.
     bold = coverage(4.0 * squared, 2, share)
     assert bold == pytest.approx(1.0 - (1.0 - share) ** 0.25, abs=0.0075)
 

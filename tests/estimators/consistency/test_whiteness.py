@@ -63,7 +63,7 @@ def test_lags_that_the_series_does_not_have_are_refused(n_lags):
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
 def test_correlated_values_are_worth_fewer(phi):
-    """Of a first-order autoregression (1 - phi) / (1 + phi) of them [geyer1992]; 200 series of 2000.
+    """For a first-order autoregression (1 - phi) / (1 + phi) of them [geyer1992]; 200 series of 2000.
 
     To 10 %: it stops where noise has made a sum negative, and so adds up more of what was positive.
     """

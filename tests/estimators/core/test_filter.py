@@ -314,7 +314,7 @@ class Speed(Constant):
 
 
 def test_each_hypothesis_has_its_innovation() -> None:
-    """Of a bent observation by the slope at its own mean, and of states of which no observation sees all."""
+    """For a nonlinear observation by the slope at its own mean, and for states that no observation sees completely."""
     rates = np.array([[-0.4, 0.4], [1.0, -1.0]])
     found = HypothesisFilter(Point([0.1, 5.0], rates))
     for value in (0.3, 4.0):

@@ -58,7 +58,7 @@ def test_the_choice_is_the_best_of_all_subsets(sizes, n_off):
 
 
 def test_a_block_goes_where_its_own_density_is_more_than_its_gaussian_one():
-    """Of one block by itself, its Gaussian of variance S: the odds turn where both are alike, by hand."""
+    """One block by itself, its Gaussian of variance S: the odds turn where both densities are equal."""
     for sd in (0.1, 1.0, 30.0):
         edge = sd * np.sqrt(2.0 * (14.0 - np.log(sd) - 0.5 * np.log(2.0 * np.pi)))
         for share, out in ((0.99, set()), (1.01, {0})):
@@ -73,7 +73,7 @@ def test_blocks_that_are_never_outliers_stay():
 
 
 def test_an_outlier_is_anywhere_within_reach():
-    """Uniform over a square of 0.4 m with odds of 1 to 10^6: log-density by hand; other names never are."""
+    """Uniform over a square of 0.4 m with odds of 1 to 10^6: log-density in closed form; other names never are."""
     logs = Outliers(frozenset({"a"}), 1e-6, 0.4).log_densities(("a", "b"), (slice(0, 2), slice(2, 4)))
     assert logs.tolist() == [pytest.approx(np.log(1e-6 / 0.16)), -np.inf]
 

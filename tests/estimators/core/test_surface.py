@@ -258,7 +258,7 @@ def test_marks_of_a_node_that_was_not_announced_are_taken_in(seen_for):
 
 
 def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
-    """Of a quiet frame: one mode speaks; truth is the update without that mark."""
+    """For a quiet frame, where one mode dominates; truth is the update without that mark."""
     still = [(k * HZ, frames[0][1]) for k in range(40)]
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     followed(tissue, still)

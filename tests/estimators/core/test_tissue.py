@@ -131,7 +131,7 @@ def test_steps_together_are_each_after_the_other() -> None:
 
 
 def test_strengths_by_mode() -> None:
-    """Of a soft body as stated; a led node is led in every mode."""
+    """For a soft body as stated; a led node is led in every mode."""
     network = four_mass_phantom()
     found = TissueProcess(network, OUTER, led=("M3",), disturbances=Disturbances(bent=0.0))
     rows = found.variances(0.02)

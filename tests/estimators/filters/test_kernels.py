@@ -33,7 +33,7 @@ def test_factor_is_numpys(n):
 @pytest.mark.parametrize(
     "P", [-np.eye(1), np.zeros((2, 2)), np.array([[1.0, 2.0], [2.0, 1.0]]), np.diag([1.0, np.nan])]
 )
-def test_a_matrix_that_is_not_positive_definite_is_told(P):
+def test_a_matrix_that_is_not_positive_definite_is_reported(P):
     _, ok = chol_lower(P)
     assert not ok
     _, ok = symmetric_points(np.zeros(len(P)), P, 1.0)
@@ -86,7 +86,7 @@ def test_update_is_the_textbook_one(n, m):
 
 
 def test_update_with_no_measurement_at_all_changes_nothing():
-    """Of a measurement of length 0: K is (n, 0), the posterior is the prior, exactly."""
+    """For a measurement of length 0: K is (n, 0), the posterior is the prior, exactly."""
     rng = np.random.default_rng(1)
     x, P = rng.normal(size=4), definite(4, rng)
     P = (P + P.T) / 2
@@ -97,7 +97,7 @@ def test_update_with_no_measurement_at_all_changes_nothing():
     assert (y.shape, K.shape, nis, log_det) == ((0,), (4, 0), 0.0, 0.0)
 
 
-def test_update_with_an_impossible_innovation_covariance_is_told():
+def test_update_with_an_impossible_innovation_covariance_is_reported():
     *_, ok = joseph_update(np.zeros(2), np.eye(2), np.zeros(1), np.array([[1.0, 0.0]]), np.array([[-1.5]]))
     assert not ok
 

@@ -33,7 +33,7 @@ def outer_marks(states):
 def test_filter_is_filterpys_on_the_phantom(phantom, rest_state, alpha, beta, kappa, hx, m, sd):
     """Same points, one by one in plain NumPy there and in compiled batches here; 12 cycles of 1/120 s.
 
-    1e-9 of metres, metres a second: rounding of two ways of solving with S, carried along. Every fifth cycle has no
+    1e-9 of metres, metres a second: rounding of two ways of solving with S, accumulated. Every fifth cycle has no
     measurement.
     """
     points = filterpy.kalman.MerweScaledSigmaPoints(16, alpha, beta, kappa)
@@ -226,7 +226,7 @@ INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
     ],
 )
 def test_a_covariance_that_is_not_definite_is_an_error_and_changes_nothing(P, act, message):
-    """Style, rule 17: no hidden repair. What was believed before the error is believed after it."""
+    """Style, rule 17: no hidden repair. The state before the error is the state after it."""
     f = started(UnscentedKalmanFilter(2, lambda s, _dt: s, lambda s: s), np.array([1.0, 2.0]), P, np.eye(2))
     with pytest.raises(CovarianceError, match=f"{message}: expected positive definite"):
         act(f)

@@ -44,11 +44,11 @@ def test_after_go_a_hit_less_than_half_as_probable_as_go_asks_is_abort():
     assert given([(INSIDE, GO), (INSIDE, never)])[1].advice is Advice.ABORT
 
 
-def test_a_needle_that_was_never_told_to_go_is_not_aborted_for_its_probability():
+def test_a_needle_that_was_never_advised_to_go_is_not_aborted_for_its_probability():
     assert given([(INSIDE, POOR), (INSIDE, WAIT)]) == [POOR, WAIT]
 
 
-def test_drawn_out_it_begins_anew():
+def test_drawn_out_it_restarts():
     said = given([(DOWN, GO), (INSIDE, POOR), (DOWN, POOR), (DOWN, GO), (INSIDE, WAIT)])
     assert [one.advice for one in said] == [Advice.GO, Advice.ABORT, Advice.REALIGN, Advice.GO, Advice.WAIT]
 

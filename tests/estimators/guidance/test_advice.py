@@ -44,7 +44,7 @@ FAULTS = {
     "stale": (HEALTHY, NOW_S + 0.11, NOW_S + 0.11, "the estimate is 0.11 s old, more than 0.1 s"),
     "coasting": (replace(HEALTHY, status=Status.COASTING), NOW_S, NOW_S - 0.21, "no mark was seen for 0.21 s"),
     "never seen": (HEALTHY, NOW_S, None, "no mark was seen for inf s"),
-    "model only": (replace(HEALTHY, model_only=True), NOW_S, NOW_S, "the model alone speaks"),
+    "model only": (replace(HEALTHY, model_only=True), NOW_S, NOW_S, "almost no information"),
     "no covariance": (replace(HEALTHY, cov=None), NOW_S, NOW_S, "the estimate has no covariance"),
     "not finite": (replace(HEALTHY, mean=np.array([np.nan, 0.0])), NOW_S, NOW_S, "the estimate is not finite"),
 }
@@ -52,7 +52,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_no_guidance_without_a_healthy_estimate(fault):
-    """Nothing but the reason is told, and the path is not asked for."""
+    """Only the reason is reported, and the path is not predicted."""
     estimate, now_s, seen_s, reason = FAULTS[fault]
     said = guide(Filter(seen_s), estimate, DOWN, DISC, needle=TIP, now_s=now_s)
     assert said.advice is Advice.NO_GUIDANCE

@@ -24,7 +24,7 @@ def fed(period_s, seconds, sd, rng, settings=None):
 
 
 @pytest.mark.parametrize("period_s", [3.0, 3.71, 4.6, 6.0])
-def test_the_period_is_found_and_the_wave_foretold(period_s):
+def test_the_period_is_found_and_the_wave_predicted(period_s):
     """Errors of 1 mm a coordinate, 15 s: the period to 2 %, the wave half a second ahead to 0.4 mm on average."""
     rng = np.random.default_rng(3)
     breathing = fed(period_s, 15.0, 1e-3, rng)
@@ -277,7 +277,7 @@ def test_bounds_of_the_settings():
             BreathingSettings(shortest_s=shortest_s, longest_s=longest_s)
 
 
-def test_bad_input_is_told():
+def test_bad_input_is_reported():
     breathing = Breathing(2)
     breathing.update(1.0, np.zeros(2), np.eye(2))
     with pytest.raises(ValueError, match=r"time_s: expected more than 1.0, found inf"):

@@ -42,7 +42,7 @@ def imhof(offset, cov, radius):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_round_belief_is_the_noncentral_chi_square(dim):
+def test_a_round_gaussian_is_the_noncentral_chi_square(dim):
     """From a hundredth of the radius to thrice it, offsets from none to beyond the rim: SciPy's ncx2 to 1e-5."""
     rng = np.random.default_rng(0)
     for sd in (0.05, 0.2, 0.7, 2.0, 15.0):
@@ -64,7 +64,7 @@ def test_any_covariance_against_imhofs_integral(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_belief_that_is_a_line_is_normal_along_it(dim):
+def test_a_gaussian_on_a_line_is_normal_along_it(dim):
     """Sure to a micrometre across, offset 1 mm there: the chord of the ball, P(|a + 1| <= sqrt(16 - 1)), sd 1.5 mm."""
     V = special_ortho_group.rvs(dim, random_state=np.random.default_rng(3))
     cov = V @ np.diag([1.5**2] + [1e-6] * (dim - 1)) @ V.T
@@ -209,7 +209,7 @@ def test_the_likeliest_of_three_places_is_found_though_the_mean_is_nearer_anothe
         (lambda: Needle(hit=Hit.CORE, core_m=0.03), "needle core_m: expected no more than notch_length_m"),
         (
             lambda: GaussianMixture(np.array([0.5, 0.4]), np.zeros((2, 2)), np.zeros((2, 2, 2))),
-            "belief weights: expected",
+            "mixture weights: expected",
         ),
         (lambda: of_tip([0, 0, 0], np.eye(3), Lesion.ball(1.0, 2)), "dimensions: expected target, tip and axis of"),
     ],

@@ -99,7 +99,7 @@ def test_it_is_the_joint_posterior():
     np.testing.assert_allclose(tracker.P, cov[-3:, -3:], rtol=1e-9, atol=1e-15)
 
 
-def test_its_covariance_is_to_be_believed():
+def test_its_covariance_is_to_be_trusted():
     """NEES of position and speed after 20 steps, now and 0.5 s ahead, 200 runs: inside its 99.9 % bounds."""
     now, ahead = [], []
     for seed in range(200):

@@ -30,7 +30,7 @@ def test_radii_and_margins_take_from_the_room():
 
 
 def test_side_by_side_and_end_to_end():
-    """Parallel segments, one behind the other on a line, and a crossing one, by hand."""
+    """Parallel segments, one behind the other on a line, and a crossing one: known distances."""
     start, end = np.zeros((1, 2)), np.array([[1.0, 0.0]])
     others = [
         Obstacle("beside", [0.2, 0.5], [0.8, 0.5], 0.0),

@@ -120,7 +120,7 @@ def test_the_order_is_that_of_the_hits_among_the_allowed(phantom, lesion):
 
 
 def test_every_rejection_has_its_reason(phantom, lesion):
-    """One way with nothing against it, and one for each reason, made by hand."""
+    """One path with nothing against it, and one for each reason, written down."""
     skin = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 2.0], np.radians(40.0), 0.17)
     rib = Obstacle("rib 5", [0.02, 0.26], [0.06, 0.26], 0.004, 0.001)
     vessel = ball("vessel", [0.022, 0.24], 0.004, 0.001)

@@ -71,7 +71,7 @@ def test_one_number_that_is_not_finite_is_enough():
 
 def test_an_estimate_by_the_model_alone_is_not_healthy():
     fault = health_fault(replace(HEALTHY, model_only=True), 8.0, 8.0, EXACT)
-    assert fault == "the marks tell next to nothing of the target: the model alone speaks"
+    assert fault == "the marks contain almost no information on the target"
 
 
 def test_the_first_fault_is_stated():
@@ -82,7 +82,7 @@ def test_the_first_fault_is_stated():
         (replace(broken, status=Status.TRACKING), 9.0, None, "the estimate is 1.00 s old"),
         (replace(broken, status=Status.TRACKING), 8.0, None, "the estimate has no covariance"),
         (replace(HEALTHY, model_only=True), 8.0, None, "no mark was seen"),
-        (replace(HEALTHY, model_only=True), 8.0, 8.0, "the marks tell next to nothing"),
+        (replace(HEALTHY, model_only=True), 8.0, 8.0, "the marks contain almost no information"),
     ]
     for estimate, now_s, seen_s, reason in order:
         assert health_fault(estimate, now_s, seen_s, EXACT).startswith(reason)

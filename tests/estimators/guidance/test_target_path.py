@@ -69,7 +69,7 @@ def test_a_live_filter_is_asked_with_the_needle_the_settings_and_the_time(needle
 
 
 def test_between_the_times_of_the_path_the_target_moves_smoothly():
-    """A swing of 10 mm at 3 Hz, told at 30 a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
+    """A swing of 10 mm at 3 Hz, 30 samples a second: met within 0.1 mm of where it is (straight lines: 0.5 mm)."""
     where = lambda t: np.c_[0.01 * np.sin(6 * np.pi * t), 0.04 + 0 * t]  # noqa: E731
     path = path_of(where)
     worst = 0.0
@@ -95,7 +95,7 @@ def test_the_covariance_between_the_times_of_the_path_is_on_a_straight_line(way_
 
 
 def test_each_moment_of_the_outlook_is_that_moments_own_advice():
-    """The probability told for a later start is what is told then, of the same path."""
+    """The probability reported for a later start is the one reported then, for the same path."""
     path = path_of(lambda t: np.c_[0.01 * np.cos(3 * t), 0.04 + 0.005 * np.sin(5 * t)])
     settings = AdviceSettings(horizon_s=1.0)
     said = advise(path, DOWN, DISC, needle=TIP, settings=settings)

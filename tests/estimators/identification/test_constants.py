@@ -1,4 +1,4 @@
-"""Constants from a calibration recording: found to their standard errors, and what cannot be told is said."""
+"""Constants from a calibration recording: found to their standard errors, and what is not determined is reported."""
 
 from dataclasses import replace
 from functools import partial
@@ -75,8 +75,8 @@ def wrong(network, seed=3):
 
 @pytest.fixture(scope="module")
 def found(recorded):
-    told, change = wrong(chain())
-    return identified(told, recorded[0]), change
+    reported, change = wrong(chain())
+    return identified(reported, recorded[0]), change
 
 
 def test_constants_are_found_to_their_standard_errors(found):
@@ -104,11 +104,11 @@ def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found
 
 
 def test_more_frames_make_it_surer(recorded, found):
-    told, _ = wrong(chain())
-    assert (found[0].sd < identified(told, recorded[0][:40]).sd).all()
+    reported, _ = wrong(chain())
+    assert (found[0].sd < identified(reported, recorded[0][:40]).sd).all()
 
 
-def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
+def test_springs_side_by_side_are_determined_together_and_not_apart(recorded):
     """Two springs between the same nodes: their difference is the worst direction, nothing of its prior gone.
 
     Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
@@ -125,10 +125,10 @@ def test_springs_side_by_side_are_told_together_and_not_apart(recorded):
 
 def test_a_group_that_the_recording_does_not_determine_keeps_its_value(recorded):
     """Stiffness off by some 20 % is found; drag, known to a tenth before, is hardly better known after 3 s."""
-    told, change = wrong(chain())
-    found = identified(told, recorded[0][:60], {"stiffness": 0.3, "drag": 0.1})
+    reported, change = wrong(chain())
+    found = identified(reported, recorded[0][:60], {"stiffness": 0.3, "drag": 0.1})
     assert found.kept.tolist() == [False, False, False, True, True]
-    np.testing.assert_array_equal(found.network.drag, told.drag)
+    np.testing.assert_array_equal(found.network.drag, reported.drag)
     assert (found.sd[3:] > 0.08).all()
     assert np.abs(found.change[:3]).max() > 0.1
     assert (np.abs(found.change[:3] + change[:3]) < 3.0 * found.sd[:3]).all()
@@ -204,13 +204,13 @@ def test_what_is_found_is_most_probable_with_its_prior(recorded):
 
     Of the likelihood alone, or of the prior alone, it would not.
     """
-    told, _ = wrong(chain())
+    reported, _ = wrong(chain())
     frames = recorded[0][:25]
-    found = identified(told, frames, {"stiffness": 0.1, "rest_length": 0.003})
+    found = identified(reported, frames, {"stiffness": 0.1, "rest_length": 0.003})
 
     def posterior(share):
         change = share * found.change
-        network, none = scale_parameters(told, found.parameters, change), independent_uncertainty((), 1.0)
+        network, none = scale_parameters(reported, found.parameters, change), independent_uncertainty((), 1.0)
         passed = pass_through(network, none, frames, (("near",), "far"), SETTINGS, Budget())
         return passed.log_likelihood - 0.5 * np.sum((change / found.prior_sd) ** 2)
 

@@ -93,7 +93,7 @@ def test_only_directions_beyond_the_prior_are_limited():
     cov, n_limited = within_prior(axes * [0.01, 50.0] @ axes.T, np.zeros(2))
     np.testing.assert_allclose(cov, axes * [0.01, 1.0] @ axes.T, rtol=1e-12)
     assert n_limited == 1
-    told = axes * [0.01, 1.0] @ axes.T
-    same, n_none = within_prior(told, np.array([0.3, 4.0]))
-    assert same is told
+    reported = axes * [0.01, 1.0] @ axes.T
+    same, n_none = within_prior(reported, np.array([0.3, 4.0]))
+    assert same is reported
     assert n_none == 0

@@ -173,7 +173,7 @@ def test_a_mark_is_corrected_with_what_is_unknown_of_the_pose(dim):
 
 
 def test_an_error_of_the_calibration_is_considered_in_pose_and_marks():
-    """Of a scale that is off by one standard deviation, `shared` says the errors exactly: nothing else errs."""
+    """For a scale error of one standard deviation, `shared` gives the errors exactly: there are no others."""
     sd, dim, still = 0.02, 2, centred(2)
     pose = PoseFilter({name: np.array(place) for name, place in PLACES[2].items()}, NEVER, n_calibration=1)
 

@@ -1,4 +1,4 @@
-"""A known force on the tissue: the filter that is told of the needle sees the target pushed aside."""
+"""A known force on the tissue: the filter with the needle's force predicts the push of the target."""
 
 import numpy as np
 import pytest
@@ -74,16 +74,16 @@ def test_a_function_is_asked_in_the_middle_of_each_step(phantom, rest_state, mar
         return np.broadcast_to(on_target(phantom, 1.0), (*states.shape[:-1], 4, 2))
 
     tissue, held = (TissueFilter(phantom, HIDDEN, OUTER) for _ in range(2))
-    for filtered, told in ((tissue, push), (held, on_target(phantom, 1.0))):
+    for filtered, reported in ((tissue, push), (held, on_target(phantom, 1.0))):
         filtered.predict(0.0)
         filtered.update(marks_of(phantom, rest_state))
-        filtered.predict(FRAME_S, told)
+        filtered.predict(FRAME_S, reported)
     np.testing.assert_allclose([t for t, _ in asked], np.array([1, 3, 5, 7]) / 240.0, rtol=1e-12)
     assert {n for _, n in asked} == {phantom.n_state}
     np.testing.assert_array_equal(tissue.filter.mean, held.filter.mean)
 
 
-def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_state, hidden, marks_of):
+def test_given_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_state, hidden, marks_of):
     """Four insertions, truth by DOP853 with the needle's friction by relative velocity; a force sensor off by 2 %.
 
     The needle goes from the skin between M3 and M4 to the hidden mass and pushes it by several mm; marks of 2 mm an
@@ -114,9 +114,9 @@ def test_told_of_the_needle_the_filter_errs_half_as_much_at_most(phantom, rest_s
         covs.append(own[after])
         blind.append(tracked(phantom, frames, [None] * n)[0][after] - where)
         pushed.append(np.linalg.norm(where - rest_state[hidden], axis=1).max())
-    told, untold = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
+    reported, unreported = (np.linalg.norm(np.concatenate(e), axis=1).mean() for e in (errors, blind))
     assert min(pushed) > 3e-3
-    assert told < 0.5 * untold
+    assert reported < 0.5 * unreported
     assert coverage(normalised_error_squared(np.concatenate(errors), np.concatenate(covs)), 2) >= 0.90
 
 

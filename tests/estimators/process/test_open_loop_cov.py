@@ -36,26 +36,26 @@ def noisy(network, nodes, rng):
 def test_its_covariance_is_that_of_the_open_loops_errors(smooth, rate):
     """Marks 0.1 mm off: the phantom's second order is a thousandth of its first."""
     times = np.arange(40) / rate
-    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
+    open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for dt in np.diff(times, prepend=0.0):
-        belief.take(float(dt), dict.fromkeys(OUTER, R))
+        open_loop.take(float(dt), dict.fromkeys(OUTER, R))
     errors = []
     for seed in range(30):
         rng, loop = np.random.default_rng(seed), OpenLoop(smooth, HIDDEN)
         ends = [loop.update(float(t), noisy(smooth, OUTER, rng)).mean for t in times]
         errors.append(ends[-1] - smooth.positions[smooth.index(HIDDEN)])
-    assert_consistent(errors, belief)
+    assert_consistent(errors, open_loop)
 
 
 def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
-    """Only M3 seen from the second frame on: the others' first error holds them, and the belief has it so.
+    """Only M3 seen from the second frame on: the others' first error holds them, and its covariance shows that.
 
     Variance of the target by the open loop whose unseen masses are put where they were seen first.
     """
     times = np.arange(60) / 10.0
-    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
+    open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.0)
     for k, dt in enumerate(np.diff(times, prepend=0.0)):
-        belief.take(float(dt), dict.fromkeys(OUTER if k == 0 else ("M3",), R))
+        open_loop.take(float(dt), dict.fromkeys(OUTER if k == 0 else ("M3",), R))
     errors = []
     for seed in range(30):
         rng, loop = np.random.default_rng(seed), OpenLoop(smooth, HIDDEN)
@@ -64,15 +64,15 @@ def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
             marks |= {mark.node: mark for mark in noisy(smooth, ("M3",), rng) if k}
             found = loop.update(float(t), list(marks.values())).mean
         errors.append(found - smooth.positions[smooth.index(HIDDEN)])
-    assert_consistent(errors, belief)
+    assert_consistent(errors, open_loop)
 
 
 def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth, driven):
     """Marks without noise, white force on the hidden mass alone, truth by DOP853."""
     white, seconds = 0.05, 1.0
-    belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=white)
+    open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=white)
     for _ in range(10):
-        belief.take(seconds / 10, dict.fromkeys(OUTER, np.zeros((2, 2))))
+        open_loop.take(seconds / 10, dict.fromkeys(OUTER, np.zeros((2, 2))))
     held = replace(smooth, fixed=[name in (*OUTER, "In1", "In2", "In3") for name in smooth.names])
     place = smooth.positions[smooth.index(HIDDEN)]
     start = pack(place[None], np.zeros((1, 2)))
@@ -81,19 +81,19 @@ def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth, driven):
         n = int(seconds * 120)
         forces = 0.2 * white * np.sqrt(120.0) * np.random.default_rng(seed).normal(size=(n, 1, 2))
         errors.append(unpack(driven(held, start, forces)[-1], 2)[0][0] - place)
-    assert_consistent(errors, belief)
+    assert_consistent(errors, open_loop)
 
 
 def test_frames_of_any_length_give_the_same_when_nothing_is_seen(smooth):
     """Marks held: dx/dt = A x in closed form, however time is cut. Rounding of matrix exponentials."""
-    beliefs = []
+    covs = []
     for n in (1, 7):
-        belief = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.05)
-        belief.take(0.0, dict.fromkeys(OUTER, R))
+        open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=0.05)
+        open_loop.take(0.0, dict.fromkeys(OUTER, R))
         for _ in range(n):
-            belief.take(0.5 / n, {})
-        beliefs.append(belief.cov)
-    np.testing.assert_allclose(beliefs[0], beliefs[1], rtol=0, atol=1e-9 * SD**2 + 1e-9 * np.abs(beliefs[0]).max())
+            open_loop.take(0.5 / n, {})
+        covs.append(open_loop.cov)
+    np.testing.assert_allclose(covs[0], covs[1], rtol=0, atol=1e-9 * SD**2 + 1e-9 * np.abs(covs[0]).max())
 
 
 def test_the_slowest_motions_of_a_large_body_are_enough(monkeypatch):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, NetworkError, carried, reaches
+from dynamics import HIDDEN, OUTER, NetworkError, reaches, supported
 from estimators import FixedLag, LeaveOneOut, OpenLoop, TargetPoint, TissueFilter, fixed_interval, target_map
 from tests.estimators.conftest import followed, poked_frames
 
@@ -96,7 +96,7 @@ def test_a_target_is_nowhere_beyond_its_reach(phantom):
     bounded = found.within_reach(np.array([wide, small]))
     np.testing.assert_allclose(bounded[0], turn @ np.diag([0.5 * most, most]) @ turn.T, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(bounded[1], small, rtol=1e-12, atol=1e-15)
-    free = target_map(carried(replace(phantom, fixed=np.zeros(phantom.n_nodes, dtype=bool))), HIDDEN)
+    free = target_map(supported(replace(phantom, fixed=np.zeros(phantom.n_nodes, dtype=bool))), HIDDEN)
     assert free.anywhere_m2 == np.inf
 
 

@@ -70,7 +70,7 @@ def test_hidden_mass_is_found_far_better_than_by_the_open_loop(runs, kind, share
     assert size(runs[kind].errors).mean() < share * paper
 
 
-def test_its_covariance_can_be_believed(runs):
+def test_its_covariance_can_be_trusted(runs):
     """95 % regions of chi-square with 2 degrees hold 90 % of the frames of each kind and more; mean NEES below 2.6."""
     for run in runs.values():
         squared = normalised_error_squared(run.errors, run.covs)
@@ -85,7 +85,7 @@ def test_nothing_diverges(runs):
     assert errors.max() < 0.015
 
 
-def test_a_poke_is_told_from_quiet(runs):
+def test_a_poke_is_distinguished_from_quiet(runs):
     """Poked: 0.09 on average while an outer mass is pushed by over 1 N, below a fifth of that quiet."""
     pushed = runs["poked"].poked[runs["poked"].pushed]
     assert len(pushed) > 20
@@ -93,7 +93,7 @@ def test_a_poke_is_told_from_quiet(runs):
     assert runs["quiet"].poked.mean() < 0.2 * pushed.mean()
 
 
-def test_with_three_marks_in_ten_missing_it_is_still_to_be_believed(phantom, rest_state):
+def test_with_three_marks_in_ten_missing_it_is_still_to_be_trusted(phantom, rest_state):
     """Each mark missing with 30 %, poked: under half of the open loop's error, 95 % regions hold 90 to 99.5 %."""
     run = follow(phantom, rest_state, 3, True, seen=0.7)
     assert size(run.errors).mean() < 0.5 * size(run.open_loop).mean()

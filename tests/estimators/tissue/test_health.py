@@ -124,11 +124,11 @@ def test_frames_that_are_each_likely_enough_diverge_together():
         (1 / 8, [1.0, 1.0, 1.0], Status.TRACKING),
     ],
 )
-def test_blow_upon_blow_explains_nothing(period_s, shares, status):
+def test_disturbance_upon_disturbance_explains_nothing(period_s, shares, status):
     """More than 2.5 by the sum of their probabilities within a quarter of a second; two are within an eighth."""
     settings, health = FilterSettings(), tracked()
     for k, share in enumerate(shares):
-        health = after_frame(health, 2.0 + k * period_s, FINE, 6, settings, blow=share)
+        health = after_frame(health, 2.0 + k * period_s, FINE, 6, settings, disturbance=share)
     assert health.status is status
 
 

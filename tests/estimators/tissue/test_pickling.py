@@ -124,7 +124,7 @@ def test_what_is_checked_when_made_stays_so(way):
 
 @way
 def test_hypotheses_of_names_go_along(way):
-    """Marks of one hue exchange names slowly, so that rivals are followed when the filter is copied."""
+    """Marks of one hue exchange names slowly, so that alternatives are followed when the filter is copied."""
     unbroken = AssociationFilter(FILTERS["usual"](), (OUTER,))
     first = AssociationFilter(FILTERS["usual"](), (OUTER,))
     network = four_mass_phantom()
@@ -139,15 +139,15 @@ def test_hypotheses_of_names_go_along(way):
     for k in range(CUT):
         named(unbroken, k)
         named(first, k)
-    assert first.rivals
+    assert first.alternatives
     other = way(first)
     for k in range(CUT, N_FRAMES):
         expected, found = named(unbroken, k), named(other, k)
         np.testing.assert_array_equal(found.estimate.mean, expected.estimate.mean)
         assert [mark.node for mark in found.marks] == [mark.node for mark in expected.marks]
     assert_same(other.tissue, unbroken.tissue)
-    assert [one.names for one in other.rivals] == [one.names for one in unbroken.rivals]
-    assert [one.ahead for one in other.rivals] == [one.ahead for one in unbroken.rivals]
+    assert [one.names for one in other.alternatives] == [one.names for one in unbroken.alternatives]
+    assert [one.ahead for one in other.alternatives] == [one.ahead for one in unbroken.alternatives]
 
 
 @way

@@ -23,7 +23,7 @@ def test_the_further_ahead_the_less_sure(two_seconds):
     assert traces[-1] > 2.0 * traces[0]
 
 
-def test_where_it_will_be_can_be_believed(phantom):
+def test_where_it_will_be_can_be_trusted(phantom):
     """0.1 s ahead, every second frame of two poked runs: 90 to 99 % of the truths lie in the 95 % region.
 
     Truth by DOP853 under half-sine pokes that the filter takes for Gauss-Markov noise.
@@ -53,10 +53,10 @@ def test_times_rounded_to_the_nanosecond_take_as_many_steps(phantom, rest_state,
 
     Mixed and stepped once more they would move by some 10 µm.
     """
-    told = []
+    reported = []
     for dt in (1.0 / 30.0, 1.0 / 30.0 + 5e-10):
         rng = np.random.default_rng(2)
         frames = [(k * dt, marks_of(phantom, rest_state, 4.14e-3, rng)) for k in range(20)]
-        told.append(followed(TissueFilter(phantom, HIDDEN, OUTER), frames)[-1])
-    np.testing.assert_allclose(told[1].mean, told[0].mean, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(told[1].cov, told[0].cov, rtol=0, atol=1e-12)
+        reported.append(followed(TissueFilter(phantom, HIDDEN, OUTER), frames)[-1])
+    np.testing.assert_allclose(reported[1].mean, reported[0].mean, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(reported[1].cov, reported[0].cov, rtol=0, atol=1e-12)

@@ -1,4 +1,4 @@
-"""Any calls in any order, hostile ones among them: the state stays a belief, and a call that raises changes nothing."""
+"""Any calls in any order, also invalid ones: the state stays valid, and a call that raises changes nothing."""
 
 from collections.abc import Callable
 
@@ -72,7 +72,7 @@ class Calls(RuleBasedStateMachine):
             return
         estimate = self.tissue.update(seen)
         assert estimate.marks_used <= len(seen)
-        check_belief(estimate.mean, estimate.cov)
+        check_gaussian(estimate.mean, estimate.cov)
 
     @rule(off=OFFSETS_M, angle=ANGLES, sd=SDS)
     def fix(self, off: float, angle: float, sd: float) -> None:
@@ -81,7 +81,7 @@ class Calls(RuleBasedStateMachine):
             self.refuses(lambda: self.tissue.fix(place, sd**2 * FINE))
             return
         estimate = self.tissue.fix(place, sd**2 * FINE)
-        check_belief(estimate.mean, estimate.cov)
+        check_gaussian(estimate.mean, estimate.cov)
 
     @rule(target=states)
     def snapshot(self) -> object:
@@ -102,7 +102,7 @@ class Calls(RuleBasedStateMachine):
             return
         before = digest(self.tissue.snapshot())
         ahead = self.tissue.predict_at(self.tissue.time_s + gap_s)
-        check_belief(ahead.mean, ahead.cov)
+        check_gaussian(ahead.mean, ahead.cov)
         assert digest(self.tissue.snapshot()) == before
 
     @rule(time_s=st.sampled_from([NAN, np.inf, -np.inf, "back"]))
@@ -135,7 +135,7 @@ class Calls(RuleBasedStateMachine):
             self.refuses(lambda: self.tissue.fix(place, cov))
 
     @invariant()
-    def the_state_is_a_belief(self) -> None:
+    def the_state_is_a_gaussian(self) -> None:
         """The mixture and each of its modes: finite, symmetric, positive definite where marks are looked for."""
         own = self.tissue.filter
         assert own.weights.min() >= 0.0
@@ -143,13 +143,13 @@ class Calls(RuleBasedStateMachine):
         assert self.tissue.is_finite
         np.testing.assert_allclose(own.covs, own.covs.swapaxes(1, 2), rtol=0, atol=1e-9 * np.abs(own.covs).max())
         for node in (*OUTER, HIDDEN):
-            check_belief(*self.tissue.expected(node))
+            check_gaussian(*self.tissue.expected(node))
             rows = self.tissue.process.node(node)
             for mean, cov in zip(own.means @ rows.T, rows @ own.covs @ rows.T, strict=True):
-                check_belief(mean, cov)
+                check_gaussian(mean, cov)
 
 
-def check_belief(mean: np.ndarray, cov: np.ndarray) -> None:
+def check_gaussian(mean: np.ndarray, cov: np.ndarray) -> None:
     """Finite, symmetric, and with positive eigenvalues; of the correlations, so that units do not matter."""
     assert np.isfinite(mean).all()
     assert np.isfinite(cov).all()

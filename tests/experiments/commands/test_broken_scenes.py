@@ -43,7 +43,7 @@ def with_loose_part(text: str) -> str:
     return text.replace("[[network.spring]]", f"{spring}[[network.spring]]", 1)
 
 
-CARRY = "expected springs that carry"
+CARRY = "expected springs that balance"
 BROKEN: list[tuple[Change, str]] = [
     (lambda _text: "", "version: expected 1, found none"),
     (without("network.node"), "network.node: expected this key, found none"),

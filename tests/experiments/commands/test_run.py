@@ -109,7 +109,7 @@ def test_a_simulated_scene_knows_that_its_constants_are_the_truths_and_stays_the
 def test_files_are_replaced_with_force_alone(capfd: pytest.CaptureFixture[str]) -> None:
     Path("tuned.toml").write_text("mine", encoding="utf-8")
     assert softaim("tune", "marks", "--out", "tuned.toml") == 2
-    assert "expected a new file, found one that is there; --force replaces it" in capfd.readouterr().err
+    assert "expected a new file, found an existing one; --force replaces it" in capfd.readouterr().err
     assert Path("tuned.toml").read_text(encoding="utf-8") == "mine"
     assert softaim("tune", "marks", "--out", "tuned.toml", "--force") == 0
     assert [step.name for step in read_scene(Path("tuned.toml")).steps] == ["tune"]

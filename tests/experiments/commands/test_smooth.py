@@ -67,7 +67,7 @@ def test_the_filter_stands_beside_it_and_is_less_certain(smoothed: Path) -> None
     assert (smoothed / "out" / "compare.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_progress_is_told_all_along(smoothed: Path) -> None:
+def test_progress_is_reported_all_along(smoothed: Path) -> None:
     """Of reading, tracking and smoothing, forth and back: shares rise from frame to frame to one."""
     shares: dict[str, list[float]] = {}
 
@@ -78,4 +78,4 @@ def test_progress_is_told_all_along(smoothed: Path) -> None:
     assert shares["read"] == [1.0]
     assert len(shares["track"]) == 20
     assert len(shares["smoother"]) == 40
-    assert all(told == sorted(told) and told[-1] == 1.0 for told in shares.values())
+    assert all(reported == sorted(reported) and reported[-1] == 1.0 for reported in shares.values())

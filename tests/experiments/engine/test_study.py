@@ -151,7 +151,7 @@ def test_rows_of_a_run_stay_together_and_whole_numbers_join_real_ones(tmp_path, 
 
 
 def test_no_two_cases_are_alike(tmp_path):
-    with pytest.raises(ValueError, match=r"no two alike, found \{'seed': 1"):
+    with pytest.raises(ValueError, match=r"expected different ones, found \{'seed': 1"):
         run_study(small_runs.paired, [*cases(2), *cases(2)[1:]], tmp_path, OWN_PROCESS)
 
 

@@ -107,10 +107,10 @@ def test_a_mark_of_another_diameter_than_stated_is_blamed_on_that(recording, tmp
     write_scene(replace(scene, marks=marks), tmp_path / "large.toml")
     assert softaim("track", recording, "--scene", tmp_path / "large.toml", "--out", tmp_path / "out", "--film") == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Mark M3: not found in 100 % of frames: wrong size: look at diameter_mm and the scale" in said
-    told = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]["marks"]["M3"]
+    assert "Mark M3: not found in 100 % of frames: wrong size: check diameter_mm and the scale" in said
+    reported = json.loads((tmp_path / "out" / "summary.json").read_text())["filter"]["marks"]["M3"]
     shares = {"found": 0.0, "refused": 0.0, "lost": 1.0, "reason_share": 1.0}
-    assert told == {"measured": True, "reason": Reason.SIZE, **shares}
+    assert reported == {"measured": True, "reason": Reason.SIZE, **shares}
 
 
 def test_marks_of_another_tracker_are_drawn_on_a_plain_ground(recording, tmp_path) -> None:

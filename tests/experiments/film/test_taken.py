@@ -61,19 +61,19 @@ def film(tmp_path: Path) -> Path:
 def test_shares_are_those_of_the_discs_drawn(film, tmp_path, capsys) -> None:
     out = tmp_path / "out"
     assert softaim("hue", film, "--scene", tmp_path / "scene.toml", "--out", out, "--film", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    reported = json.loads(capsys.readouterr().out)
     rows = pd.read_csv(out / "hue.csv")
     assert rows["marks"].tolist() == ["M"] * 4
     assert rows["pixels"][:2].tolist() == pytest.approx([AREA] * 2, rel=0.1)
     assert rows["pixels"][2] == 0
     assert rows["share"][3] == pytest.approx(np.pi * 150.0 * 100.0 / (320 * 240), rel=0.03)
     assert rows["time_s"].diff()[1:].tolist() == pytest.approx([0.04] * 3)
-    (kind,) = told["kinds"]
+    (kind,) = reported["kinds"]
     assert (kind["frames_too_few"], kind["frames_flooded"]) == (0.25, 0.25)
     assert kind["by_marks"] == pytest.approx(1.0, abs=0.1)
-    (verdict,) = told["verdicts"]
+    (verdict,) = reported["verdicts"]
     assert verdict.startswith(
-        "mark M: hue 130 ± 18 takes in more of the picture than marks can in 25 % of frames: narrow"
+        "mark M: hue 130 ± 18 selects more of the picture than marks can cover in 25 % of frames: narrow"
     )
 
 
@@ -91,12 +91,12 @@ def test_taken_pixels_are_painted_where_they_are_and_the_rest_is_grey(film, tmp_
     assert sheet.shape[1] == 640  # the least and the most, side by side
 
 
-def test_a_film_in_which_a_mark_is_missing_is_told_of(film, tmp_path, capsys) -> None:
+def test_a_film_in_which_a_mark_is_missing_is_reported(film, tmp_path, capsys) -> None:
     (tmp_path / "blue.toml").write_text(SCENE.replace("hue_deg = 130.0", "hue_deg = 240.0"))
     assert softaim("hue", film, "--scene", tmp_path / "blue.toml") == 0
     said = " ".join(capsys.readouterr().out.split())
     least = 0.2 * AREA
-    assert f"takes in less than one mark must show, {least:.0f} px, in 100 % of frames" in said
+    assert f"selects less than one mark must show, {least:.0f} px, in 100 % of frames" in said
     assert not (tmp_path / "out").exists()
 
 
@@ -107,7 +107,7 @@ def test_a_film_in_which_a_mark_is_missing_is_told_of(film, tmp_path, capsys) ->
         ([], "hue: expected --at U,V, or --scene scene.toml with a camera, found neither"),
         (
             ["--scene", "wide.toml"],
-            "scene: camera[0].size_px: expected [320, 240], as the frames have, found [640, 240]",
+            "scene: camera[0].size_px: expected [320, 240], like the frames, found [640, 240]",
         ),
     ],
 )

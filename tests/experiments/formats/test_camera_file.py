@@ -239,7 +239,7 @@ def test_faults_of_ros_yaml_name_file_and_key(tmp_path: Path, old: str, new: str
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("%YAML", "YAML?", "expected YAML as OpenCV writes it, found a file that it cannot read"),
+        ("%YAML", "YAML?", "expected YAML of OpenCV, found a file that it cannot read"),
         ("image_width: 640", "width: 640", "image_width: expected a whole number of 1 or more, found none"),
         ("camera_matrix", "matrix", "camera_matrix: expected a matrix, found none"),
         ("camera_matrix: !!", "camera_matrix: 5\nother: !!", "camera_matrix: expected a matrix, found none"),

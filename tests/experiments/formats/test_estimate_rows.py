@@ -1,4 +1,4 @@
-"""Rows of estimates.csv: order and units of docs/recording.md, written out by hand."""
+"""Rows of estimates.csv: order and units of docs/recording.md, written out."""
 
 import numpy as np
 import pytest

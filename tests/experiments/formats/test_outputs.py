@@ -71,7 +71,7 @@ def test_nothing_appears_after_an_exception(tmp_path: Path, out: Path, error: ty
 def test_a_folder_with_files_is_refused_before_any_work(tmp_path: Path):
     (tmp_path / "mine.txt").write_text("mine")
     with (
-        pytest.raises(InputError, match=r"expected an empty or a new folder, found files in it; --force writes"),
+        pytest.raises(InputError, match=r"expected an empty or new folder, found files in it; --force writes"),
         output_folder(tmp_path),
     ):
         pytest.fail("work was begun")
@@ -206,7 +206,7 @@ def test_a_folder_whose_parent_is_closed_is_written_from_within(
     assert tree(tmp_path) == {"out/a": "a"}
 
 
-def test_a_closed_parent_and_a_full_disk_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_a_closed_parent_and_a_full_disk_are_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     with monkeypatch.context() as patch:
         patch.setattr(Path, "mkdir", failing(PermissionError(errno.EACCES, "Permission denied")))
         with pytest.raises(InputError, match=r"out: expected a folder that can be written, found permission denied$"):

@@ -135,8 +135,8 @@ def test_a_file_that_is_there_is_refused_before_any_work(tmp_path: Path):
     check_new(tmp_path / "new.toml", force=False)
     (tmp_path / "old.toml").touch()
     check_new(tmp_path / "old.toml", force=True)
-    with pytest.raises(InputError, match="expected a new file, found one that is there; --force replaces it"):
+    with pytest.raises(InputError, match="expected a new file, found an existing one; --force replaces it"):
         check_new(tmp_path / "old.toml", force=False)
-    with pytest.raises(InputError, match="expected a file in a folder that is there, found none"):
+    with pytest.raises(InputError, match="expected a file in an existing folder, found none"):
         check_new(tmp_path / "none" / "new.toml", force=True)
     assert [path.name for path in tmp_path.iterdir()] == ["old.toml"]

@@ -1,4 +1,4 @@
-"""Every fault of a recording is told in one line: file, row, column, expected, found."""
+"""Every fault of a recording is reported in one line: file, row, column, expected, found."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -40,14 +40,14 @@ def write_video(path: Path, n_frames: int) -> None:
 def fault_of(folder: Path) -> str:
     """What is said of a bad recording, without the folder's own name; nothing in it may have changed."""
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
-    told = complaint(read_recording, folder)
+    reported = complaint(read_recording, folder)
     assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == before
-    return told.replace(f"{folder}/", "").replace(str(folder), "rec")
+    return reported.replace(f"{folder}/", "").replace(str(folder), "rec")
 
 
 BAD_TABLES = r"""
 frames.csv | frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n |  | expected columns frame, exposure_s, found an empty file
-frames.csv | frame, | camera,frame, | camera: one camera is read for now
+frames.csv | frame, | camera,frame, | camera: one camera is supported
 frames.csv | 1,0.1 | 2,0.1 | row 3: frame: expected 1, found 2
 frames.csv | 0,0.0\n |  | row 2: frame: expected 0, found 1
 frames.csv | 1,0.1 | 1.5,0.1 | row 3: frame: expected 1, found 1.5
@@ -61,7 +61,7 @@ truth.csv | y_mm | y_mm,z_mm | z_mm: expected no such column for a flat scene, f
 truth.csv | ,y_mm |  | row 1: expected one column y_mm, found none in "time_s,node,x_mm"
 marks.csv | 4,0.5 | 4,0 | row 3: sd_mm: expected more than 0, found 0
 marks.csv | 3,4 | nan,4 | row 3: x_mm: expected a finite number, found "nan"
-marks.csv | sd_mm | sd_mm,camera | camera: one camera is read for now
+marks.csv | sd_mm | sd_mm,camera | camera: one camera is supported
 marks.csv | 0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected a row for each mark, found none, and no
     frames.csv
 fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected more than 0, found 0
@@ -73,7 +73,7 @@ fixes.csv | time_s,x_mm,y_mm,sd_mm\n0.0,1,2,0.5\n0.1,1,2,0.5\n |  | expected col
 
 
 @pytest.mark.parametrize(("name", "old", "new", "message"), rows(BAD_TABLES))
-def test_a_fault_of_a_table_is_told_with_row_and_column(folder: Path, name: str, old: str, new: str, message: str):
+def test_a_fault_of_a_table_is_reported_with_row_and_column(folder: Path, name: str, old: str, new: str, message: str):
     if name == "marks.csv":
         tables = {"marks.csv": MARKS}
     else:
@@ -116,7 +116,7 @@ def with_cameras(n: int) -> Callable[[Path], None]:
 
 
 KINDS = "video.avi, video.mp4, video.mkv, frames/ or marks.csv"
-ONE = "(one camera is read for now)"
+ONE = "(one camera is supported)"
 BAD_FOLDERS = [
     (
         lambda f: [(f / name).touch() for name in ("video.avi", "video.mkv")],
@@ -150,22 +150,22 @@ BAD_FOLDERS = [
 
 
 @pytest.mark.parametrize(("spoil", "message"), BAD_FOLDERS, ids=[said for _, said in BAD_FOLDERS])
-def test_a_fault_of_the_folder_is_told(folder: Path, spoil: Callable[[Path], object], message: str):
+def test_a_fault_of_the_folder_is_reported(folder: Path, spoil: Callable[[Path], object], message: str):
     (folder / "frames.csv").write_text(FRAMES, encoding="utf-8")
     spoil(folder)
     assert fault_of(folder) == message
 
 
-def test_a_film_cut_off_is_told_by_its_counts(folder: Path):
+def test_a_film_cut_off_is_reported_by_its_counts(folder: Path):
     """The header still says 30 frames."""
     write_video(folder / "video.avi", 30)
     whole = (folder / "video.avi").read_bytes()
     (folder / "video.avi").write_bytes(whole[: len(whole) // 2])
     rows = "".join(f"{k},{k}\n" for k in range(30))
     (folder / "frames.csv").write_text(f"frame,exposure_s\n{rows}", encoding="utf-8")
-    told = fault_of(folder)
-    assert told.startswith("frames.csv: expected a row for each of the ")
-    assert told.endswith(" frames of video.avi, found 30 rows")
+    reported = fault_of(folder)
+    assert reported.startswith("frames.csv: expected a row for each of the ")
+    assert reported.endswith(" frames of video.avi, found 30 rows")
 
 
 def test_a_scene_of_another_s_is_named_by_its_own_path(folder: Path, tmp_path: Path):

@@ -1,4 +1,4 @@
-"""Scenario files: what ships, and every fault told in one line with file, key, expected, found."""
+"""Scenario files: what ships, and every fault reported in one line with file, key, expected, found."""
 
 from pathlib import Path
 
@@ -102,10 +102,10 @@ UNFIT = r"""
 """
 
 
-@pytest.mark.parametrize(("added", "told"), rows(UNFIT))
-def test_what_does_not_fit_the_scene_is_told(path: Path, body: Path, added: str, told: str):
+@pytest.mark.parametrize(("added", "reported"), rows(UNFIT))
+def test_what_does_not_fit_the_scene_is_reported(path: Path, body: Path, added: str, reported: str):
     path.write_text(BARE + added)
-    assert complaint(read_scenario, str(path)) == f"{path}: {told}"
+    assert complaint(read_scenario, str(path)) == f"{path}: {reported}"
 
 
 FAULTS = r"""
@@ -130,11 +130,11 @@ version = 1 | version 1 | line 1: expected TOML
 """
 
 
-@pytest.mark.parametrize(("old", "new", "told"), rows(FAULTS))
-def test_a_fault_is_told_in_one_line(path: Path, old: str, new: str, told: str):
+@pytest.mark.parametrize(("old", "new", "reported"), rows(FAULTS))
+def test_a_fault_is_reported_in_one_line(path: Path, old: str, new: str, reported: str):
     assert GOOD.count(old) == 1
     path.write_text(GOOD.replace(old, new))
-    assert complaint(read_scenario, str(path)).startswith(f"{path}: {told}")
+    assert complaint(read_scenario, str(path)).startswith(f"{path}: {reported}")
 
 
 def test_a_name_that_is_neither_lists_what_there_is(tmp_path: Path):

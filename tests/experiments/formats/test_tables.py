@@ -1,4 +1,4 @@
-"""CSV files: numbers come back exactly, and every fault is told with its row and column."""
+"""CSV files: numbers come back exactly, and every fault is reported with its row and column."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ BAD = {
     "missing column": ("a,node\n1,x\n", ': row 1: expected one column b, found none in "a,node"'),
     "extra column": ("a,b,c,node\n1,2,3,x\n", ': row 1: expected columns a, b, node, found column "c" too'),
     "column twice": ("a,b,a,node\n1,2,3,x\n", ': row 1: expected one column a, found 2 in "a,b,a,node"'),
-    "refused column": ("a,b,node,camera\n1,2,x,front\n", ": camera: one camera is read for now"),
+    "refused column": ("a,b,node,camera\n1,2,x,front\n", ": camera: one camera is supported"),
     "semicolons": ("a;b;node\n1;2;x\n", ': row 1: expected one column a, found none in "a;b;node"'),
     "no header": ("1,2,x\n", ': row 1: expected one column a, found none in "1,2,x"'),
     "short row": ("a,b,node\n1,2,x\n1,2\n", ": row 3: expected 3 values, found 2"),
@@ -60,9 +60,9 @@ BAD = {
 
 
 @pytest.mark.parametrize(("content", "message"), BAD.values(), ids=BAD.keys())
-def test_a_fault_is_told_in_one_line_with_row_and_column(path: Path, content: str, message: str):
+def test_a_fault_is_reported_in_one_line_with_row_and_column(path: Path, content: str, message: str):
     path.write_text(content, encoding="utf-8")
-    said = complaint(read_table, path, ["a", "b"], ["node"], rejected={"camera": "one camera is read for now"})
+    said = complaint(read_table, path, ["a", "b"], ["node"], rejected={"camera": "one camera is supported"})
     assert said.startswith(f"{path}{message}")
 
 
@@ -86,7 +86,7 @@ def test_order_is_checked_with_the_row_before(path: Path):
         table.check_order("t", strictly=False)
 
 
-def test_order_within_groups_names_the_first_late_row_and_its_rival(path: Path):
+def test_order_within_groups_names_the_first_late_row_and_the_one_before(path: Path):
     # group 0 is late in row 6 (after row 2), group 1 in row 5 (after row 4): row 5 is the first
     path.write_text("t\n0.5\n0.1\n0.3\n0.2\n0.4\n", encoding="utf-8")
     table = read_table(path, ["t"])

@@ -15,7 +15,7 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Mark, Scene, Target
-from experiments.pipeline.advise import advise, came_true, reliability, table
+from experiments.pipeline.advise import advise, observed_hits, reliability, table
 from experiments.pipeline.integrity import UNTESTED
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.tables import near, write_recording
@@ -106,7 +106,7 @@ def test_a_needle_that_is_inside_is_to_stop_where_there_is_no_guidance(recording
     assert rows["reason"].iloc[0] == f"stop: draw back, or wait for new advice; {UNTESTED}"
 
 
-def test_a_needle_beside_the_target_is_told_to_turn(recording, path):
+def test_a_needle_beside_the_target_is_advised_to_turn(recording, path):
     """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
     entry = REST_MM + np.array([100.0, 40.0])
     path.write_text(OUTSIDE.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
@@ -127,7 +127,7 @@ BAD = {
     "still": ("speed_mm_s = 200.0", "speed_mm_s = 0.0", ": speed_mm_s: expected more than 0, found 0.0"),
     "text": ("speed_mm_s = 200.0", 'speed_mm_s = "fast"', ': speed_mm_s: expected a number, found "fast"'),
     "space": ("entry_mm = [0.0, 215.0]", "entry_mm = [0.0, 1.0, 2.0]", ": entry_mm: expected 2 numbers, as the scene"),
-    "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected one other than nought,"),
+    "nowhere": ("direction = [0.0, -1.0]", "direction = [0.0, 0.0]", ": direction: expected a non-zero vector,"),
     "kind": ('hit = "CORE"', 'hit = "SIDE"', ": hit: expected 'TIP', 'NOTCH' or 'CORE', found \"SIDE\""),
     "core": ("core_mm = 4.0", "core_mm = 19.0", ": core_mm: expected no more than notch_length_mm (18), found 19"),
     "axes": ("[1.0, 8.0]]", "[12.0, 0.0]]", ": lesion.semi_axes_mm: expected 2 vectors of 2 numbers, none in the span"),
@@ -139,14 +139,14 @@ BAD = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_faults_are_told_in_one_line(path, fault):
+def test_faults_are_reported_in_one_line(path, fault):
     old, new, message = BAD[fault]
     assert old in GOOD
     path.write_text(GOOD.replace(old, new, 1))
-    with pytest.raises(InputError) as told:
+    with pytest.raises(InputError) as reported:
         read_needle(path, 0.005, 2)
-    assert str(told.value).startswith(f"{path}{message}")
-    assert len(str(told.value).splitlines()) == 1
+    assert str(reported.value).startswith(f"{path}{message}")
+    assert len(str(reported.value).splitlines()) == 1
 
 
 def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, path, tmp_path, capsys):
@@ -156,7 +156,7 @@ def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, pa
     assert not (tmp_path / "out").exists()
 
 
-def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path):
+def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, path):
     """The truth 3 mm beside the needle's line: of tips of 2 mm an axis, 20,000 drawn, so many lie within 5 mm of it.
 
     Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of three seconds.
@@ -170,7 +170,7 @@ def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path)
         "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n[lesion]\nradius_mm = 5.0\n"
     )
     done = advise(read_recording(recording), read_needle(path, 0.005, 2))
-    true = came_true(done)
+    true = observed_hits(done)
     rng = np.random.default_rng(0)
     drawn = rng.normal([-3.0, 0.0], 2.0, (20_000, 2))
     share = float((np.linalg.norm(drawn, axis=1) <= 5.0).mean())
@@ -181,15 +181,15 @@ def test_what_came_true_is_the_share_of_tips_in_the_true_lesion(recording, path)
     assert known.sum() > 5
     found = reliability(done)
     assert found["insertions"] == known.sum()
-    assert found["came_true"] == pytest.approx(share, abs=0.02)
-    assert np.isfinite(table(done)["came_true"]).sum() == known.sum()
+    assert found["observed"] == pytest.approx(share, abs=0.02)
+    assert np.isfinite(table(done)["observed"]).sum() == known.sum()
 
 
-def test_without_a_truth_nothing_came_true(recording, path):
+def test_without_a_truth_nothing_is_observed(recording, path):
     path.write_text(LEAST)
     done = advise(read_recording(recording), read_needle(path, 0.005, 2))
-    assert "came_true" not in table(done)
-    assert reliability(done)["told"] is None
+    assert "observed" not in table(done)
+    assert reliability(done)["predicted"] is None
 
 
 def test_advice_now_and_then_is_that_of_those_frames(recording, path):

@@ -64,7 +64,7 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
         (tmp_path / name).unlink()
     words = ("calibrate", pictures / "left", *CHESS, "--out", out, "--vector", "pdf")
     assert softaim(*words) == 2
-    assert "front.pdf: expected a new file, found one that is there; --force replaces it" in capsys.readouterr().err
+    assert "front.pdf: expected a new file, found an existing one; --force replaces it" in capsys.readouterr().err
 
 
 def test_the_picture_can_be_printed(pictures: Path, tmp_path: Path) -> None:
@@ -148,9 +148,9 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     cv2.imwrite(str(tmp_path / "small.png"), np.full((30, 40), 9, dtype=np.uint8))
     filled = [word.format(p=pictures, t=tmp_path) for word in words]
     assert softaim("calibrate", *filled, "--out", tmp_path / "out.toml") == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert line in told
+    reported = capsys.readouterr().err
+    assert reported.count("\n") == 1
+    assert line in reported
     assert sorted(p.name for p in tmp_path.iterdir()) == ["broken.png", "small.png"]
 
 

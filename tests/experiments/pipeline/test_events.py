@@ -39,7 +39,7 @@ def test_one_that_does_not_is_said_by_how_much(scene):
     assert np.delete(offsets, scene.network.index("M1")).max() < 1e-9
     said = rest_line(off(scene))
     assert said is not None
-    assert "up to 5.0 mm from where it is drawn (node M1; the target's 0.0 mm)" in said
+    assert "up to 5.0 mm from its drawing (node M1; the target's 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
     assert said.isprintable()
 
@@ -89,13 +89,15 @@ def rested(scene):
     ],
 )
 def test_steps_before_a_command_that_were_not_done_are_left_out(scene, made, command, left_out):
-    """Nor are those that were done before the network was changed by hand, or constants were found."""
+    """Nor are those that were done before the network was edited, or constants were found."""
     assert list(steps_left_out(made(scene), command)) == left_out
 
 
 def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
     lines = steps_left_out(off(scene), "track")
-    assert lines["identify"] == "constants were not identified (softaim identify): no covariance has their errors"
+    assert (
+        lines["identify"] == "constants were not identified (softaim identify): covariances do not include their errors"
+    )
     assert (
         lines["tune"] == "settings were not tuned (softaim tune): covariances may be too large, probabilities too low"
     )
@@ -108,7 +110,7 @@ def test_what_is_assumed_is_one_line(scene):
     """Of the phantom: four free nodes, three of them measured."""
     assert scene_line(scene) == (
         f"scene: 4 free nodes and {len(scene.network.springs)} springs in 2 dimensions, marks measured on M1, M3, M4, "
-        "target M2; constants exact; levels the usual; done: nothing"
+        "target M2; constants exact; levels default; done: nothing"
     )
     done = with_step(tuned(with_step(scene, "at-rest", "1")), "identify", "1")
     assert scene_line(done).endswith("levels its own; done: at-rest, tune, identify")

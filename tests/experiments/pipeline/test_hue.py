@@ -27,9 +27,9 @@ def test_the_keys_are_those_of_the_mark(pictures: Path) -> None:
     keys = tomllib.loads("\n".join(hue_lines(str(pictures), "150,90", 1)))
     assert keys["hue_deg"] == pytest.approx(130.0, abs=2.0)
     assert set(keys) == {"hue_deg", "half_width_deg", "min_saturation", "min_value"}
-    told = CliRunner().invoke(app, ["hue", str(pictures), "--at", "101,92"])
-    assert told.exit_code == 0
-    assert told.stdout.startswith("hue_deg = 1")
+    reported = CliRunner().invoke(app, ["hue", str(pictures), "--at", "101,92"])
+    assert reported.exit_code == 0
+    assert reported.stdout.startswith("hue_deg = 1")
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_the_keys_are_those_of_the_mark(pictures: Path) -> None:
         ("250,200", 0, "frame 0: place 250, 200: expected"),
     ],
 )
-def test_what_cannot_be_learned_is_told(pictures: Path, at: str, frame: int, message: str) -> None:
+def test_what_cannot_be_learned_is_reported(pictures: Path, at: str, frame: int, message: str) -> None:
     with pytest.raises(InputError) as fault:
         hue_lines(str(pictures), at, frame)
     assert message in str(fault.value)

@@ -31,7 +31,7 @@ from tests.experiments.pipeline.tables import write_recording
 SD_MM = 4.14
 
 
-def told(network, off):
+def reported(network, off):
     """The network with constants off at random by these relative standard deviations of all and of rest lengths."""
     which = parameters(network)
     sds = np.array([off[1] if one.kind == "rest_length" else off[0] for one in which])
@@ -40,7 +40,7 @@ def told(network, off):
 
 def recorded(folder: Path, trial: Trial, cache: Path, nodes) -> Path:
     """A recording of marks.csv of the phantom, whose scene is 10 % off (rest lengths 1 %), with its truth."""
-    network = told(four_mass_phantom(), (0.1, 0.01))
+    network = reported(four_mass_phantom(), (0.1, 0.01))
     scene = replace(scene_of(read_scenario("poked")), network=network, cameras=())
     frames, hidden = seen(trial, cache, np.random.default_rng(trial.seed), nodes)
     write_recording(folder, scene, [(t, [(m.node, m.position) for m in marks]) for t, marks in frames], SD_MM)
@@ -101,9 +101,9 @@ def test_identify_reports_to_programs(calibrated):
     report = json.loads(calibrated[2])
     assert [row["name"] for row in report["constants"]][:2] == ["stiffness M1-M2", "stiffness M2-M4"]
     assert all(0.0 < row["standard_error"] < 0.6 for row in report["constants"])
-    assert 0 < len(report["not_told"]) < 38
-    assert {"variance_left", "weights"} == set(report["not_told"][0])
-    assert all(len(pair["constants"]) == 2 for pair in report["not_told_apart"])
+    assert 0 < len(report["undetermined_combinations"]) < 38
+    assert {"variance_left", "weights"} == set(report["undetermined_combinations"][0])
+    assert all(len(pair["constants"]) == 2 for pair in report["confounded"])
     kept = [row["name"] for row in report["constants"] if row["kept"]]
     assert kept == [name for names in report["not_determined"].values() for name in names]
     assert {row["name"] for row in report["constants"] if row["change"] == 0.0} == set(kept)
@@ -112,7 +112,7 @@ def test_identify_reports_to_programs(calibrated):
     assert read_scene(calibrated[1]).steps[-1].kept == tuple(kept)
 
 
-def test_what_is_not_told_apart_is_said():
+def test_what_is_confounded_is_reported():
     """Drag and friction of one mass by a covariance of correlation -0.9, a stiffness beside them known to a tenth.
 
     Drag keeps 81 % of the variance before, friction 36 %, stiffness 1 %; whole kinds have one constant each, no mean.
@@ -146,10 +146,10 @@ def test_what_is_not_told_apart_is_said():
     assert not_determined(found) == {"drag": ["drag M1"]}
     lines = fit_lines(found, 5.0)
     assert "Not determined by this recording, kept as the scene has them: 1 of 1 drag" in lines
-    assert "Not told apart, by their correlation: drag M1 and friction M1 (-0.90)" in lines
+    assert "Confounded, with their correlation: drag M1 and friction M1 (-0.90)" in lines
 
 
-def test_whole_kinds_that_are_not_told_apart_are_said():
+def test_whole_kinds_that_are_confounded_are_reported():
     """Two drags and two frictions, each known to little, their sums to nothing: only the means of kinds correlate.
 
     Within a kind errors are independent, of variance 1; across, correlated by -0.4: means by -0.8.
@@ -172,13 +172,13 @@ def test_a_recording_without_the_hidden_mark_is_refused(cache, tmp_path, capsys)
 
 
 def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
-    """Marks at the rest of another network, without noise told of as 0.01 mm: to 0.01 mm; stiffness as it was."""
+    """Marks at the rest of another network, without noise and stated as 0.01 mm: to 0.01 mm; stiffness as it was."""
     scene = replace(scene_of(read_scenario("poked")), cameras=())
-    true = rest_shape(told(four_mass_phantom(), (0.1, 0.02)))
+    true = rest_shape(reported(four_mass_phantom(), (0.1, 0.02)))
     shown = [(node, true[scene.network.index(node)]) for node in ("M1", "M2", "M3", "M4")]
     folder = write_recording(tmp_path / "rec", scene, [(0.0, shown)], 0.01)
     assert softaim("identify", folder, "--at-rest", "--out", tmp_path / "scene.toml") == 0
-    assert "it rests where the recording shows it" in capsys.readouterr().out
+    assert "it rests as in the recording" in capsys.readouterr().out
     found = read_scene(tmp_path / "scene.toml").network
     np.testing.assert_allclose(rest_shape(found), true, rtol=0, atol=1e-5)
     np.testing.assert_array_equal(found.stiffness, scene.network.stiffness)
@@ -263,7 +263,7 @@ def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, 
     assert found["check_nees"] < 2.6
     assert 1.0 <= found["check_scale"] < 2.0
     scene = read_scene(recording / "scene.toml")
-    write_scene(replace(scene, network=told(four_mass_phantom(), (0.3, 0.03))), tmp_path / "wrong.toml")
+    write_scene(replace(scene, network=reported(four_mass_phantom(), (0.3, 0.03))), tmp_path / "wrong.toml")
     words = ("track", recording, "--scene", tmp_path / "wrong.toml", "--check", "--out", tmp_path / "out")
     assert softaim(*words) == 0
     assert "Marks predicted as if hidden" in capsys.readouterr().out

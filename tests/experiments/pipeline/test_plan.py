@@ -69,20 +69,20 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
         *("plan.csv", "plan.json", "plan.png", "plan.svg", "provenance.json", "softaim.log")
     ]
     rows = pd.read_csv(out / "plan.csv", keep_default_na=False)
-    told = json.loads((out / "plan.json").read_text())
-    assert len(rows) == told["paths"] == 300
+    reported = json.loads((out / "plan.json").read_text())
+    assert len(rows) == reported["paths"] == 300
     allowed = rows[rows["rejected"] == ""]
-    assert 0 < len(allowed) == told["allowed"] < 300
+    assert 0 < len(allowed) == reported["allowed"] < 300
     assert (allowed.index == np.arange(len(allowed))).all()
-    best = told["best"]
+    best = reported["best"]
     assert best["hit_probability"] == pytest.approx(rows["hit_probability"][0], abs=1e-4)
     assert best["hit_probability"] > 0.9
     assert best["entry_mm"] == pytest.approx([rows["entry_x_mm"][0], 268.0], abs=1e-2)
     reach = np.linalg.norm(np.array(best["tip_mm"]) - best["entry_mm"])
     assert best["depth_mm"] == pytest.approx(reach, abs=0.01)
-    assert told["target"]["belief"] == "at rest"
-    assert told["target"]["cov_mm2"] == [[4.0, 0.0], [0.0, 4.0]]
-    assert set(told["rejected_by"]) == {"rib 5", "vessel", "too long", "too steep"}
+    assert reported["target"]["estimate"] == "at rest"
+    assert reported["target"]["cov_mm2"] == [[4.0, 0.0], [0.0, 4.0]]
+    assert set(reported["rejected_by"]) == {"rib 5", "vessel", "too long", "too steep"}
     picture = cv2.imread(str(out / "plan.png"))
     assert picture.shape[1] > 1200
     best_blue = (np.abs(picture.astype(int) - [0xB2, 0x72, 0x00]).max(axis=2) < 12).sum()
@@ -92,7 +92,7 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
 
 @pytest.mark.parametrize("most_mm", [140.0, 20.0])
 def test_the_picture_can_be_printed(scene, plan_file, most_mm):
-    """Of a plan with a best path, and of one that allows none."""
+    """For a plan with a best path, and for one that allows none."""
     plan_file.write_text(PLAN.replace("max_length_mm = 140.0", f"max_length_mm = {most_mm}"))
     done = planned(scene, plan_file)
     assert done.plan.allowed.any() == (most_mm > 100.0)
@@ -111,16 +111,16 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
     rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + [by, 0.0], 1e-3) for n in OUTER] for by in moved]
     write_marks_csv(folder / "marks.csv", times, rows, dim=2)
     assert softaim("plan", folder, "--plan", plan_file, "--out", tmp_path / "out") == 0
-    told = json.loads((tmp_path / "out" / "plan.json").read_text())
+    reported = json.loads((tmp_path / "out" / "plan.json").read_text())
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     read = read_recording(folder)
     for t, marks in zip(read.exposures_s, read.marks, strict=True):
         tissue.predict(float(t))
         tissue.update([measurement(mark) for mark in marks])
     said = tissue.predict_at(float(read.exposures_s[-1]) + 0.2)
-    assert told["target"]["mean_mm"] == pytest.approx(1e3 * said.mean, abs=1e-3)
-    np.testing.assert_allclose(told["target"]["cov_mm2"], 1e6 * said.cov, rtol=1e-3)
-    assert told["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
+    assert reported["target"]["mean_mm"] == pytest.approx(1e3 * said.mean, abs=1e-3)
+    np.testing.assert_allclose(reported["target"]["cov_mm2"], 1e6 * said.cov, rtol=1e-3)
+    assert reported["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
     again = softaim("plan", folder, "--plan", plan_file, "--out", folder / "out")
     assert again == 2
 
@@ -136,9 +136,9 @@ def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
     without = planned(tmp_path, plan_file).lesion
     x, y = 1e3 * phantom.positions[phantom.index(HIDDEN)]
     (tmp_path / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n0.165,{x + 2.0},{y},0.5\n")
-    told = planned(tmp_path, plan_file).lesion
-    assert told.mean[0] - without.mean[0] > 1e-3
-    assert np.trace(told.cov) < np.trace(without.cov)
+    reported = planned(tmp_path, plan_file).lesion
+    assert reported.mean[0] - without.mean[0] > 1e-3
+    assert np.trace(reported.cov) < np.trace(without.cov)
 
 
 def test_a_plan_file_is_read_in_metres(plan_file):
@@ -149,7 +149,7 @@ def test_a_plan_file_is_read_in_metres(plan_file):
     np.testing.assert_allclose([vessel.start, vessel.end], [[0.003, 0.222]] * 2)
     assert task.kinds == ("rib", "vessel")
     assert task.needle.radius_m == pytest.approx(0.8e-3)
-    assert (task.needle.reach_m, task.needle.tip_sd_m, task.belief_sd_m) == (0.06, 0.001, 0.002)
+    assert (task.needle.reach_m, task.needle.tip_sd_m, task.target_sd_m) == (0.06, 0.001, 0.002)
     assert task.skin.max_angle_rad == pytest.approx(np.radians(55.0))
 
 
@@ -157,9 +157,9 @@ def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys
     wall = '[[obstacle]]\nname = "wall"\nfrom_mm = [-300.0, 225.0]\nto_mm = [300.0, 225.0]\nradius_mm = 2.0\n'
     plan_file.write_text(PLAN + wall)
     assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 0
-    told = json.loads((tmp_path / "out" / "plan.json").read_text())
-    assert told["best"] is None
-    assert told["rejected_by"]["wall"] == 300
+    reported = json.loads((tmp_path / "out" / "plan.json").read_text())
+    assert reported["best"] is None
+    assert reported["rejected_by"]["wall"] == 300
     assert "No path is allowed" in capsys.readouterr().out
 
 
@@ -177,7 +177,7 @@ def test_the_next_best_are_other_ways(scene, plan_file):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ("gauge = 16", "gauge = 15", "needle: gauge: expected one of 14, 16, 18, 20, 22, found 15"),
         ("gauge = 16", "guage = 16", "needle.guage: expected one of gauge, "),
@@ -192,15 +192,15 @@ def test_the_next_best_are_other_ways(scene, plan_file):
             "obstacle[1].name: expected a name of its own, found that of obstacle[0]",
         ),
         ('kind = "rib"', 'kind = "bone"', "obstacle[0].kind: expected 'rib', 'vessel' or 'other'"),
-        ("to_mm = [130.0, 268.0]", "to_mm = [130.0, 108.0]", "entry: expected a stretch of skin outside the lesion"),
+        ("to_mm = [130.0, 268.0]", "to_mm = [130.0, 108.0]", "entry: expected a segment of skin outside the lesion"),
         ("version = 1", "version = 2", "version: expected 1, found 2"),
     ],
 )
-def test_a_fault_is_told_in_one_line(scene, plan_file, tmp_path, capsys, old, new, told):
+def test_a_fault_is_reported_in_one_line(scene, plan_file, tmp_path, capsys, old, new, reported):
     assert old in PLAN
     plan_file.write_text(PLAN.replace(old, new, 1))
     assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 2
     line = capsys.readouterr().err
     assert line.count("\n") == 1
-    assert f"plan.toml: {told}" in line
+    assert f"plan.toml: {reported}" in line
     assert not (tmp_path / "out").exists()

@@ -120,9 +120,9 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capf
     finally:
         os.kill(program.pid, signal.SIGKILL)
         rest, _ = program.communicate()
-    n_handed_on = 76 + rest.count("\n")
+    n_delivered = 76 + rest.count("\n")
     times = read_frames(folder / "frames.csv", torn=True)
-    assert n_handed_on - 32 <= len(times) < n_handed_on
+    assert n_delivered - 32 <= len(times) < n_delivered
     np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
     assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
     check_frames(folder, len(times))
@@ -146,7 +146,7 @@ def test_a_row_cut_short_and_a_piece_without_rows_are_left_out(tmp_path: Path) -
     check_frames(folder, 40)
 
 
-def test_rows_without_frames_are_told(tmp_path: Path) -> None:
+def test_rows_without_frames_are_reported(tmp_path: Path) -> None:
     folder = left_by_a_kill(tmp_path / "rec")
     (folder / "segments" / "000001.mkv").unlink()
     with pytest.raises(InputError, match=r"expected a row for each of the 30 frames of segments/, found 60 rows"):
@@ -164,7 +164,7 @@ def test_a_join_killed_before_its_end_or_after_can_be_done_again(tmp_path: Path)
     check_frames(folder, 60)
     assert join(folder) == 60
     assert sorted(path.name for path in folder.iterdir()) == ["frames.csv", "scene.toml", "video.mkv"]
-    with pytest.raises(InputError, match=r"rec: expected segments/, as a recording that was killed leaves, found none"):
+    with pytest.raises(InputError, match=r"rec: expected segments/ of a killed recording, found none"):
         join(folder)
 
 
@@ -229,7 +229,7 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     check_frames(tmp_path / "rec", 40)
     # again: what is there is not written over
     assert softaim(*words) == 2
-    assert "rec: expected a new or an empty folder, found files in it; --force" in capfd.readouterr().err
+    assert "rec: expected a new or empty folder, found files in it; --force" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
     # nor is what is read
     film = tmp_path / "rec" / "video.mkv"
@@ -248,6 +248,6 @@ def test_a_scene_of_other_frames_is_one_line_and_nothing_is_made(
     # what a machine too busy to draw the phantom in time says of it comes before
     lines = [line for line in fault.splitlines() if not re.match(r"softaim: [\d.]+ s: (BLOCKED|RESUMED): ", line)]
     assert len(lines) == 1
-    assert "size_px: expected [640, 480], as the frames" in lines[0]
+    assert "size_px: expected [640, 480], like the frames" in lines[0]
     assert lines[0].startswith("softaim: ")
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]

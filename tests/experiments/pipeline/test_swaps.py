@@ -1,4 +1,4 @@
-"""Names that were exchanged, from marks on the line to what a person is told."""
+"""Names that were exchanged, from marks on the line to the report."""
 
 import json
 from dataclasses import replace
@@ -49,13 +49,13 @@ def test_every_method_gets_the_marks_by_their_right_names(scene, places, check):
     lines = [Line(scene, fixes=fixes, check=check) for _ in range(2)]
     for k, time_s in enumerate(TIMES_S):
         right = lines[0].take(time_s, marks(places, k))
-        told = lines[1].take(time_s, marks(places, k, since=FROM))
+        reported = lines[1].take(time_s, marks(places, k, since=FROM))
         assert right.swap is None
-        assert (told.swap is not None) == (k == FROM)
-        assert {m.node: tuple(m.position) for m in told.marks} == {m.node: tuple(m.position) for m in right.marks}
+        assert (reported.swap is not None) == (k == FROM)
+        assert {m.node: tuple(m.position) for m in reported.marks} == {m.node: tuple(m.position) for m in right.marks}
         for method in (FILTER, OPEN_LOOP):
-            np.testing.assert_array_equal(told.estimates[method].mean, right.estimates[method].mean)
-        np.testing.assert_array_equal(told.estimates[FILTER].cov, right.estimates[FILTER].cov)
+            np.testing.assert_array_equal(reported.estimates[method].mean, right.estimates[method].mean)
+        np.testing.assert_array_equal(reported.estimates[FILTER].cov, right.estimates[FILTER].cov)
 
 
 def test_a_fix_while_names_are_in_doubt_is_not_lost(scene, places):
@@ -64,9 +64,9 @@ def test_a_fix_while_names_are_in_doubt_is_not_lost(scene, places):
     lines = [Line(scene, baseline=False, fixes=[Fix(0.01, target, 1e-3)]) for _ in range(2)]
     for k, time_s in enumerate(TIMES_S[:8]):
         right = lines[0].take(time_s, marks(places, k))
-        told = lines[1].take(time_s, marks(places, k, since=0))
+        reported = lines[1].take(time_s, marks(places, k, since=0))
     assert len(lines[1].identity.swaps) == 1
-    np.testing.assert_array_equal(told.estimates[FILTER].mean, right.estimates[FILTER].mean)
+    np.testing.assert_array_equal(reported.estimates[FILTER].mean, right.estimates[FILTER].mean)
 
 
 def test_marks_of_two_hues_are_not_alike(scene):
@@ -82,8 +82,8 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, capsys):
     frames = [(TIMES_S[k], [(m.node, m.position) for m in marks(places, k, since=FROM)]) for k in range(FRAMES)]
     recording = write_recording(tmp_path / "rec", scene, frames, 1e3 * NOISE_M)
     assert softaim("track", recording, "--out", tmp_path / "out") == 0
-    *_, told = capsys.readouterr().err.splitlines(keepends=True)
-    assert told == "softaim: 0.67 s: swap: M3 and M4 were taken for each other since 0.67 s; undone\n"
+    *_, reported = capsys.readouterr().err.splitlines(keepends=True)
+    assert reported == "softaim: 0.67 s: swap: M3 and M4 had been exchanged since 0.67 s; corrected\n"
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["swaps_undone"] == 1
 
 
@@ -96,5 +96,5 @@ def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     session.take(Frame(0, 3.2, np.zeros((height, width, 3), dtype=np.uint8)))
     session.close()
     assert capsys.readouterr().err == (
-        "softaim: 3.20 s: swap: M1, M3 and M4 were taken for each other since 2.10 s; undone\n"
+        "softaim: 3.20 s: swap: M1, M3 and M4 had been exchanged since 2.10 s; corrected\n"
     )

@@ -53,7 +53,7 @@ def done(tmp_path_factory):
 def test_every_combination_seed_and_method_has_a_row(done):
     out, result = done
     assert result.exit_code == 0
-    assert "8 runs, 8 of them now" in result.stdout
+    assert "8 runs, 8 of them new" in result.stdout
     runs = pd.read_parquet(out / "runs.parquet")
     rows = runs[["marks.sd_mm", "model.stiffness", "seed", "method"]].itertuples(index=False, name=None)
     expected = {
@@ -87,7 +87,7 @@ def test_the_summary_is_over_the_runs(done):
 
 
 def test_a_run_is_its_case_whatever_ran_before(tmp_path):
-    """And with its truth made anew, kept, and read from where it is kept."""
+    """And with its truth made again, kept, and read from the cache."""
     cases = cases_of(read_sweep(file(tmp_path)))
     first = swept_rows(cases[0])
     for case in cases[:0:-2]:
@@ -117,12 +117,12 @@ def test_the_model_alone_has_the_factors():
 def test_run_again_it_does_what_is_new(tmp_path):
     small = TEXT.replace("[0.5, 4]", "[4]").replace("[1.0, 1.3]", "[1.0]").replace(', "ekf"', "")
     path, out = file(tmp_path, small), tmp_path / "out"
-    assert "2 runs, 2 of them now" in softaim_sweep(path, out).stdout
+    assert "2 runs, 2 of them new" in softaim_sweep(path, out).stdout
     before = pd.read_parquet(out / "runs.parquet")
-    assert "2 runs, 0 of them now" in softaim_sweep(path, out).stdout
+    assert "2 runs, 0 of them new" in softaim_sweep(path, out).stdout
     pd.testing.assert_frame_equal(pd.read_parquet(out / "runs.parquet"), before)
     file(tmp_path, small.replace("seeds = 2", "seeds = 3"))
-    assert "3 runs, 1 of them now" in softaim_sweep(path, out).stdout
+    assert "3 runs, 1 of them new" in softaim_sweep(path, out).stdout
     assert list(pd.read_parquet(out / "runs.parquet")["seed"]) == [0, 0, 1, 1, 2, 2]
 
 
@@ -195,7 +195,7 @@ def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):
     summary = pd.read_csv(tmp_path / "out" / "summary.csv")
     assert set(summary["runs"]) == set(summary["failed"]) == {1}
     monkeypatch.undo()
-    assert "2 runs, 1 of them now" in softaim_sweep(path, tmp_path / "out").stdout
+    assert "2 runs, 1 of them new" in softaim_sweep(path, tmp_path / "out").stdout
 
 
 @pytest.mark.parametrize(

@@ -66,7 +66,7 @@ def test_each_reason_has_a_lane_of_its_own_with_its_words_and_its_times():
     assert [spans(one) for one in bars[:3]] == [[(0.5, 2.5), (3.5, 4.0)], [(0.0, 0.5)], [(2.5, 3.5)]]
     changes = lanes.collections[-1].get_segments()
     assert [segment[0][0] for segment in changes] == [0.5, 2.5, 3.5]
-    assert lanes.get_title(loc="left") == "advice and its reasons; changes: 3"
+    assert lanes.get_title(loc="left") == "reasons of the advice; changes: 3"
 
 
 def test_the_threshold_stands_in_the_picture_and_is_named():
@@ -100,10 +100,10 @@ def test_a_miss_beyond_the_body_leaves_the_scale_to_the_others():
     ax = advice_figure(advised([Advice.GO] * 100, lateral)).axes[1]
     assert ax.get_ylim() == (0.0, pytest.approx(1.2 * 20.0))  # ten times the median
     assert [line.get_marker() for line in ax.lines].count("^") == 1
-    assert ax.get_title(loc="right") == "beyond the picture in 10 of 100 frames"
+    assert ax.get_title(loc="right") == "outside the plot in 10 of 100 frames"
 
 
 def test_misses_of_a_well_aimed_needle_are_shown_by_the_lesion():
-    """Of a hundredth of a millimetre: twice the target's radius of 5 mm, not a picture of nothing but noise."""
+    """For a hundredth of a millimetre: twice the target's radius of 5 mm, not a picture of nothing but noise."""
     ax = advice_figure(advised([Advice.GO] * 100, np.full(100, 1e-5))).axes[1]
     assert ax.get_ylim() == (0.0, pytest.approx(10.0))

@@ -25,13 +25,13 @@ def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
     low, high = body.get_ylim()
     assert low < 1e3 * done.rest[:, 1].min()
     assert high > 0.0
-    assert "7.4 mm apart at most (M)" in body.get_title(loc="left")
+    assert "largest difference 7.4 mm (M)" in body.get_title(loc="left")
     assert [label.get_text() for label in shares.get_yticklabels()] == ["M"]
 
 
 def test_a_body_in_space_is_seen_obliquely_too(tmp_path) -> None:
     """Of nodes behind each other one is named from the front; from aside more are."""
-    write_scene(project(Kind.BREAST, masses=20).believed, tmp_path / "scene.toml")
+    write_scene(project(Kind.BREAST, masses=20).assumed, tmp_path / "scene.toml")
     figure = check_figure(checked(tmp_path / "scene.toml", sd_mm=0.5))
     check_printed(figure)
     front, oblique, shares = figure.axes

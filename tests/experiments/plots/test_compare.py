@@ -25,7 +25,7 @@ def with_other(usual, off_m):
 
 
 def test_a_method_that_fails_leaves_the_scale_to_the_others():
-    """Of a method 1 km off a third of the time the scale is that of the rest, and its frames are counted."""
+    """With a method 1 km off for a third of the time, the scale is that of the rest, and its frames are counted."""
     usual = made_track(phantom(), np.zeros((N, 2)), np.full(N, 1e-3))
     figure = comparison_figure(with_other(usual, np.where(np.arange(N) < N // 3, 1e3, 1e-3)))
     names = [ax.get_title(loc="left").split(":")[0] for ax in figure.axes]
@@ -35,9 +35,9 @@ def test_a_method_that_fails_leaves_the_scale_to_the_others():
     size_mm = 1e3 * np.linalg.norm(np.ptp(phantom().network.positions, axis=0))
     assert 5.0 < before < 20.0  # the open loop's 3 mm an axis
     assert before < figure.axes[0].get_ylim()[1] < 1.1 * size_mm  # sigma 1 m all the time: up to the body's size
-    beyond = ["beyond" in ax.get_title(loc="left") for ax in figure.axes]
+    beyond = ["outside" in ax.get_title(loc="left") for ax in figure.axes]
     assert beyond == [False, False, True]
-    assert figure.axes[2].get_title(loc="left").endswith("; beyond the picture in 20 frames")
+    assert figure.axes[2].get_title(loc="left").endswith("; outside the plot in 20 frames")
 
 
 @pytest.mark.parametrize("with_truth", [True, False])
@@ -52,9 +52,9 @@ def test_each_method_has_what_is_known_of_it(with_truth):
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert (titles[2] == f"{OTHER}: mean distance from the filter 1.41 mm") == (not with_truth)
     shown = {line.get_color() for ax in figure.axes for line in ax.lines}
-    assert len(shown) == 1  # methods are told apart by their names, not by seven colours
+    assert len(shown) == 1  # methods are distinguished by their names, not by seven colours
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == [
-        "predicted root mean square error",
+        "predicted rms error",
         "observed error" if with_truth else "distance from the filter",
     ]

@@ -1,4 +1,4 @@
-"""The pictures of insertions, of trials made by hand: what is drawn, what is only counted."""
+"""The plots of insertions, for constructed trials: what is drawn, what is only counted."""
 
 import numpy as np
 import pytest
@@ -16,14 +16,14 @@ from tests.experiments.plots.printed import check_printed
 
 @pytest.fixture(scope="module")
 def trials():
-    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, told as 95 % probable, but 3 of them as 25 %.
+    """40 runs: misses of 1, 2, ... 40 mm in a lesion of 5 mm, predicted as 95 % probable, but 3 of them as 25 %.
 
     And of 20 insertions that advice gave 55 %, 11 that hit.
     """
     runs = []
     for k in range(40):
-        miss_m, told = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
-        runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, told, told, 5e-3, k < 5) for policy in POLICIES))
+        miss_m, reported = 1e-3 * (k + 1), 0.25 if k < 3 else 0.95
+        runs.append(tuple(Tried(policy, k < 5, miss_m, 1.0, 1, reported, reported, 5e-3, k < 5) for policy in POLICIES))
     of_advice = [AdvisedInsertion(float(k), Advice.WAIT, 0.55, k < 11, 0.0) for k in range(20)]
     return Trials(case_of(read_scenario("quiet")), tuple(runs), (tuple(of_advice),))
 
@@ -50,19 +50,19 @@ def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
 
 
 def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
-    """37 told as 95 % probable, of which 2 hit: beyond its interval; 3 told as 25 % are left out."""
+    """37 predicted as 95 % probable, of which 2 hit: beyond its interval; 3 predicted as 25 % are left out."""
     figure = reliability_figure(trials)
     ax = figure.axes[0]
-    assert [text.get_text() for text in ax.texts] == ["37", "3 in tenths of fewer than 5 left out"]
+    assert [text.get_text() for text in ax.texts] == ["37", "3 in bins of fewer than 5 left out"]
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval does not hold the prediction"]
+    assert labels == ["as predicted", "99 % interval excludes the prediction"]
 
 
-def test_advice_that_comes_true_holds_its_prediction(trials):
+def test_reliable_advice_contains_its_prediction(trials):
     figure = advised_figure(trials)
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["20"]
     assert ax.containers[0].lines[0].get_data()[0] == pytest.approx([0.55])
     assert ax.containers[0].lines[0].get_data()[1] == pytest.approx([0.55])
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval holds the prediction"]
+    assert labels == ["as predicted", "99 % interval contains the prediction"]

@@ -1,4 +1,4 @@
-"""Limits of pictures against numbers worked out by hand."""
+"""Limits of plots against known numbers."""
 
 from dataclasses import replace
 

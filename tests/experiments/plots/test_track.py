@@ -91,7 +91,7 @@ def test_errors_that_run_away_leave_the_scale_to_the_others(usual, far_m):
     for ax, before in zip(figure.axes, error_figure(usual).axes, strict=True):
         assert before.get_ylim()[1] <= ax.get_ylim()[1] <= 5.0 * before.get_ylim()[1]
         title = ax.get_title(loc="right")
-        assert title.startswith("beyond the picture: filter 60") == (not np.isnan(far_m))
+        assert title.startswith("outside the plot: filter 60") == (not np.isnan(far_m))
 
 
 def test_where_all_estimates_run_away_the_scale_is_the_bodys():
@@ -108,7 +108,7 @@ def test_a_nees_beyond_all_bounds_does_not_flatten_the_others(usual):
     # squared errors by the variance of 1 mm an axis; nearly no error is off at the other end
     errors = np.array([e.mean for e in usual.estimates("filter")]) - usual.truth
     away = np.delete((1e6 * errors**2).sum(axis=1), RAN_AWAY)
-    assert f"; {60 + int((away < low).sum())} frames beyond" in ax.get_title(loc="left")
+    assert f"; {60 + int((away < low).sum())} frames outside" in ax.get_title(loc="left")
 
 
 def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(monkeypatch):

@@ -1,4 +1,4 @@
-"""Tracks made by hand, without a filter: the hidden mass on a circle, and estimates as a test wants them."""
+"""Constructed tracks, without a filter: the hidden mass on a circle, and estimates as a test wants them."""
 
 from dataclasses import replace
 from pathlib import Path

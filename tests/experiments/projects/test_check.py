@@ -145,16 +145,16 @@ def test_a_complete_scene_lacks_nothing(tmp_path) -> None:
 
 
 LACKS = {
-    "a moved camera or tracker cannot be noticed": lambda s: replace(s, reference=Reference()),
+    "a move of the camera or tracker cannot be detected": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
     "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
-    "no camera: a film can be neither made nor read": lambda s: replace(s, cameras=()),
-    "how well the target's place in the tissue is known is not stated": lambda s: replace(
+    "no camera: films cannot be simulated or read": lambda s: replace(s, cameras=()),
+    "the accuracy of the target's position in the tissue is not stated": lambda s: replace(
         s, target=Target("M2", 0.005)
     ),
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
     "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
-    "1 free node without any mark, M4": lambda s: replace(s, marks=s.marks[:3]),
+    "1 free node without a mark, M4": lambda s: replace(s, marks=s.marks[:3]),
     "1 mark not found in its picture or rows: M3": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
@@ -192,14 +192,14 @@ def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
     )
     marks = (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False))
     scene = Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), ())
-    assert any(line.startswith("the marks are too few or too far to carry") for line in lacking(scene, tmp_path))
+    assert any(line.startswith("the marks are too few or too far for an estimate") for line in lacking(scene, tmp_path))
 
 
 def test_the_command_prints_writes_and_draws(tmp_path, capsys) -> None:
     write_scene(complete(), tmp_path / "scene.toml")
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 0
-    told = capsys.readouterr().out
-    subjects = [line.split()[0] for line in told.splitlines() if line[:1].strip()]
+    reported = capsys.readouterr().out
+    subjects = [line.split()[0] for line in reported.splitlines() if line[:1].strip()]
     assert subjects == ["scene", "rest", "motion", "steps", "marks", "target", "errors", "missing", "Picture"]
     picture = cv2.imread(str(tmp_path / "out" / "check.png"))
     assert picture is not None

@@ -1,4 +1,4 @@
-"""Meshes of one's own: what the files say is what the network has, and faults are told by file, row and column."""
+"""User meshes: the network equals the files, and faults are reported by file, row and column."""
 
 from pathlib import Path
 
@@ -106,8 +106,8 @@ B,100 | ,100 | nodes.csv: row 3: name: expected a name, found ""
 C,0 | C ,0 | row 4: name: expected a name that prints on one line, found
 0.005,,0, | -1,,0, | nodes.csv: row 4: mass_kg: expected more than 0, found -1
 0.005,,0, | 0.005,,red, | nodes.csv: row 4: hue_deg: expected 0 or more and less than 360
-0,yes,, | 0,yes,5, | nodes.csv: row 2: hue_deg: expected nothing for an anchor
-0,yes,, | 0,no,, | nodes.csv: row 2: fixed: expected yes or nothing, found "no"
+0,yes,, | 0,yes,5, | nodes.csv: row 2: hue_deg: expected no entry for an anchor
+0,yes,, | 0,no,, | nodes.csv: row 2: fixed: expected yes or no entry, found "no"
 120, | 120,yes | nodes.csv: row 6: target: expected one target, found a second one
 60,0.005,,0, | 60,5.0,,0, | nodes.csv: rest_length A-C: expected to rest
 """
@@ -125,7 +125,7 @@ LINE_SPRINGS = "from,to,stiffness_N_m,damping_N_s_m\nA,B,99,0.1\nB,C,99,0.1\n"
 FAULTS = [
     *((PLANE.replace(old, new, 1), None, message) for old, new, message in rows(NODE_FAULTS)),
     *((PLANE, springs, message) for springs, message in rows(SPRING_FAULTS)),
-    (PLANE.replace("8,,,yes", "8,,,").replace("0,yes,,", "0,yes,,yes", 1), None, "target: expected nothing for an"),
+    (PLANE.replace("8,,,yes", "8,,,").replace("0,yes,,", "0,yes,,yes", 1), None, "target: expected no entry for an"),
     (PLANE.replace("005,,120", "005,yes,").replace("005,,0", "005,yes,"), None, "expected two or more free nodes"),
     ("name,x_mm\nA,1\n", None, "nodes.csv: row 1: expected one column y_mm, found none"),
     ("", None, "nodes.csv: expected columns x_mm, y_mm, name, found an empty file"),
@@ -137,5 +137,5 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("nodes", "springs", "message"), FAULTS)
-def test_faults_are_told_by_file_row_and_column(nodes, springs, message, tmp_path) -> None:
+def test_faults_are_reported_by_file_row_and_column(nodes, springs, message, tmp_path) -> None:
     assert message in complaint(mesh_of, tmp_path, nodes, springs)

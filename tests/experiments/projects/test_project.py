@@ -16,6 +16,7 @@ from experiments.formats.scene.scene import Scene, read_scene
 from experiments.projects.project import Kind, project, write_project
 from experiments.projects.template import GROUP_SD, OWN_SD
 from tests.experiments.command import softaim
+from tests.test_words import findings
 
 PAGES = ("scene.toml", "scenario.toml", "calibration.toml", "still.toml", "needle.toml", "STEPS.md")
 TRUE = ("truth/scene.toml", "truth/all_marks.toml")
@@ -65,12 +66,12 @@ def test_what_the_simulation_has_exactly_is_stated_so(made: Path) -> None:
 
 def test_the_simulated_tissue_is_off_as_the_page_says_and_rests_where_it_is_drawn(made: Path) -> None:
     """By some 10 % in stiffness, some 20 % in the rest; 3.5 standard deviations at most of what is drawn."""
-    believed, truth = read_scene(made / "scene.toml").network, read_scene(made / "truth" / "scene.toml").network
+    assumed, truth = read_scene(made / "scene.toml").network, read_scene(made / "truth" / "scene.toml").network
     np.testing.assert_allclose(rest_shape(truth), truth.positions, atol=1e-8)
-    assert 1e-4 < np.abs(truth.positions - believed.positions).max() < 0.05
+    assert 1e-4 < np.abs(truth.positions - assumed.positions).max() < 0.05
     for kind in KINDS:
-        which = parameters(believed, (kind,))
-        off = np.log([parameter_value(truth, one) / parameter_value(believed, one) for one in which])
+        which = parameters(assumed, (kind,))
+        off = np.log([parameter_value(truth, one) / parameter_value(assumed, one) for one in which])
         if len(off):
             assert 0.2 * OWN_SD[kind] < np.abs(off).max() < 3.5 * np.hypot(GROUP_SD[kind], OWN_SD[kind])
 
@@ -108,15 +109,15 @@ def test_the_needle_enters_outside_of_bodies_of_all_sizes(kind, fewest, most, mo
     monkeypatch.setattr("experiments.projects.template.rest_shape", lambda network: network.positions)
     for masses in (*range(fewest, most, 7), most):
         of = project(kind, masses=masses)
-        x = of.believed.network.positions
-        way = pushed(of.believed, of.entry_m, of.direction) - of.entry_m
+        x = of.assumed.network.positions
+        way = pushed(of.assumed, of.entry_m, of.direction) - of.entry_m
         assert Delaunay(x).find_simplex(of.entry_m - 1e-4 * of.direction) == -1, masses
         assert 0.02 - 1e-9 < way @ of.direction < 0.35, masses
         np.testing.assert_allclose(way, (way @ of.direction) * of.direction, atol=1e-5)
 
 
 def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None:
-    """Each key of the believed scene has a comment where it stands first, and files without comments mean the same."""
+    """Each key of the assumed scene has a comment where it stands first, and files without comments mean the same."""
     text = (made / "scene.toml").read_text(encoding="utf-8")
     seen: set[str] = set()
     for line in text.splitlines():
@@ -129,9 +130,9 @@ def test_comments_name_the_unit_or_meaning_of_every_key_once(made: Path) -> None
         assert "#" in first, key
 
 
-def test_comments_say_what_is_assumed_not_believed(made: Path) -> None:
+def test_comments_say_what_is_assumed(made: Path) -> None:
     for page in made.rglob("*.toml"):
-        assert "believe" not in page.read_text(encoding="utf-8"), page
+        assert list(findings(page.read_text(encoding="utf-8"))) == [], page
 
 
 def test_steps_name_files_that_are_there_or_made_before(made: Path) -> None:
@@ -211,9 +212,9 @@ def test_the_steps_lead_from_nothing_to_advice(tmp_path, monkeypatch, capsys) ->
     monkeypatch.chdir(folder)
     for command in commands_of(folder):
         assert softaim(*command.split()[1:]) == 0, (command, capsys.readouterr().err)
-    believed, found = (read_scene(folder / name) for name in ("scene.toml", "identified.toml"))
+    assumed, found = (read_scene(folder / name) for name in ("scene.toml", "identified.toml"))
     truth = read_scene(folder / "truth" / "scene.toml").network.positions
-    before, after = (np.abs(one.network.positions - truth).max() for one in (believed, found))
+    before, after = (np.abs(one.network.positions - truth).max() for one in (assumed, found))
     assert after < 0.5 * before
     assert [step.name for step in found.steps] == ["at-rest", "identify"]
     assert (folder / "advice" / "advice.csv").is_file()

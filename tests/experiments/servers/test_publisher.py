@@ -28,7 +28,7 @@ class Link:
     wants_picture = True
 
     def __init__(self) -> None:
-        self.told = False
+        self.reported = False
         self.scene: dict = {}
         self.states: list[dict] = []
         self.pictures: list[object] = []
@@ -42,7 +42,7 @@ class Link:
         self.pictures.append(image)
 
     def tell(self) -> None:
-        self.told = True
+        self.reported = True
 
     def requests(self) -> Iterator[dict]:
         while self.asked:
@@ -98,9 +98,9 @@ def test_a_state_tells_the_estimate_and_where_all_is_in_the_picture(shown):
 def test_where_it_is_served_is_said_with_the_first_frame(shown):
     link, control, go_on = shown
     go_on(1)
-    assert not link.told
+    assert not link.reported
     go_on(1)
-    assert link.told
+    assert link.reported
     assert control.session.counters.frames == 2
 
 

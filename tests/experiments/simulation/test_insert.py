@@ -67,7 +67,7 @@ def test_figures_of_those_that_hit_missed_and_never_came():
     assert (said["insertions"], said["retractions"], said["never"]) == (1.75, 1.0, 1)
 
 
-def test_a_breathing_target_is_foretold_half_a_second_ahead():
+def test_a_breathing_target_is_predicted_half_a_second_ahead():
     """A run of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
     world = world_of(replace(case("breathing"), seed=1, warm_s=18.0, patience_s=0.5))
     tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
@@ -124,7 +124,7 @@ def test_pokes_are_as_strong_as_the_scenario_lets_masses_be_pushed(name, poke):
     assert settings_for(read_scenario(name)).poked.poke == poke
 
 
-def test_pokes_are_believed_as_strong_as_the_scenario_has_them():
+def test_pokes_are_assumed_as_strong_as_the_scenario_has_them():
     """Root mean square on a coordinate of drawn half sines in random directions while they last, to 3 %.
 
     20,000 pokes, a mean over their time; a standard error of 0.5 %.
@@ -136,10 +136,10 @@ def test_pokes_are_believed_as_strong_as_the_scenario_has_them():
     assert settings_for(read_scenario("poked")).poked.poke == pytest.approx(drawn, rel=0.03)
 
 
-def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
+def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_reported():
     """Covariance of its linear shift under 4,000 needles, each constant off by itself, to 6 % of its largest entry.
 
-    Of a uniform factor the variance drawn has a standard error of 1.4 %. One factor for all would be 55 % too much.
+    The drawn variance of a uniform factor has a standard error of 1.4 %. One factor for all would be 55 % too much.
     """
     world, rng = world_of(case("poked")), np.random.default_rng(3)
     axis, gives = np.array([-0.6, -0.8]), compliance(world.network, HIDDEN)
@@ -151,8 +151,8 @@ def test_wrong_forces_of_the_needle_move_the_target_as_much_as_is_told():
         needle = needle_with(world.network, world.entry, true)
         shifts.append(gives @ sliding_friction(world.network, needle, tip, axis, depth).ravel())
     drawn, parts = np.cov(np.array(shifts).T), predicted_parts(world, axis, 0.02, np.array([0.001]), 0.05, 1, FRAME_S)
-    told = force_error_cov(gives, parts[:, 0], FORCE_ERROR)
-    assert np.abs(told - drawn).max() < 0.06 * np.abs(drawn).max()
+    reported = force_error_cov(gives, parts[:, 0], FORCE_ERROR)
+    assert np.abs(reported - drawn).max() < 0.06 * np.abs(drawn).max()
 
 
 def test_a_needle_drawn_back_cuts_nothing():

@@ -1,4 +1,4 @@
-"""Needles in scenes of one's own: where they enter, what the filter is given, and whether advice comes true."""
+"""Needles in user scenes: entries, the filter's scene, and the reliability of advice."""
 
 import json
 from dataclasses import replace
@@ -75,7 +75,7 @@ def test_the_needle_s_file_is_used_and_options_count_before_it(scenario: Path, t
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ("cutting_N = 0.0", "cutting_N = -1.0", "forces.cutting_N: expected 0 or more, found -1.0"),
         ("puncture_N = 0.0", "contact_N_m = 0.0", "forces.contact_N_m: expected more than 0, found 0.0"),
@@ -84,33 +84,35 @@ def test_the_needle_s_file_is_used_and_options_count_before_it(scenario: Path, t
         ("[30.0, -49.905, 0.0]", "[30.0, -49.905]", "entry_mm: expected 3 numbers, as the scene has, found 2"),
     ],
 )
-def test_a_fault_of_the_needle_is_told_in_one_line(scenario: Path, tmp_path: Path, old: str, new: str, told: str):
+def test_a_fault_of_the_needle_is_reported_in_one_line(
+    scenario: Path, tmp_path: Path, old: str, new: str, reported: str
+):
     path = tmp_path / "needle.toml"
     path.write_text(NEEDLE.replace(old, new))
     with pytest.raises(InputError) as fault:
         case(scenario, needle_path=path)
-    assert str(fault.value).startswith(f"{path}: {told}")
+    assert str(fault.value).startswith(f"{path}: {reported}")
 
 
 def test_the_filter_is_given_another_scene_than_the_truth(scenario: Path, tmp_path: Path):
     """Twice as stiff, and a table of its own: the filter's, the tissue keeps its springs; without, both are one."""
-    believed = tmp_path / "believed.toml"
-    believed.write_text(HANGING.replace("= 200.0", "= 400.0").replace("poke_m_s2 = 3.0", "poke_m_s2 = 1.0"))
-    with_own, with_other = (warmed(world_of(case(scenario, scene_path=path)))[2].tissue for path in (None, believed))
+    assumed = tmp_path / "assumed.toml"
+    assumed.write_text(HANGING.replace("= 200.0", "= 400.0").replace("poke_m_s2 = 3.0", "poke_m_s2 = 1.0"))
+    with_own, with_other = (warmed(world_of(case(scenario, scene_path=path)))[2].tissue for path in (None, assumed))
     assert with_own.network.stiffness.tolist() == [200.0, 200.0]
     assert with_other.network.stiffness.tolist() == [400.0, 400.0]
     assert with_other.settings.poked.poke == 1.0
     constants = with_other.process.parts["constants"]
     assert constants.stop - constants.start == 2
-    assert world_of(case(scenario, scene_path=believed)).network.stiffness.tolist() == [200.0, 200.0]
+    assert world_of(case(scenario, scene_path=assumed)).network.stiffness.tolist() == [200.0, 200.0]
 
 
-def test_a_scene_of_another_tissue_is_told(scenario: Path, tmp_path: Path):
-    believed = tmp_path / "believed.toml"
-    believed.write_text(HANGING.replace('"a"', '"b"'))
-    expected = r'believed\.toml: mark\[0\]\.node: expected a free node of the scenario\'s scene, found "b"'
+def test_a_scene_of_another_tissue_is_reported(scenario: Path, tmp_path: Path):
+    assumed = tmp_path / "assumed.toml"
+    assumed.write_text(HANGING.replace('"a"', '"b"'))
+    expected = r'assumed\.toml: mark\[0\]\.node: expected a free node of the scenario\'s scene, found "b"'
     with pytest.raises(InputError, match=expected):
-        case(scenario, scene_path=believed)
+        case(scenario, scene_path=assumed)
     flat = Path(__file__).parents[1] / "good_scene.toml"
     with pytest.raises(InputError, match=r"good_scene\.toml: network\.gravity_m_s2: expected 3 numbers"):
         case(scenario, scene_path=flat)
@@ -156,11 +158,11 @@ def test_a_needle_that_waits_for_go_is_drawn_back_when_the_estimate_fails(scenar
 
 def test_a_filter_of_uncertain_constants_predicts_with_their_errors(scenario: Path, tmp_path: Path):
     """Half a second ahead its target is less certain than by exact constants, of the same marks."""
-    believed = tmp_path / "believed.toml"
+    assumed = tmp_path / "assumed.toml"
     text = HANGING.replace("poke_m_s2 = 3.0", "poke_m_s2 = 0.3")
-    believed.write_text(text.replace("stiffness = 0.1", "stiffness = 0.3"))
+    assumed.write_text(text.replace("stiffness = 0.1", "stiffness = 0.3"))
     spread = []
-    for path in (None, believed):
+    for path in (None, assumed):
         world = world_of(case(scenario, scene_path=path))
         _, _, warm = warmed(world)
         ahead = Ahead(world, warm).path(np.zeros((warm.tables.n_times - 1, 2, 3)))
@@ -193,8 +195,8 @@ def test_advice_predicts_the_push_of_the_needle(scenario: Path, tmp_path: Path):
     assert max(one.probability for one in pushed) < 0.85  # 0.9 without a push: 17 % of it are not known
 
 
-def test_reliability_by_hand():
-    """Two runs of two insertions, told 0.9, 0.7 and 0.5, 0.5, of which 1, 1 and 0, 1 hit: 0.65 told, 0.75 true.
+def test_reliability():
+    """Two runs of two insertions, predicted 0.9, 0.7 and 0.5, 0.5; 1, 1 and 0, 1 hit: 0.65 predicted, 0.75 observed.
 
     Leaving out a run: differences of 0.0 and 0.2 about their mean, a jackknife of sqrt(1/2 · 2 · 0.1²) = 0.1.
     """
@@ -208,16 +210,16 @@ def test_reliability_by_hand():
     ]
     said = advice_figures(of)
     assert said["advice"] == {"GO": 1, "WAIT": 3, "REALIGN": 0, "ABORT": 0, "NO_GUIDANCE": 1}
-    assert (said["insertions"], said["told"], said["came_true"]) == (4, pytest.approx(0.65), 0.75)
+    assert (said["insertions"], said["predicted"], said["observed"]) == (4, pytest.approx(0.65), 0.75)
     assert (said["difference"], said["difference_sd"]) == (pytest.approx(0.1), pytest.approx(0.1))
     # R: binom.test(3, 4)
-    assert (said["came_true_low"], said["came_true_high"]) == pytest.approx((0.1941204, 0.9936905))
-    assert (said["go_insertions"], said["go_told"], said["go_came_true"]) == (1, 0.9, 1.0)
+    assert (said["observed_low"], said["observed_high"]) == pytest.approx((0.1941204, 0.9936905))
+    assert (said["go_insertions"], said["go_predicted"], said["go_observed"]) == (1, 0.9, 1.0)
     assert said["go_difference_sd"] is None
     assert [row["n"] for row in said["bins"]] == [0, 0, 0, 0, 0, 2, 0, 1, 0, 1]
 
     nothing = advice_figures([[AdvisedInsertion(0.0, Advice.NO_GUIDANCE)]])
-    assert (nothing["insertions"], nothing["told"], nothing["go_came_true"]) == (0, None, None)
+    assert (nothing["insertions"], nothing["predicted"], nothing["go_observed"]) == (0, None, None)
 
 
 def test_directions_across_are_square_to_the_needle_and_each_other():
@@ -264,10 +266,10 @@ def test_the_command_on_a_scene_of_ones_own(scenario: Path, tmp_path: Path, caps
     needle.write_text(NEEDLE.replace("tip_sd_mm = 1.5", "tip_sd_mm = 0.5"))
     words = ("insert", scenario, "--needle", needle, "--scene", tmp_path / "hanging.toml", "--out", out)
     assert softaim(*words, "--runs", "2", "--seed", "9", "--processes", "1") == 0
-    assert "Advice at any time: 20 insertions, told 9" in capsys.readouterr().out
+    assert "Advice at any time: 20 insertions, predicted 9" in capsys.readouterr().out
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert written["advise"]["insertions"] == 20
-    assert written["wait-for-go"]["told"] > 0.9
+    assert written["wait-for-go"]["predicted"] > 0.9
     for policy in ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go"):
         row = written[policy]
         assert row["hit_rate_low"] <= row["hit_rate"] <= row["hit_rate_high"]
@@ -287,7 +289,7 @@ def test_without_advice_there_is_none(scenario: Path, tmp_path: Path, capsys: py
     assert "Advice" not in capsys.readouterr().out
     written = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (written["advise"]["insertions"], written["runs"]) == (0, 1)
-    assert (tmp_path / "out" / "advised.csv").read_text() == "seed,time_s,advice,told,hit,miss_mm\n"
+    assert (tmp_path / "out" / "advised.csv").read_text() == "seed,time_s,advice,predicted,hit,miss_mm\n"
 
 
 def test_frames_may_come_at_any_interval(scenario: Path):

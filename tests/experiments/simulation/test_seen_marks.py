@@ -1,4 +1,4 @@
-"""Simulated marks: as noisy, as rarely lost and as far misplaced as asked, on a motion given by hand."""
+"""Simulated marks: as noisy, as rarely lost and as far misplaced as asked, on a given motion."""
 
 from dataclasses import replace
 

@@ -151,7 +151,7 @@ def test_tremor_has_the_density_that_was_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("update", "told"),
+    ("update", "reported"),
     [
         ({"release": Release(node="M9", force_n=[1.0, 0.0])}, 'no node named "M9"'),
         ({"release": Release(node="In1", force_n=[1.0, 0.0])}, "expected a free node"),
@@ -161,10 +161,10 @@ def test_tremor_has_the_density_that_was_asked_for():
     ],
 )
 @pytest.mark.filterwarnings("ignore:overflow encountered:RuntimeWarning", "ignore:invalid value:RuntimeWarning")
-def test_a_scenario_that_cannot_be_moved_is_told_and_leaves_nothing(tmp_path: Path, update: dict, told: str):
+def test_a_scenario_that_cannot_be_moved_is_reported_and_leaves_nothing(tmp_path: Path, update: dict, reported: str):
     with pytest.raises(InputError, match="scenario: ") as fault:
         simulate(STILL.model_copy(update=update), tmp_path / "out")
-    assert told in str(fault.value)
+    assert reported in str(fault.value)
     assert list(tmp_path.iterdir()) == []
 
 

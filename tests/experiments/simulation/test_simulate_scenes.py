@@ -162,7 +162,7 @@ uncertainty = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
 
 
 def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
-    """The second of a run from seed 8 on is that of seed 9 alone; the network's sag is told."""
+    """The second of a run from seed 8 on is that of seed 9 alone; the network's sag is reported."""
     assert softaim("simulate", scenario, "--out", tmp_path / "all", "--seed", "8", "--runs", "2") == 0
     assert "the network rests up to" in capsys.readouterr().err
     assert softaim("simulate", scenario, "--out", tmp_path / "one", "--seed", "9") == 0
@@ -183,7 +183,7 @@ def test_what_was_simulated_can_be_tracked(scenario: Path, tmp_path: Path, witho
     assert figures["filter"]["mae_mm"] < 4.0
 
 
-def test_a_scene_without_a_rest_is_told_with_its_file(scenario: Path, tmp_path: Path):
+def test_a_scene_without_a_rest_is_reported_with_its_file(scenario: Path, tmp_path: Path):
     """Without gravity nothing keeps two masses below their anchor."""
     scene = tmp_path / "hanging.toml"
     scene.write_text(HANGING.replace("-9.81", "0.0"))

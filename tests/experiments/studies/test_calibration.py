@@ -26,7 +26,7 @@ def test_marks_at_rest_are_off_by_so_much(kind, n):
 
 
 def test_a_run_has_all_filters_on_the_same_marks(tmp_path):
-    """One second: sigma is larger where the error is believed to stay; of the 15 settled frames, errors below 5 mm."""
+    """One second: sigma is larger where the error is assumed constant; of the 15 settled frames, errors below 5 mm."""
     found = run(7000, (TURNED, "quiet", 0.002), tmp_path, duration_s=1.0)
     assert set(found) == set(FILTERS)
     rows = {name: figures([found], name) for name in FILTERS}

@@ -24,10 +24,10 @@ def turned():
 def test_names_from_a_turned_start_are_right(turned):
     """The rest shape says that two are exchanged, the motion that they are not: no swap; and the other way round."""
     alike = [("M1", "M3", "M4")]
-    told = reported_names("never", np.random.default_rng(0))
-    right = named_run(turned, "never", told, alike)
+    reported = reported_names("never", np.random.default_rng(0))
+    right = named_run(turned, "never", reported, alike)
     assert (right["swaps"], right["wrong_frames"]) == (0, 0)
-    exchanged = told[:, [0, 2, 1]]
+    exchanged = reported[:, [0, 2, 1]]
     found = named_run(turned, "from the start", exchanged, alike)
     assert (found["swaps"], found["wrong_end"]) == (1, False)
     assert found["wrong_frames"] < 0.6 * FRAMES_PER_S
@@ -35,17 +35,17 @@ def test_names_from_a_turned_start_are_right(turned):
 
 
 @pytest.mark.slow
-def test_figures_of_a_run_are_told_by_kind():
+def test_figures_of_a_run_are_reported_by_kind():
     rows = pd.DataFrame(run(0, "phantom", "quiet"))
-    told = figures(rows)
-    assert told["phantom quiet never"]["swaps"] == 0
-    assert told["phantom quiet wrong springs"]["swaps"] == 0
-    good = told["phantom quiet for good"]
+    reported = figures(rows)
+    assert reported["phantom quiet never"]["swaps"] == 0
+    assert reported["phantom quiet wrong springs"]["swaps"] == 0
+    good = reported["phantom quiet for good"]
     assert (good["swaps"], good["late_most"]) == (1, 0)
     assert (good["runs_wrong_in_the_end"], good["runs_wrong_in_the_end_else"]) == (0, 1)
     assert good["end_mm"] == pytest.approx(good["end_mm_unswapped"], rel=0.02)
     assert good["end_mm_else"] > 1.05 * good["end_mm"]  # both marks are outliers then
-    start = told["phantom quiet from the start"]
+    start = reported["phantom quiet from the start"]
     assert start["runs_wrong_in_the_end"] == 0
     assert start["end_mm_else"] > 3 * start["end_mm"]
-    assert told["phantom quiet a while"]["swaps"] == 2
+    assert reported["phantom quiet a while"]["swaps"] == 2

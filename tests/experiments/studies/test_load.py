@@ -1,4 +1,4 @@
-"""What the engine costs: the figures by hand, and the columns that they are made from."""
+"""Cost of the engine: figures against known ones, and their columns."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from experiments.engine.workers import OWN_PROCESS
 from experiments.studies.load import busy, figures, measured
 
 
-def test_figures_of_a_load_by_hand():
+def test_figures_of_a_load():
     """2 processes for 6 s did 10 s of runs: 2 s are over, of four runs 0.5 s each; 11 s of processor time for 9."""
     found = figures(4, 2, wall_s=6.0, cpu_s=11.0, runs={"seconds": 10.0, "cpu_s": 9.0})
     assert found["busy"] == pytest.approx(10.0 / 12.0)

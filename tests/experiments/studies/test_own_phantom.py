@@ -51,9 +51,9 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     shorten("scenario.toml", 2.0)
     for step in steps:
         assert softaim(*step) == 0, step
-    believed, found = (read_scene(Path(name)) for name in ("scene.toml", "tuned.toml"))
+    assumed, found = (read_scene(Path(name)) for name in ("scene.toml", "tuned.toml"))
     true = read_scene(Path("truth/scene.toml")).network.positions
-    before, after = (np.abs(one.network.positions - true).max() for one in (believed, found))
+    before, after = (np.abs(one.network.positions - true).max() for one in (assumed, found))
     assert after < 0.5 * before
     assert [step.name for step in found.steps] == ["at-rest", "identify", "tune"]
     assert Path("advice/advice.csv").is_file()

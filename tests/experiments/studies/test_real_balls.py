@@ -20,12 +20,12 @@ def test_balls_are_found_where_people_see_them(name: str, rms_px: float) -> None
     if not (DATA / film.path).is_file():
         pytest.skip(f"no film {film.path}: set SOFTAIM_DATA to the folder of real pictures")
     rows, labels = followed(DATA / film.path, film), pd.read_csv(LABELS)
-    told = against_labels(rows, labels[labels.film == name])
-    assert told["found"] == told["labels"] > 70
-    assert told["coordinates"] > 50
-    assert told["rms_px"] < rms_px
-    assert told["rms_px"] / 1.5 < told["sigma_px"] < 1.5 * told["rms_px"]
-    assert told["label_scatter_px"] < 0.3
+    reported = against_labels(rows, labels[labels.film == name])
+    assert reported["found"] == reported["labels"] > 70
+    assert reported["coordinates"] > 50
+    assert reported["rms_px"] < rms_px
+    assert reported["rms_px"] / 1.5 < reported["sigma_px"] < 1.5 * reported["rms_px"]
+    assert reported["label_scatter_px"] < 0.3
     if name == "green-hand":
         # in view from 75 to 109, 154 to 276 and 288 to 435, by eye; half of it covered from 170 on
         seen = rows.seen.to_numpy()
@@ -59,11 +59,11 @@ def test_nothing_comes_in_a_balls_colour_but_what_is_drawn_in(name: str, monkeyp
 
     monkeypatch.setattr(real_balls, "MarkFinder", partial(Watched, explain=True))
     followed(DATA / film.path, film)
-    told = [k for k, each in enumerate(came) if each]
+    reported = [k for k, each in enumerate(came) if each]
     if name == "green-toss":  # of 60 frames
-        assert told == []
+        assert reported == []
         return
-    assert told == [292]
+    assert reported == [292]
     np.testing.assert_allclose(came[292], [(60.0, 60.0)], atol=film.radius_px)
 
 

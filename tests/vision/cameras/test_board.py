@@ -47,7 +47,7 @@ def test_corners_are_found_to_a_fraction_of_a_pixel(board: Board, rms_px: float,
 @pytest.mark.parametrize("board", [Board(7, 5, 0.025, "4X4_50", 0.018), CHARUCO], ids=["even rows", "as before"])
 @pytest.mark.parametrize("legacy", [False, True])
 def test_boards_printed_before_opencv_46_are_found(board: Board, legacy: bool, rays: np.ndarray) -> None:
-    """Of an even number of rows of squares other squares have the markers; the corners are the same."""
+    """With an even number of rows of squares other squares have the markers; the corners are the same."""
     rng = np.random.default_rng(6)
     pose = poses(1, rng)[0]
     assert len(located(board, drawn(board, pose, rays, rng=rng, legacy=legacy), pose).seen_px) >= 16

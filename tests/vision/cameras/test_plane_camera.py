@@ -187,7 +187,7 @@ def test_what_a_calibration_is_off_by_moves_all_points_together() -> None:
         expected = camera.to_plane(other.project(points)) - points
         np.testing.assert_allclose(moved[:, :, k], expected, atol=2e-3 * np.abs(expected).max())
     assert PlaneCamera("c", (640, 480), TILTED).calibration_error(points).shape == (20, 2, 0)
-    with pytest.raises(ValueError, match="camera c calibration: expected a lens that it is of, found none"):
+    with pytest.raises(ValueError, match="camera c calibration: expected a lens beside it, found none"):
         PlaneCamera("c", (640, 480), TILTED, calibration=directions)
 
 

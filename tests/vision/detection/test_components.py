@@ -259,17 +259,17 @@ def test_the_paper_camera_is_as_bad_as_the_paper_says() -> None:
     assert seen.found >= 0.95
     assert seen.false < 0.05
     # The detector cannot see how far marks are drawn off their places; the scene says it as calibration_sd_px.
-    told = replace(seen, covs=seen.covs + lighting.wander_px**2 * np.eye(2))
-    assert ((told.variance_ratio > 1 / 1.5) & (told.variance_ratio < 1.5)).all(), told.variance_ratio
+    reported = replace(seen, covs=seen.covs + lighting.wander_px**2 * np.eye(2))
+    assert ((reported.variance_ratio > 1 / 1.5) & (reported.variance_ratio < 1.5)).all(), reported.variance_ratio
 
 
 def test_a_hue_that_takes_the_scene_is_an_error() -> None:
     image = np.full((100, 100, 3), (30, 30, 190), dtype=np.uint8)
     with pytest.raises(
         HueError, match=r"hue 0 ± 18 degrees: expected marks on up to 30% of the picture, found 100%"
-    ) as told:
+    ) as reported:
         detect_marks(image, [RED], min_area_px=10.0)
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 @pytest.mark.parametrize(

@@ -33,7 +33,7 @@ def test_a_pale_mark_before_a_tinted_wall_is_learned_apart_from_it() -> None:
     assert np.abs(found.center_px - (90.0, 80.0)).max() < 0.3
 
 
-def test_what_is_no_mark_is_told() -> None:
+def test_what_is_no_mark_is_reported() -> None:
     image = draw_frame(SIZE, [Disc(np.array([90.0, 80.0]), (2.0, 2.0), 0.0)], Lighting(), np.random.default_rng(3))
     with pytest.raises(ValueError, match="place: expected one inside 320 x 240 px, found 400, 10"):
         learn_hue(image, (400.0, 10.0))

@@ -113,7 +113,7 @@ def test_the_covariance_grows_as_a_mark_is_covered() -> None:
     assert 5.0 * spread[0] < min(spread[8], spread[16])
 
 
-def test_marks_that_touch_are_told_apart() -> None:
+def test_marks_that_touch_are_distinguished() -> None:
     rng = np.random.default_rng(6)
     for apart in (20.0, 16.0, 12.0):
         places = [np.array([60.0 - apart / 2.0, 40.3]), np.array([60.0 + apart / 2.0, 39.6])]

@@ -9,10 +9,10 @@ INTERVAL_S = 1.0 / 30.0
 EVEN_S = INTERVAL_S * np.arange(40)
 
 
-def after(*times_s: float, told: bool = False) -> Arrivals:
+def after(*times_s: float, by_source: bool = False) -> Arrivals:
     arrivals = Arrivals()
     for time_s in (*EVEN_S, *times_s):
-        arrivals.came(float(time_s), told=told)
+        arrivals.came(float(time_s), by_source=by_source)
     return arrivals
 
 
@@ -28,13 +28,13 @@ def test_after_a_pause_all_pictures_may_come_as_late():
     resumed = EVEN_S[-1] + 1.0 + INTERVAL_S * np.arange(1, 60)
     assert after(*resumed).late_s == pytest.approx(1.0)
     # a source that tells its times is known to be late
-    assert after(*resumed, told=True).late_s == 0.0
+    assert after(*resumed, by_source=True).late_s == 0.0
 
 
 def test_times_that_are_known_after_a_pause_alone_prove_nothing():
     resumed = EVEN_S[-1] + 1.0 + INTERVAL_S * np.arange(1, 60)
     arrivals = after(*resumed)
-    arrivals.came(resumed[-1] + INTERVAL_S, told=True)
+    arrivals.came(resumed[-1] + INTERVAL_S, by_source=True)
     assert arrivals.late_s == pytest.approx(1.0)
 
 

@@ -13,20 +13,20 @@ class Device:
     """A capture that says what the test lets it say."""
 
     def __init__(self, fps: float = 0.0) -> None:
-        self.told_s, self.fps = 0.0, fps
+        self.stated_s, self.fps = 0.0, fps
 
     def get(self, prop: int) -> float:
-        return {cv2.CAP_PROP_POS_MSEC: 1e3 * self.told_s, cv2.CAP_PROP_FPS: self.fps}[prop]
+        return {cv2.CAP_PROP_POS_MSEC: 1e3 * self.stated_s, cv2.CAP_PROP_FPS: self.fps}[prop]
 
 
-def exposures(complete_s: np.ndarray, told_s: np.ndarray, late_s: np.ndarray) -> tuple[np.ndarray, list, list]:
+def exposures(complete_s: np.ndarray, stated_s: np.ndarray, late_s: np.ndarray) -> tuple[np.ndarray, list, list]:
     """What the rule says of frames complete, stated by the device and grabbed so late [s], each (n,).
 
     After each: whether it trusts the device, and how late frames may be [s].
     """
     rule, device, said, trusted, may_be_s = DeviceTimes(), Device(), [], [], []
-    for complete, told, late in zip(complete_s, told_s, late_s, strict=True):
-        device.told_s = told
+    for complete, reported, late in zip(complete_s, stated_s, late_s, strict=True):
+        device.stated_s = reported
         said.append(rule(device, complete + late))
         trusted.append(rule.trusts_device)
         may_be_s.append(rule.late_s)
@@ -38,7 +38,7 @@ LATE = np.random.default_rng(0).uniform(0.002, 0.02, 120)
 
 
 @pytest.mark.parametrize("start_s", [0.0, 50.0])
-def test_a_sane_device_is_believed_and_its_frames_are_evenly_spaced(start_s: float) -> None:
+def test_a_sane_device_is_trusted_and_its_frames_are_evenly_spaced(start_s: float) -> None:
     """Whether its clock is ours (V4L2) or begins with the device: half an interval before complete, to 3 ms."""
     said, trusted, _ = exposures(COMPLETE, COMPLETE - 50.0 + start_s, LATE)
     assert trusted[-1]
@@ -49,12 +49,12 @@ def test_a_sane_device_is_believed_and_its_frames_are_evenly_spaced(start_s: flo
 
 
 @pytest.mark.parametrize(
-    "told",
+    "reported",
     [np.zeros(120), np.full(120, np.nan), -COMPLETE, 2.0 * COMPLETE, np.where(np.arange(120) % 7 == 0, 0.0, COMPLETE)],
     ids=["none", "nan", "backward", "twice as fast", "sometimes 0"],
 )
-def test_a_device_that_is_not_sane_is_not_believed(told: np.ndarray) -> None:
-    said, trusted, _ = exposures(COMPLETE, told, LATE)
+def test_a_device_that_is_not_sane_is_not_adopted(reported: np.ndarray) -> None:
+    said, trusted, _ = exposures(COMPLETE, reported, LATE)
     assert not trusted[-1]
     np.testing.assert_allclose(said[2:], (COMPLETE + LATE)[2:] - INTERVAL / 2, atol=5e-3)
 
@@ -69,19 +69,19 @@ def test_frames_from_a_queue_after_a_pause_keep_their_times() -> None:
 
 
 def test_a_clock_that_falls_behind_for_good_is_given_up() -> None:
-    told = COMPLETE.copy()
-    told[60:] -= 0.6 + 0.1 * INTERVAL * np.arange(60)
-    told = np.maximum.accumulate(told) + 1e-5 * np.arange(120)
-    said, *_ = exposures(COMPLETE, told, LATE)
+    reported = COMPLETE.copy()
+    reported[60:] -= 0.6 + 0.1 * INTERVAL * np.arange(60)
+    reported = np.maximum.accumulate(reported) + 1e-5 * np.arange(120)
+    said, *_ = exposures(COMPLETE, reported, LATE)
     assert np.abs(said[95:115] - COMPLETE[95:115]).max() < 0.05
 
 
-@pytest.mark.parametrize("told_s", [np.nan, 0.0, 1e6])
-def test_a_clock_that_failed_once_is_believed_again(told_s: float) -> None:
+@pytest.mark.parametrize("stated_s", [np.nan, 0.0, 1e6])
+def test_a_clock_that_failed_once_is_trusted_again(stated_s: float) -> None:
     """From the 31st sane frame after it on; the times of arrival meanwhile."""
-    told = COMPLETE.copy()
-    told[60] = told_s
-    said, trusted, _ = exposures(COMPLETE, told, np.full(120, 0.005))
+    reported = COMPLETE.copy()
+    reported[60] = stated_s
+    said, trusted, _ = exposures(COMPLETE, reported, np.full(120, 0.005))
     np.testing.assert_allclose(said[1:], (COMPLETE + 0.005 - INTERVAL / 2)[1:], rtol=0, atol=1e-9)
     assert trusted[40:60] == [True] * 20
     assert trusted[60:90] == [False] * 30
@@ -90,14 +90,14 @@ def test_a_clock_that_failed_once_is_believed_again(told_s: float) -> None:
 
 def test_frames_that_stay_late_may_be_as_late_until_they_come_as_early_as_before() -> None:
     """From the 60th on 1 s late, from the 180th on no more: by its own times, then by arrival, from 31 on."""
-    late, told = np.concatenate([LATE, LATE]), 50.0 + INTERVAL * np.arange(240)
+    late, reported = np.concatenate([LATE, LATE]), 50.0 + INTERVAL * np.arange(240)
     late[60:180] += 1.0
-    said, trusted, may_be_s = exposures(told, told, late)
-    assert (told - INTERVAL / 2 - 0.01 < said).all()
-    assert (said < told + 0.03 + may_be_s).all()
+    said, trusted, may_be_s = exposures(reported, reported, late)
+    assert (reported - INTERVAL / 2 - 0.01 < said).all()
+    assert (said < reported + 0.03 + may_be_s).all()
     assert may_be_s[:90] == [0.0] * 90
     assert trusted[-1]
-    np.testing.assert_allclose(may_be_s[90:180], 1.0, atol=0.05)  # though its clock is believed again
+    np.testing.assert_allclose(may_be_s[90:180], 1.0, atol=0.05)  # though its clock is trusted again
     assert may_be_s[181:] == [0.0] * 59
 
 

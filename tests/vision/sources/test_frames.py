@@ -54,7 +54,7 @@ def test_frames_and_exposures_must_agree(film: Path, n_exposures: int, found: st
         next(frames)
 
 
-def test_a_film_cut_short_is_told(tmp_path: Path) -> None:
+def test_a_film_cut_short_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "film.avi"
     rng = np.random.default_rng(0)
     with VideoWriter(path, (64, 48), 25.0) as video:
@@ -65,7 +65,7 @@ def test_a_film_cut_short_is_told(tmp_path: Path) -> None:
         list(VideoFileFrames(path, [0.0] * N))
 
 
-def test_a_folder_with_gaps_or_other_counts_is_told(folder: Path) -> None:
+def test_a_folder_with_gaps_or_other_counts_is_reported(folder: Path) -> None:
     with pytest.raises(SourceError, match="frames: expected 3 frames, found 5"):
         FolderFrames(folder, [0.0] * 3)
     (folder / "000002.png").rename(folder / "000007.png")

@@ -61,7 +61,7 @@ def test_every_frame_waits_where_every_one_counts() -> None:
         assert live.frames_dropped == 0
 
 
-def test_a_read_that_blocks_is_told_in_its_time_and_no_frame_is_made_up() -> None:
+def test_a_read_that_blocks_is_reported_in_its_time_and_no_frame_is_made_up() -> None:
     clock, camera = Clock(), Scripted(picture(0))
     with opened(camera, clock=clock) as live:
         next_frame(live)
@@ -76,7 +76,7 @@ def test_a_read_that_blocks_is_told_in_its_time_and_no_frame_is_made_up() -> Non
         assert kinds(live) == [EventKind.RESUMED]
 
 
-def test_a_device_that_hangs_is_opened_anew_and_the_old_read_is_not_taken_when_it_comes_back() -> None:
+def test_a_device_that_hangs_is_reopened_and_the_old_read_is_not_taken_when_it_comes_back() -> None:
     clock, dead, alive = Clock(), Scripted(picture(0)), Scripted()
     with opened(dead, alive, clock=clock) as live:
         next_frame(live)
@@ -93,8 +93,8 @@ def test_a_device_that_hangs_is_opened_anew_and_the_old_read_is_not_taken_when_i
         assert next_frame(live).image[0, 0, 0] == 3
 
 
-@pytest.mark.parametrize("anew", [False, True])
-def test_after_a_pause_pictures_may_be_late_but_not_those_of_a_device_opened_anew(anew: bool) -> None:
+@pytest.mark.parametrize("reopened", [False, True])
+def test_after_a_pause_pictures_may_be_late_but_not_those_of_a_device_reopened(reopened: bool) -> None:
     clock, first, other = Clock(), Scripted(), Scripted()
     with opened(first, other, clock=clock) as live:
         for k in range(20):
@@ -105,9 +105,9 @@ def test_after_a_pause_pictures_may_be_late_but_not_those_of_a_device_opened_ane
         clock.now += 2.1
         assert live.next(0.0) is None
         wait_until(lambda: other.n_asked)  # both are asked now
-        (other if anew else first).give(picture(20))
+        (other if reopened else first).give(picture(20))
         next_frame(live)
-        assert live.late_s == (0.0 if anew else pytest.approx(2.0))
+        assert live.late_s == (0.0 if reopened else pytest.approx(2.0))
 
 
 def test_threads_that_hang_are_few() -> None:
@@ -122,7 +122,7 @@ def test_threads_that_hang_are_few() -> None:
         assert threading.active_count() <= before + 3
 
 
-def test_a_frozen_picture_is_never_handed_on_and_told_in_its_time() -> None:
+def test_a_frozen_picture_is_never_delivered_and_reported_in_its_time() -> None:
     clock, camera = Clock(), Scripted(picture(7))
     with opened(camera, clock=clock) as live:
         next_frame(live)
@@ -167,7 +167,7 @@ def test_a_device_that_goes_is_opened_again_until_it_is_back() -> None:
         assert kinds(live) == [EventKind.RESUMED]
 
 
-def test_another_size_is_told_and_handed_on() -> None:
+def test_another_size_is_reported_and_delivered() -> None:
     clock, camera = Clock(), Scripted(picture(0))
     with opened(camera, clock=clock) as live:
         next_frame(live)
@@ -177,7 +177,7 @@ def test_another_size_is_told_and_handed_on() -> None:
         assert kinds(live) == [EventKind.RESIZED]
 
 
-def test_it_gives_up_when_it_is_told_to_and_not_before() -> None:
+def test_it_gives_up_when_it_is_asked_to_and_not_before() -> None:
     clock, camera = Clock(), Scripted(picture(0))
     with opened(camera, clock=clock, give_up_s=3.0) as live:
         next_frame(live)
@@ -303,13 +303,13 @@ STUCK = {
 
 @pytest.mark.parametrize("own", [True, False], ids=["stated", "device"])
 @pytest.mark.parametrize("fault", STUCK)
-def test_exposure_times_that_do_not_rise_are_told_within_three_frames(fault: str, own: bool) -> None:
+def test_exposure_times_that_do_not_rise_are_reported_within_three_frames(fault: str, own: bool) -> None:
     """Frames each 0.1 s that arrive 20 ms late; from frame 40 on their times fail: arrival counts, to 50 ms."""
     clock, camera = Clock(), Stated(*[picture(k) for k in range(60)])
     camera.times_s = STUCK[fault]
     camera.let = threading.Semaphore(0)
     rule = {"exposures": lambda: stated_exposure_time} if own else {}
-    times, told = {}, {}
+    times, reported = {}, {}
     with opened(camera, clock=clock, keep=99, **rule) as live:
         for k in range(60):
             clock.now = DUE_S[k] + 0.02
@@ -317,9 +317,9 @@ def test_exposure_times_that_do_not_rise_are_told_within_three_frames(fault: str
             wait_until(lambda k=k: camera.n_asked == k + 2 or camera.waits)
             if (frame := live.next(0.0)) is not None:
                 times[k] = frame.exposure_s
-            told |= {event.kind: (k, event.text) for event in live.take_events()}
-    assert list(told) == [EventKind.CLOCK]
-    noticed, text = told[EventKind.CLOCK]
+            reported |= {event.kind: (k, event.text) for event in live.take_events()}
+    assert list(reported) == [EventKind.CLOCK]
+    noticed, text = reported[EventKind.CLOCK]
     assert 40 <= noticed <= 42
     assert "times of arrival are used" in text
     assert (np.diff(list(times.values())) > 0.0).all()

@@ -118,7 +118,7 @@ def test_a_camera_and_a_stream_are_as_fast_as_they_are(spec: str) -> None:
         open_source(spec, live=True, fps=30.0)
 
 
-def test_pictures_of_another_size_are_told(folder: str) -> None:
+def test_pictures_of_another_size_are_reported(folder: str) -> None:
     cv2.imwrite(str(Path(folder) / "b.JPEG"), numbered(2)[:24])
     with open_source(folder, live=False, fps=10.0) as source:
         assert len(list(source)) == 4
@@ -143,7 +143,7 @@ def test_a_film_of_varying_rate_gives_its_own_times(tmp_path: Path) -> None:
 
 
 class FakeCapture:
-    """Three pictures, then none; told how it was opened."""
+    """Three pictures, then none; it records how it was opened."""
 
     opened: tuple[object, ...] = ()
     length = -1.0
@@ -199,7 +199,7 @@ def test_a_film_on_a_server_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "told"),
+    ("spec", "reported"),
     [
         ("100", "100: expected a camera index from 0 to 99, found more"),
         ("no such film", "no such film: expected a camera index, a device, a film, a folder or a stream, found none"),
@@ -207,13 +207,13 @@ def test_a_film_on_a_server_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
         ("{film}/..", "expected fps, frames a second, beside a folder of pictures, found none"),
     ],
 )
-def test_what_is_not_there_is_one_line(tmp_path: Path, spec: str, told: str) -> None:
-    with pytest.raises(SourceError, match=told) as fault:
+def test_what_is_not_there_is_one_line(tmp_path: Path, spec: str, reported: str) -> None:
+    with pytest.raises(SourceError, match=reported) as fault:
         open_source(str(tmp_path) if "film}" in spec else spec, live=True)
     assert "\n" not in str(fault.value)
 
 
-def test_pictures_that_are_none_are_told(folder: str, tmp_path: Path) -> None:
+def test_pictures_that_are_none_are_reported(folder: str, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(SourceError, match=r"empty: expected pictures, .*, found none"):
         open_source(str(tmp_path / "empty"), live=False, fps=1.0)

@@ -49,7 +49,7 @@ def test_pieces_are_read_in_order_and_joined_without_loss(tmp_path: Path, codec:
             assert frame.exposure_s == pytest.approx(frame.index / 20.0)
 
 
-def test_frames_without_a_time_are_left_out_and_times_without_a_frame_told(tmp_path: Path) -> None:
+def test_frames_without_a_time_are_left_out_and_times_without_a_frame_reported(tmp_path: Path) -> None:
     n = written(tmp_path / "pieces", "FFV1")
     assert len(list(SegmentFrames(tmp_path / "pieces", [0.0] * (n - 2)))) == n - 2
     with pytest.raises(SourceError, match=f"pieces: expected {n + 1} frames, found {n}"):
@@ -65,7 +65,7 @@ def test_a_join_that_fails_leaves_nothing(tmp_path: Path, codec: Codec) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["pieces"]
 
 
-def test_missing_pieces_are_told(tmp_path: Path) -> None:
+def test_missing_pieces_are_reported(tmp_path: Path) -> None:
     written(tmp_path / "pieces", "FFV1")
     (tmp_path / "pieces" / "000001.mkv").unlink()
     with pytest.raises(SourceError, match=r"pieces: expected piece 000001.mkv, found 000002.mkv"):

@@ -68,7 +68,7 @@ def test_an_error_leaves_nothing_and_keeps_what_was_there(tmp_path: Path) -> Non
 
 
 def test_bad_frames_and_places_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="expected a place where a MJPG video can be written, found none"):
+    with pytest.raises(SourceError, match="expected a path where a MJPG video can be written, found none"):
         VideoWriter(tmp_path / "none" / "film.avi", (64, 48), 25.0)
     with (
         pytest.raises(ValueError, match=r"expected uint8 frames \(48, 64, 3\), found uint8 \(64, 48, 3\)"),

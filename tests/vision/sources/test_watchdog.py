@@ -23,7 +23,7 @@ def kinds(events: list) -> list[EventKind]:
     return [event.kind for event in events]
 
 
-def test_silence_is_told_once_when_its_time_is_over_and_then_its_end() -> None:
+def test_silence_is_reported_once_when_its_time_is_over_and_then_its_end() -> None:
     watch, last = fed(2, 0.03)
     assert watch.check(last + 0.5) == []
     (blocked,) = watch.check(last + 0.51)
@@ -36,7 +36,7 @@ def test_silence_is_told_once_when_its_time_is_over_and_then_its_end() -> None:
     assert kinds(watch.check(last + 10.6)) == [EventKind.BLOCKED]
 
 
-def test_silence_before_the_first_frame_is_told() -> None:
+def test_silence_before_the_first_frame_is_reported() -> None:
     assert kinds(SourceWatchdog(100.0, may_repeat=True).check(100.6)) == [EventKind.BLOCKED]
 
 
@@ -72,7 +72,7 @@ def test_a_slow_camera_is_not_blocked_between_its_frames() -> None:
     assert kinds(watch.check(last + 4.4)) == [EventKind.BLOCKED]
 
 
-def test_a_failed_read_is_told_at_once_and_only_once() -> None:
+def test_a_failed_read_is_reported_at_once_and_only_once() -> None:
     watch, last = fed(3, 0.03)
     (dropped,) = watch.saw_failure(last + 0.01, "a read failed")
     assert (dropped.kind, dropped.text) == (EventKind.DROPPED, "a read failed")
@@ -81,7 +81,7 @@ def test_a_failed_read_is_told_at_once_and_only_once() -> None:
     assert kinds(watch.saw_new(last + 6.0, SIZE)) == [EventKind.RESUMED]
 
 
-def test_another_size_is_told_even_after_a_fault() -> None:
+def test_another_size_is_reported_even_after_a_fault() -> None:
     watch, last = fed(3, 0.03)
     (resized,) = watch.saw_new(last + 0.03, (32, 24))
     assert (resized.kind, resized.text) == (EventKind.RESIZED, "from 64 x 48 to 32 x 24 px")
@@ -114,16 +114,16 @@ def test_darkness_is_named_where_the_picture_is_dark_and_the_load_always(brightn
 
 @pytest.mark.parametrize("until", [180, 360], ids=["for 2 s", "from now on"])
 @pytest.mark.parametrize("every", [2, 3])
-def test_pictures_of_which_every_other_is_lost_are_told_within_three_and_once(until: int, every: int) -> None:
+def test_pictures_of_which_every_other_is_lost_are_reported_within_three_and_once(until: int, every: int) -> None:
     """Lost are the pictures from 4 s on but each second or third: a camera that halves its rate in the dark, too."""
     k = np.arange(len(DUE_S))
     came = DUE_S[(k < 120) | (k >= until) | ((k - 120) % every == every - 1)]
-    told = sparse(came)
-    assert kinds(told) == [EventKind.SPARSE, EventKind.RESUMED]
-    assert told[0].time_s - 4.0 <= 3 * every * INTERVAL_S
-    assert told[0].text.startswith(f"3 pictures came in the time of {6 if every == 2 else 7}: ")
+    reported = sparse(came)
+    assert kinds(reported) == [EventKind.SPARSE, EventKind.RESUMED]
+    assert reported[0].time_s - 4.0 <= 3 * every * INTERVAL_S
+    assert reported[0].text.startswith(f"3 pictures came in the time of {6 if every == 2 else 7}: ")
     if until == 360:
-        assert told[1].text == f"every picture comes, {30 // every} a second"
+        assert reported[1].text == f"every picture comes, {30 // every} a second"
 
 
 @pytest.mark.parametrize(
@@ -180,13 +180,13 @@ def values(letter: str) -> dict[str, tuple[float, ...]]:
 
 @pytest.mark.parametrize("frames", REPEATS)
 def test_values_that_repeat_are_withheld_and_frozen_within_three_frames(frames: str) -> None:
-    watch, used, told = FrozenValues(), "", {}
+    watch, used, reported = FrozenValues(), "", {}
     for k, letter in enumerate(frames):
         repeats, events = watch.saw(0.1 * k, values(letter))
         used += "." if repeats else letter
         for event in events:
-            told[k] = event.kind
-    assert (used, told) == REPEATS[frames]
+            reported[k] = event.kind
+    assert (used, reported) == REPEATS[frames]
 
 
 def test_one_value_that_repeats_beside_another_that_does_not_is_no_repeat() -> None:

@@ -118,7 +118,7 @@ def test_blood_is_no_mark_in_other_light() -> None:
     assert place.score < 0.7
 
 
-def test_nothing_is_told_where_nothing_can_be() -> None:
+def test_nothing_is_reported_where_nothing_can_be() -> None:
     rng = np.random.default_rng(6)
     picture = frame(rng, mark((100.0, 80.0)))
     assert AppearanceModel(0.0).place(picture, expected((100.0, 80.0))) is None

@@ -59,7 +59,7 @@ def test_the_assignment_is_the_best_of_all() -> None:
 A, B, C = awaited("A", 0.0, 0.0), awaited("B", 20.0, 0.0), awaited("C", 100.0, 0.0)
 RED, GREEN = awaited("red", 0.0, 0.0), awaited("green", 2.0, 0.0, hue_deg=120.0)
 FOUR = [seen(50.0, 50.0), seen(0.1, 0.0), seen(20.0, 0.2), seen(-40.0, 0.0)]
-BY_HAND = {
+EXPECTED = {
     # nearest first would give detection 0 to A and leave B with one beyond its gate
     "crossing": ([seen(2.4, 0.0), seen(-2.0, 0.0)], [awaited("A", 1.0, 0.0), awaited("B", 4.0, 0.0)], {"A": 1, "B": 0}),
     # d² alone would prefer the vague one; log det S sets that right
@@ -75,9 +75,9 @@ BY_HAND = {
 }
 
 
-@pytest.mark.parametrize("case", BY_HAND)
+@pytest.mark.parametrize("case", EXPECTED)
 def test_detections_are_assigned_as_a_whole(case: str) -> None:
-    detections, expected, found = BY_HAND[case]
+    detections, expected, found = EXPECTED[case]
     assert pairs(detections, expected) == found
 
 

@@ -1,4 +1,4 @@
-"""What comes in the colour of a mark and is none is told of within three frames, once; what was there is not."""
+"""A distractor in the colour of a mark is reported within three frames, once; what was there before is not."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -39,8 +39,8 @@ def picture(
     return np.clip(image + noise(int(rng.integers(8))), 0, 255).astype(np.uint8)
 
 
-def told(pictures: Sequence[Image]) -> list[tuple[int, Distractor]]:
-    """What is told of, and in which picture."""
+def reported(pictures: Sequence[Image]) -> list[tuple[int, Distractor]]:
+    """The reports, and in which picture."""
     finder = MarkFinder([MarkHue(0.0), MarkHue(240.0)], explain=True)
     found = []
     for k, image in enumerate(pictures):
@@ -54,13 +54,13 @@ FIRST = SETTLED + 5
 
 
 @pytest.mark.parametrize(("colour", "like", "hue_deg"), [(RED, "M4", 0.0), (BLUE, "M3", 240.0)])
-def test_something_of_a_marks_size_and_colour_that_comes_is_told_of_in_the_third_frame_and_once(
+def test_something_of_a_marks_size_and_colour_that_comes_is_reported_in_the_third_frame_and_once(
     colour: tuple[int, int, int], like: str, hue_deg: float
 ) -> None:
     rng = np.random.default_rng(0)
     before = [picture(rng, CLOTH) for _ in range(FIRST)]
     after = [picture(rng, CLOTH, ((380.0, 300.0), RADIUS, colour)) for _ in range(40)]
-    ((k, one),) = told(before + after)
+    ((k, one),) = reported(before + after)
     assert k == FIRST + 2
     assert (one.like, one.hue_deg) == (like, hue_deg)
     assert 0.5 < one.size < 1.5
@@ -68,10 +68,10 @@ def test_something_of_a_marks_size_and_colour_that_comes_is_told_of_in_the_third
         np.testing.assert_allclose(one.center_px, (380.0, 300.0), atol=6.0)
 
 
-def test_what_grows_is_told_of_when_it_is_twice_as_large_and_what_went_and_comes_again_is() -> None:
+def test_what_grows_is_reported_when_it_is_twice_as_large_and_what_went_and_comes_again_is() -> None:
     rng = np.random.default_rng(1)
     radii = [*[0] * FIRST, *np.repeat(np.arange(8, 44, 2), 3), *[0] * 10, *[20] * 10]
-    found = told([picture(rng, *([((380.0, 300.0), int(r), BLUE)] if r else [])) for r in radii])
+    found = reported([picture(rng, *([((380.0, 300.0), int(r), BLUE)] if r else [])) for r in radii])
     sizes = np.array([one.size for _, one in found])
     grown, again = sizes[:-1], sizes[-1]
     assert len(grown) >= 4
@@ -92,22 +92,24 @@ def test_speckles_a_flash_of_two_frames_and_a_marks_own_return_are_nothing() -> 
     pictures += [picture(rng, CLOTH) for _ in range(3)]
     # a mark that is elsewhere than it may be: it is not found, and that is what is said
     pictures += [picture(rng, CLOTH, ((230.0, 200.0), 15, RED), without=("M1",)) for _ in range(10)]
-    assert told(pictures) == []
+    assert reported(pictures) == []
 
 
-def test_what_came_while_a_mark_was_hidden_is_told_of_in_the_third_frame_that_shows_all_marks() -> None:
+def test_what_came_while_a_mark_was_hidden_is_reported_in_the_third_frame_that_shows_all_marks() -> None:
     rng = np.random.default_rng(6)
     blood = ((380.0, 300.0), 15, RED)
     pictures = [picture(rng) for _ in range(FIRST)] + [picture(rng, blood, without=("M1",)) for _ in range(10)]
-    found = told(pictures + [picture(rng, blood) for _ in range(10)])
+    found = reported(pictures + [picture(rng, blood) for _ in range(10)])
     assert [k for k, _ in found] == [FIRST + 12]
 
 
-def test_a_cloth_that_waves_is_nothing_and_what_comes_after_it_went_is_told_of() -> None:
+def test_a_cloth_that_waves_is_nothing_and_what_comes_after_it_went_is_reported() -> None:
     """Its area wavers by a tenth, more than three marks; then it goes, and half as much comes elsewhere."""
     rng = np.random.default_rng(7)
     waves = [picture(rng, (CLOTH[0], 60 + round(3.0 * np.sin(k / 15.0)), RED)) for k in range(-FIRST, 90)]
-    found = told(waves + [picture(rng) for _ in range(5)] + [picture(rng, ((200.0, 380.0), 40, RED)) for _ in range(5)])
+    found = reported(
+        waves + [picture(rng) for _ in range(5)] + [picture(rng, ((200.0, 380.0), 40, RED)) for _ in range(5)]
+    )
     assert [k for k, _ in found] == [FIRST + 97]
 
 
@@ -115,7 +117,7 @@ def test_light_that_goes_and_comes_makes_nothing_come() -> None:
     rng = np.random.default_rng(3)
     cloth = [picture(rng, CLOTH, ((60.0, 420.0), 30, (90, 85, 130))) for _ in range(200)]
     shares = np.concatenate([np.ones(FIRST), np.linspace(1.0, 0.35, 80), np.linspace(0.35, 1.0, 200 - 80 - FIRST)])
-    assert told([(share * image).astype(np.uint8) for share, image in zip(shares, cloth, strict=True)]) == []
+    assert reported([(share * image).astype(np.uint8) for share, image in zip(shares, cloth, strict=True)]) == []
 
 
 def test_what_a_wider_range_of_colours_takes_in_is_no_news(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,7 +138,7 @@ def test_what_a_wider_range_of_colours_takes_in_is_no_news(monkeypatch: pytest.M
     assert came == [62]
 
 
-def test_nothing_is_told_of_where_nobody_asks() -> None:
+def test_nothing_is_reported_where_nobody_asks() -> None:
     rng = np.random.default_rng(5)
     finder = MarkFinder([MarkHue(0.0), MarkHue(240.0)])
     for _ in range(FIRST):

@@ -68,7 +68,7 @@ def test_of_two_strangers_none_is_taken_for_the_missing_mark_at_once() -> None:
 
     image = frame(left, rng, *strangers)
     assert {f.name for f in finder.find(image, expected(HOMES), near)} == {"M1", "M4"}
-    # it stays away: then the one that a blow may have brought there is it
+    # it stays away: then the one that a disturbance may have moved there is it
     found = {f.name: f.detection.center_px for f in finder.find(image, expected(HOMES), near)}
     np.testing.assert_allclose(found["M3"], (560.0, 300.0), atol=0.1)
 

@@ -24,7 +24,7 @@ def after(hue: MarkHue, frames: Iterable[list[Detection]]) -> AdaptiveHue:
 
 def test_a_drift_of_hue_is_followed_through_zero() -> None:
     followed = after(MarkHue(0.0), ([seen(-0.1 * k), seen(-0.1 * k)] for k in range(200)))
-    # believed with a lag of the last twenty frames
+    # followed with a lag of the last twenty frames
     assert followed.now.middle_deg == pytest.approx(360.0 - 0.1 * 180.0, abs=1.0)
     assert followed.now.hue_deg == 0.0
 

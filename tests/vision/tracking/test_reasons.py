@@ -72,7 +72,7 @@ def test_a_mark_expected_beyond_the_border_is_outside() -> None:
     assert one.reason is Reason.OUTSIDE
 
 
-def test_a_mark_of_another_colour_within_its_range_is_told_of() -> None:
+def test_a_mark_of_another_colour_within_its_range_is_reported() -> None:
     wide = MarkHue(0.0, half_width_deg=60.0)
     one = lost(frame(OTHERS, Disc(np.array([300.0, 350.0]), (10.0, 10.0), 45.0)), hue=wide)["M4"]
     assert one.reason is Reason.COLOUR

@@ -1,5 +1,5 @@
 """Marks that another tracker sends while it sees them: by UDP, through a pipe, or as it once wrote them.
 
-What carries them is a `Feed`, which hands frames or lines to a `LiveMarks`; another protocol is another feed. The line
+The transport is a `Feed`, which passes frames or lines to a `LiveMarks`; another protocol is another feed. The line
 format is documented in docs/live-marks.md.
 """

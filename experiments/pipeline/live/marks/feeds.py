@@ -11,16 +11,16 @@ from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError
 
 POLL_S = 0.1
-"""Period in which a feed that waits looks whether it is still wanted; a line wakes it at once."""
+"""Period in which a waiting feed checks whether it has to stop; a line wakes it at once."""
 
 LOOPBACK = "127.0.0.1"
 
 
 class UdpFeed:
-    """Lines that come as datagrams, one or more in each, to a port of this machine; SourceError where it is not free.
+    """Lines in datagrams, one or more in each, at a port of this machine; SourceError if it is not free.
 
-    host: own address to listen on; the loopback, unless given, so that only programs of this machine are heard
-    Once one host has sent, others are refused, until it has been silent for SETTINGS.hung_s.
+    host: own address to listen on; by default the loopback, so that only programs of this machine can send
+    After one host has sent, others are refused until it has been silent for SETTINGS.hung_s.
 
     State: the socket; who sent last, and when [s].
     """
@@ -42,12 +42,12 @@ class UdpFeed:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port that it listens on."""
+        """Host and port on which it listens."""
         host, port, *_ = self._socket.getsockname()
         return host, port
 
     def run(self, receiver: LiveMarks) -> None:
-        """Hand on datagrams, until the receiver is closed."""
+        """Deliver datagrams until the receiver is closed."""
         while receiver.wanted:
             try:
                 datagram, sender = self._socket.recvfrom(LONGEST_LINE + 1)
@@ -76,7 +76,7 @@ def udp_feed(address: str) -> UdpFeed:
         parts = urlsplit(address)
         port, spare = parts.port, parts.path.strip("/") or parts.query or parts.username
         host = parts.hostname or LOOPBACK
-        host.encode("idna")  # as getaddrinfo does, whose error is none of the system's
+        host.encode("idna")  # like getaddrinfo, whose error is not a system error
     except ValueError:
         port, spare, host = None, None, LOOPBACK
     if not port or spare:
@@ -85,10 +85,10 @@ def udp_feed(address: str) -> UdpFeed:
 
 
 class PipeFeed:
-    """Lines of a pipe or terminal, by its file descriptor, such as 0, standard input; it is left open.
+    """Lines of a pipe or terminal, by its file descriptor, such as 0 for standard input; it stays open.
 
-    Read past Python's buffers, whose lock a thread that blocks would hold when the program ends.
-    State: the bytes of a line that has not ended, and whether it grew too long and is passed over.
+    Reads bypass Python's buffers, whose lock a blocked thread would hold when the program ends.
+    State: the bytes of an incomplete line, and whether it is too long and skipped.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
@@ -96,7 +96,7 @@ class PipeFeed:
         self._rest, self._too_long = b"", False
 
     def run(self, receiver: LiveMarks) -> None:
-        """Hand on lines until the pipe ends; the last needs no line break."""
+        """Deliver lines until the pipe ends; the last needs no line break."""
         while receiver.wanted:
             read = os.read(self._descriptor, LONGEST_LINE)
             *lines, rest = (self._rest + read).split(b"\n") if read else (self._rest, b"")
@@ -113,4 +113,4 @@ class PipeFeed:
                 return
 
     def close(self) -> None:
-        """Nothing is let go of: the pipe is the program's."""
+        """Nothing to release: the pipe belongs to the program."""

@@ -15,19 +15,19 @@ from experiments.formats.marks.rows import AXES, MarkRow, are_definite, cov_name
 from experiments.formats.scene.scene import Scene
 
 LONGEST_LINE = 65_536
-"""Bytes of a line at most: a datagram is no longer."""
+"""Most bytes of a line: a datagram is no longer."""
 
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
-"""Coordinates and standard deviations that a line may state: up to a kilometre, from a nanometre."""
+"""Range of coordinates and standard deviations in a line: up to a kilometre, from a nanometre."""
 
 
 class LineError(ValueError):
-    """A line that is no frame of marks of this scene; says where in the line, what was expected and what was found."""
+    """An invalid line for this scene; the message has the position in it, what was expected and what was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFrame:
-    """Marks seen at one time: time_s by the sender's clock [s]; the marks, none where none was seen."""
+    """Marks seen at one time: time_s by the sender's clock [s]; the marks, possibly none."""
 
     time_s: float
     marks: tuple[MarkRow, ...]

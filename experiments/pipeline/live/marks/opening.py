@@ -1,4 +1,4 @@
-"""Open a source of marks by its name: udp://, stdin, marks.csv, a recording that holds one."""
+"""Open a source of marks by its name: udp://, stdin, marks.csv, a recording with one."""
 
 from __future__ import annotations
 

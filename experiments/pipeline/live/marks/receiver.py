@@ -1,4 +1,4 @@
-"""Live marks: what another tracker sends, read in its own thread, the newest frame first."""
+"""Live marks of another tracker, read in a thread, the newest frame first."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from vision import (
 )
 
 SETTINGS = SourceSettings()
-"""When a sender counts as blocked, and how its clock is followed: as for a camera."""
+"""When a sender counts as blocked, and how its clock is followed: the same as for a camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """Marks seen at one exposure time [s] on the monotonic clock, none where none was seen; index: counted from 0."""
+    """Marks seen at one exposure time [s] on the monotonic clock, possibly none; index: counted from 0."""
 
     index: int
     exposure_s: float
@@ -41,36 +41,36 @@ class MarksFrame:
 
 
 MarkSource = SourceOf[MarksFrame]
-"""Frames of marks, as `vision.Source` gives pictures."""
+"""A source of frames of marks, like `vision.Source` for pictures."""
 
 
 class Feed(Protocol):
-    """What carries marks: a socket, a pipe, a protocol."""
+    """A transport of marks: a socket, a pipe, a protocol."""
 
     def run(self, receiver: LiveMarks) -> None:
-        """Hand on all that comes, until the receiver is closed or nothing will come; called in the reading thread.
+        """Deliver all that comes, until the receiver is closed or nothing will come; called in the reading thread.
 
-        To `take_line` or `take`, and what cannot be used to `refuse`. Raises OSError where the feed fails.
+        Calls `take_line` or `take`, and `refuse` for unusable input. Raises OSError if the feed fails.
         """
 
     def close(self) -> None:
-        """Let go of what carries them."""
+        """Release the transport."""
 
 
 class LiveMarks(Closing):
-    """The newest frame of marks that a feed hands over, each once, until the feed ends or `close()`: a `MarkSource`.
+    """The newest frame of marks from a feed, each once, until the feed ends or `close()`: a `MarkSource`.
 
-    Lines that are no frame, and frames whose times do not follow, are refused: counted by kind, and reported as events,
-    the first at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
-    is BLOCKED, as a camera is. A frame whose values repeat is withheld; while they are FROZEN it has no marks.
+    Invalid lines, and frames with times out of order, are refused: counted by kind, and reported as events, the first
+    at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender is
+    BLOCKED, as a camera is. A frame with repeated values is withheld; while they are FROZEN it has no marks.
 
-    refused: counts of what came and could not be used, by kind
+    refused: counts of unusable input, by kind
     State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdogs; events not yet taken,
     what was refused, of which unreported, and when that was last reported [s].
     """
 
     origin_s = 0.0
-    """Frames are told on the clock of this machine, which the sender's is brought to."""
+    """Times are on the clock of this machine, to which the sender's is converted."""
 
     def __init__(self, scene: Scene, feed: Feed, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
@@ -89,7 +89,7 @@ class LiveMarks(Closing):
         self._reported_s = -float("inf")
         self._error: Exception | None = None
         self._finished = self._ended = False
-        # A daemon: a pipe may block for ever, and the program must end all the same.
+        # A daemon: a pipe may block forever, and the program must still end.
         self._thread = threading.Thread(target=self._run, name="softaim marks", daemon=True)
         self._thread.start()
 
@@ -104,11 +104,11 @@ class LiveMarks(Closing):
 
     @property
     def wanted(self) -> bool:
-        """Whether frames are still wanted: a feed asks now and then."""
+        """Whether the receiver is open: a feed checks it regularly."""
         return not self._stop.is_set()
 
     def take_line(self, line: bytes) -> None:
-        """Take in a line that has just come; an empty one is nothing."""
+        """Process a line that has just come; an empty one is ignored."""
         arrival_s = self.clock()
         if not line.strip():
             return
@@ -118,7 +118,7 @@ class LiveMarks(Closing):
             self.refuse("malformed", str(error))
 
     def take(self, frame: SentFrame, arrival_s: float) -> None:
-        """Take in a frame that arrived at this time on the own clock [s]."""
+        """Process a frame that arrived at this time on the own clock [s]."""
         with self._changed:
             restarts = self._sender.restarts
             try:
@@ -144,7 +144,7 @@ class LiveMarks(Closing):
             self._changed.notify_all()
 
     def refuse(self, kind: str, text: str) -> None:
-        """Count what came and cannot be used, and report it when that is due; text: what was expected and found."""
+        """Count unusable input, and report it when due; text: what was expected and found."""
         with self._changed:
             self._refuse(kind, text)
 
@@ -162,13 +162,13 @@ class LiveMarks(Closing):
 
     @property
     def ended(self) -> bool:
-        """Whether no frame will come any more."""
+        """Whether no further frame will come."""
         return self._ended or self._stop.is_set()
 
     def next(self, timeout_s: float) -> MarksFrame | None:
         """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
 
-        Raises SourceError where the feed fails, and any other error of its thread.
+        Raises SourceError if the feed fails, and any other error of its thread.
         """
         until = self.clock() + timeout_s
         with self._changed:
@@ -194,13 +194,13 @@ class LiveMarks(Closing):
         return None
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order; faults are noticed while `next` waits or is asked."""
+        """The events since the last call, in order; faults are detected while `next` waits or is called."""
         with self._changed:
             events, self._events = tuple(self._events), []
         return events
 
     def close(self) -> None:
-        """Stop; the thread ends as soon as it comes back from what it reads."""
+        """Stop; the thread ends as soon as its read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

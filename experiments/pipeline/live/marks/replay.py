@@ -1,4 +1,4 @@
-"""Marks as they were once written, at their own pace."""
+"""Recorded marks, at their own pace."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from vision import Closing, EventKind, SourceEvent
 
 
 class MarksReplay(Closing):
-    """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due when it is asked for.
+    """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due at the first request.
 
-    A frame whose values repeat has no marks. State: the next frame, when the first was asked for [s], events not yet
-    due, and not yet taken, whether it ended.
+    A frame with repeated values has no marks. State: the next frame, time of the first request [s], events not yet due,
+    events not yet fetched, whether it ended.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class MarksReplay(Closing):
 
     @property
     def origin_s(self) -> float:
-        """When the file's own time was nought, on the clock [s]; 0 before the first frame."""
+        """Zero of the file's own time on the clock [s]; 0 before the first frame."""
         return 0.0 if self._began_s is None else self._began_s - self._first_s
 
     def next(self, timeout_s: float) -> MarksFrame | None:
@@ -76,10 +76,10 @@ class MarksReplay(Closing):
         return MarksFrame(k, self._began_s + self._times_s[k], marks)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """What happened since this was last asked, in order."""
+        """The events since the last call, in order."""
         events, self._events = tuple(self._events), []
         return events
 
     def close(self) -> None:
-        """No frame comes any more."""
+        """End the source."""
         self.ended = True

@@ -1,4 +1,4 @@
-"""The clock of a sender, tied to the monotonic one by when its frames arrive."""
+"""The clock of a sender, tied to the monotonic one by times of arrival."""
 
 from __future__ import annotations
 
@@ -9,33 +9,33 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""By this factor a frame's time may be off in another unit for that to be named [1]; chosen."""
+"""Largest factor between a frame's time in another unit and the expected one for that unit to be named [1]; chosen."""
 
 
 class Moment(NamedTuple):
-    """When a frame was seen by the sender's clock, and when it arrived by the own one [s]."""
+    """Times of a frame: by the sender's clock, and of arrival by the own one [s]."""
 
     sent_s: float
     arrival_s: float
 
 
 class OrderError(ValueError):
-    """A frame whose time cannot follow the one before."""
+    """A frame whose time is out of order."""
 
 
 class SenderClock:
-    """Times of a sender's frames on the own monotonic clock: its times, and the least that a frame ever took to arrive.
+    """Times of a sender's frames on the own monotonic clock: its times plus the least delay of a frame.
 
-    A frame arrives late and never early: of the last settings.remembered_frames frames the one that took the least ties
-    the clocks, which also follows a clock that drifts. What that one took is not known, and counts as none: all times
-    are late by it.
+    A frame arrives late but never early: the frame with the least delay of the last settings.remembered_frames ties the
+    clocks, which also follows a drifting clock. That least delay is unknown and taken as zero: all times are late by
+    it.
 
-    A time that does not rise, or rises by over settings.hung_s more than passed here, is refused. Where for
-    settings.blocked_s only such frames come, and they follow each other, the sender has another clock, as after a
-    restart: then they are what counts.
+    A time that does not rise, or rises by over settings.hung_s more than passed here, is refused. If only such frames
+    come for settings.blocked_s, and in order, the sender has another clock, for example after a restart, which is then
+    adopted.
 
-    State: what the last frames took, by both clocks [s]; the last frame; the first and the last of those of another
-    clock; restarts, how often one was adopted.
+    State: delays of the last frames, by both clocks [s]; the last frame; the first and the last frame of another clock;
+    restarts, the number of adopted ones.
     """
 
     def __init__(self, settings: SourceSettings) -> None:
@@ -46,7 +46,7 @@ class SenderClock:
         self._other: tuple[Moment, Moment] | None = None
 
     def exposure_s(self, sent_s: float, arrival_s: float) -> float:
-        """When a frame of this time was exposed, by the own clock [s]; raises OrderError."""
+        """Exposure time by the own clock [s] of a frame with this time; raises OrderError."""
         now = Moment(sent_s, arrival_s)
         if self._last is not None and (why := self._refusal(self._last, now)) is not None:
             first = now if self._other is None or self._refusal(self._other[1], now) is not None else self._other[0]
@@ -60,7 +60,7 @@ class SenderClock:
         return sent_s + min(self._took_s)
 
     def _refusal(self, last: Moment, now: Moment) -> str | None:
-        """Why a frame cannot come after the last; None where it can."""
+        """Why a frame cannot follow the last; None if it can."""
         risen_s, passed_s = now.sent_s - last.sent_s, now.arrival_s - last.arrival_s
         if risen_s <= 0.0:
             return f"time_s: expected more than {last.sent_s:.6f}, found {now.sent_s:.6f}"

@@ -1,5 +1,5 @@
-// How old a state is: what passed since it came, and what it took on the way beyond the fastest of the last minute.
-// Clocks of the two machines need not agree, only run evenly: a queue somewhere in between shows all the same.
+// Age of a state: the time since it came, plus its delay beyond the fastest of the last minute.
+// The clocks of the two machines need not agree, only run evenly: a queue in between is still detected.
 
 const WINDOW_MS = 60_000;
 

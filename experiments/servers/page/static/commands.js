@@ -1,4 +1,4 @@
-// Buttons, keys and picking of a place in the picture: each ends in a command to the run.
+// Buttons, keys and picking of a position in the picture: each sends a command to the run.
 
 const ARMED_MS = 3000;
 const STEP_PX = { near: 1, far: 10 };
@@ -6,13 +6,13 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 const find = (id) => document.getElementById(id);
 
 export class Commands {
-  // picture: whose canvas is clicked; send: takes a command, false where there is no connection; tell: shows a line
+  // picture: its canvas is clicked; send: takes a command, false without a connection; tell: shows a line
   constructor(picture, send, tell) {
     Object.assign(this, { picture, send, tell, picking: null, armed: null, state: null });
     this.keys = { r: "record", p: "pause", f: "fix", h: "hue", x: "reset", z: "zoom", "?": "help" };
     find("record").onclick = () => this.ask({ command: "record", on: !this.state?.recording });
     find("pause").onclick = () => this.ask({ command: "pause", on: !this.state?.paused });
-    find("fix").onclick = () => this.pick("fix", "The target: click it in the picture, or arrows and Enter · Esc leaves");
+    find("fix").onclick = () => this.pick("fix", "Click the target in the picture, or use arrows and Enter · Esc cancels");
     find("hue").onclick = () => this.pick("hue", `The mark on ${find("hue-node").value}: click it, or arrows and Enter · Esc leaves`);
     find("reset").onclick = () => this.reset();
     find("zoom").onclick = () => this.zoom();
@@ -29,7 +29,7 @@ export class Commands {
     for (const id of ["fix", "fix-sd", "hue", "hue-node"]) find(id).disabled = !scene.may_write || !scene.picture_px;
     find("hue").disabled ||= marks.length === 0;
     this.leave();
-    this.tell(scene.may_write ? "" : "read only: open the address that the command printed, with its token, to give commands", false);
+    this.tell(scene.may_write ? "" : "read only: to send commands, open the address that the command printed, with its token", false);
   }
 
   take(state) {
@@ -99,7 +99,7 @@ export class Commands {
     }
   }
 
-  // Whether the key moved the cursor of the picture, or took its place
+  // Whether the key moved the cursor of the picture, or picked its position
   moved({ key, shiftKey }) {
     const target = this.state?.picture?.target_px;
     const from = this.picture.cursor ?? target;
@@ -116,7 +116,7 @@ export class Commands {
     return true;
   }
 
-  // Twice: what was known is lost by it
+  // Twice, because it discards the state
   reset() {
     const again = this.armed !== null;
     clearTimeout(this.armed);
@@ -127,7 +127,7 @@ export class Commands {
   arm(on) {
     this.armed = on ? setTimeout(() => this.arm(false), ARMED_MS) : null;
     find("reset").classList.toggle("armed", on);
-    if (on) this.tell("Reset forgets all that is known: press again to do it", false);
+    if (on) this.tell("Reset discards the state: press again to confirm", false);
   }
 
   zoom() {

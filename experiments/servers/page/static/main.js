@@ -1,4 +1,4 @@
-// The page of a live run: what came, shown; and what did not come, too.
+// The page of a live run: shows what came, and what did not come.
 
 import { Age } from "./age.js";
 import { Commands } from "./commands.js";
@@ -7,12 +7,12 @@ import { Plots, Traces, WITHIN_95 } from "./plots.js";
 import { Stream } from "./stream.js";
 import { judged, turning } from "./verdict.js";
 
-const LOOK_MS = 25; // between two looks at whether what is shown is still fresh
-const SLOW_MS = 100; // between two drawings of plots and numbers
-const IMAGE_MS = 250; // after the last picture, states are drawn as they come; else with their pictures
-const NO_IMAGE_MS = 1000; // after the last picture, it is said to be old
-const SPOKEN_MS = 1000; // between two advices that are spoken
-const TOLD_MS = 8000; // that an answer stays
+const LOOK_MS = 25; // interval of checks whether the display is still fresh
+const SLOW_MS = 100; // interval of drawing plots and numbers
+const IMAGE_MS = 250; // after this time without a picture, states are drawn as they come; otherwise with their pictures
+const NO_IMAGE_MS = 1000; // after this time without a picture, it is reported as old
+const SPOKEN_MS = 1000; // least interval of spoken advice
+const ANSWER_MS = 8000; // duration of an answer on the page
 const MOST_EVENTS = 5;
 
 const find = (id) => document.getElementById(id);
@@ -26,15 +26,15 @@ const stream = new Stream({
   scene(message) {
     now.scene = message;
     now.refused = now.lostAt = null;
-    anew();
+    restart();
     commands.scene(message);
     text("source", message.source);
     text("note", message.notes.join("; "));
   },
   state(message) {
     const at = performance.now();
-    if (now.state && message.counters.frames < now.state.counters.frames) anew();
-    // Not every state tells where all is in the picture: then it is where it was told last
+    if (now.state && message.counters.frames < now.state.counters.frames) restart();
+    // A state without an annotation keeps the last one
     if (message.picture === null) message.picture = now.state?.picture ?? null;
     now.state = message;
     age.take(message.utc_s, at);
@@ -60,8 +60,8 @@ const stream = new Stream({
 });
 const commands = new Commands(picture, (command) => stream.command(command), tell);
 
-// Dead man's switch: an animation that the browser runs by itself covers the advice, unless each state puts it off. It
-// does so though this script hang or fail.
+// Dead man's switch: an animation of the browser covers the advice, unless each state postpones it. It
+// works even if this script hangs or fails.
 const dead = find("dead").animate([{ opacity: 0 }, { opacity: 1 }], { duration: 1, fill: "both" });
 dead.cancel();
 
@@ -71,7 +71,7 @@ function alive(at) {
   dead.play();
 }
 
-function anew() {
+function restart() {
   now.state = now.waiting = null;
   age.forget();
   traces.clear();
@@ -92,7 +92,7 @@ async function decode() {
       now.imageAt = performance.now();
       if (state && now.state) draw(state);
     } catch {
-      tell("a picture came that is none", true);
+      tell("an invalid picture came", true);
     }
   }
   now.decoding = false;
@@ -101,8 +101,8 @@ async function decode() {
 function draw(state) {
   now.drawn = state;
   picture.draw(now.scene, state, now.image, document.body.classList.contains("old"));
-  text("unseen", picture.told ?? "");
-  find("unseen").hidden = picture.told === null;
+  text("unseen", picture.notice ?? "");
+  find("unseen").hidden = picture.notice === null;
 }
 
 function show() {
@@ -136,7 +136,7 @@ function say(id, { word, kind, why }) {
   text(id === "advice" ? "why" : "health-why", why);
 }
 
-// Spoken where it is another, and not too often: but what is old at once
+// Spoken when it changes, and not too often; a stale state at once
 function speak(word, at) {
   const urgent = document.body.classList.contains("old") || word === "ABORT";
   if (word === now.spoken || (!urgent && at - (now.spokenAt ?? -Infinity) < SPOKEN_MS)) return;
@@ -148,7 +148,7 @@ function tell(message, bad) {
   text("message", message);
   find("message").classList.toggle("bad", bad);
   clearTimeout(now.telling);
-  now.telling = setTimeout(() => text("message", commands.mayWrite === false ? "read only" : ""), TOLD_MS);
+  now.telling = setTimeout(() => text("message", commands.mayWrite === false ? "read only" : ""), ANSWER_MS);
 }
 
 function text(id, value) {
@@ -156,7 +156,7 @@ function text(id, value) {
   if (root.textContent !== value) root.textContent = value;
 }
 
-// What a person reads now and then
+// Details that are read occasionally
 function slow() {
   const at = performance.now();
   plots.draw(at);

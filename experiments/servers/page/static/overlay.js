@@ -1,4 +1,4 @@
-// What is known, drawn into the picture: springs, marks, needle, target. `at` maps pixels of the picture to the canvas.
+// Annotation of the picture: springs, marks, needle, target. `at` maps pixels of the picture to the canvas.
 
 import { LIGHT, SPRING, TARGET, cross, ellipse, light, trace, word } from "./strokes.js";
 
@@ -10,7 +10,7 @@ export function overlay(context, scene, seen, { at, scale, old }) {
   target(context, seen, { at, scale, old });
 }
 
-// A closer look at the target: its own size, 95 %, needle and aim
+// The inset of the target: its size, 95 % ellipse, needle and aim
 export function closer(context, seen, { at, scale, old }) {
   if (seen.needle !== null) needle(context, seen.needle, at, scale);
   target(context, seen, { at, scale, old });
@@ -52,7 +52,7 @@ function drawMark(context, mark, known, at, scale) {
   const half = Math.max(...outline.map(([x]) => x)) - center[0];
   if (mark.fate === "refused") cross(context, center, 1.2 * half, LIGHT, 2.5, true);
   const text = mark.fate === "found" ? mark.node : `${mark.node} ${mark.fate}`;
-  // The target's own mark, seen for scoring, would have its name on the target
+  // The name of the target's own mark, for scoring, would cover the target
   if (known?.measured !== false) word(context, text, center[0] + half + 5, center[1] - half - 2, colour);
 }
 

@@ -1,11 +1,11 @@
-// The picture on its canvas, near (the body fills it) or whole, with a closer look at the target in a corner.
+// The picture on its canvas, zoomed to the body or whole, with an inset of the target in a corner.
 
 import { closer, overlay } from "./overlay.js";
 import { projections } from "./projections.js";
 import { LIGHT, TARGET, cross, trace, word } from "./strokes.js";
 
-const AROUND = 0.36; // of the body's size, on each side of it
-const CLOSER = 0.3; // of the canvas' height, the side of the closer look
+const AROUND = 0.36; // margin on each side, by the body's size
+const CLOSER = 0.3; // side of the inset, by the canvas' height
 const GROUND = "#1a232d";
 
 export class Picture {
@@ -18,7 +18,7 @@ export class Picture {
     this.fit();
   }
 
-  // Of a scene: what is shown is another
+  // A new scene
   forget() {
     this.box = null;
     this.cursor = null;
@@ -48,17 +48,17 @@ export class Picture {
     context.fillRect(0, 0, this.width, this.height);
     this.views = [];
     if (state.picture === null && image && scene.picture_px) {
-      // Nothing is known yet of what is in it: the picture alone, whole
+      // Without a state yet: the picture alone, whole
       const whole = this.through([0, 0, ...scene.picture_px], 0, 0, this.width, this.height);
-      this.told = null;
+      this.notice = null;
       this.inside(whole, image, scene, () => {});
       return;
     }
     if (state.picture === null) {
-      this.told = projections(context, scene, state, { width: this.width, height: this.height, old });
+      this.notice = projections(context, scene, state, { width: this.width, height: this.height, old });
       return;
     }
-    this.told = null;
+    this.notice = null;
     const view = this.view(scene, state.picture);
     this.views.push(view);
     this.inside(view, image, scene, () => overlay(context, scene, state.picture, { ...view, old }));
@@ -66,7 +66,7 @@ export class Picture {
     if (this.cursor) cross(context, view.at(this.cursor), 16, "#56b4e9", 2, false);
   }
 
-  // A part of the canvas with the picture in it, and what is drawn over that
+  // A part of the canvas with the picture and its annotation
   inside(view, image, scene, draw) {
     const { context } = this;
     context.save();
@@ -82,7 +82,7 @@ export class Picture {
     context.restore();
   }
 
-  // box: of the picture [px], to be seen within a part of the canvas
+  // box: part of the picture [px] to show within a part of the canvas
   through(box, left, top, width, height) {
     const scale = Math.min(width / (box[2] - box[0]), height / (box[3] - box[1]));
     const [u, v] = [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
@@ -98,7 +98,7 @@ export class Picture {
     if (!this.near) return this.through(whole, 0, 0, this.width, this.height);
     const body = extent(seen.nodes_px.filter(Boolean));
     if (body === null) return this.through(whole, 0, 0, this.width, this.height);
-    // Held still until the body leaves it: what stands beside a needle must not sway
+    // Fixed until the body leaves it, so that the display does not sway
     if (this.box === null || body[0] < this.box[0] || body[1] < this.box[1] || body[2] > this.box[2] || body[3] > this.box[3]) {
       const more = AROUND * Math.max(body[2] - body[0], body[3] - body[1], 20);
       this.box = [body[0] - more, body[1] - more, body[2] + more, body[3] + more];
@@ -113,7 +113,7 @@ export class Picture {
     const pxPerMm = Math.hypot(seen.target_shape_px[0][0], seen.target_shape_px[1][0]) / scene.target.radius_mm;
     const spread = Math.max(...(seen.target_ellipse_px ?? [[0, 0]]).map(([x, y]) => Math.hypot(x, y)));
     const needed = Math.max(2 * scene.target.radius_mm * pxPerMm, 1.15 * spread);
-    // In steps, so that it is not another size in each frame
+    // In steps, so that the size does not change in each frame
     if (this.reach === null || needed > this.reach || needed < 0.4 * this.reach) this.reach = 1.5 * needed;
     const [u, v] = seen.target_px;
     const view = this.through([u - this.reach, v - this.reach, u + this.reach, v + this.reach], left, top, side, side);
@@ -131,7 +131,7 @@ export class Picture {
     word(context, "target", left + 10, top + 18, TARGET, 12);
   }
 
-  // The place of the picture [px] at a place of the canvas; null where none is shown
+  // The position in the picture [px] at a position of the canvas; null outside it
   placeAt(x, y) {
     const view = this.views.findLast((one) => x >= one.left && x < one.left + one.width && y >= one.top && y < one.top + one.height);
     return view && this.last[0].picture_px ? this.clamped(view.from([x, y])) : null;

@@ -1,4 +1,4 @@
-// Three plots over the last 20 s, by time of arrival, in bounded memory: they move on when nothing comes.
+// Three plots of the last 20 s, by time of arrival, in bounded memory: they keep moving without new states.
 
 /* global uPlot */
 const SPAN_S = 20;

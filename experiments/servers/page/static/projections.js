@@ -1,4 +1,4 @@
-// Tissue of which there is no picture: springs, target and its 95 % along an axis, from places in mm.
+// Tissue without a picture: projections of springs, target and its 95 % ellipse along an axis, from positions in mm.
 
 import { WITHIN_95 } from "./plots.js";
 import { SPRING, TARGET, cross, ellipse, trace, word } from "./strokes.js";
@@ -6,9 +6,9 @@ import { SPRING, TARGET, cross, ellipse, trace, word } from "./strokes.js";
 const AXES = "xyz";
 const PAIRS = { 2: [[0, 1]], 3: [[0, 1], [2, 1]] };
 
-// Returns what is to be told in place of a drawing, or null
+// Returns a notice in place of a drawing, or null
 export function projections(context, scene, state, { width, height, old }) {
-  if (state.nodes_mm === null) return "there is neither a picture nor places of nodes to show";
+  if (state.nodes_mm === null) return "there is neither a picture nor positions of nodes to show";
   const pairs = PAIRS[scene.dim];
   pairs.forEach((pair, k) => {
     const room = width / pairs.length;
@@ -19,7 +19,7 @@ export function projections(context, scene, state, { width, height, old }) {
 
 function panel(context, scene, state, { pair, left, width, height, old }) {
   const [i, j] = pair;
-  // By where all was drawn: the frame stands still
+  // By the drawn positions, so that the frame stays fixed
   const drawn = scene.nodes.map((node) => node.drawn_mm);
   const range = (axis) => [Math.min(...drawn.map((p) => p[axis])), Math.max(...drawn.map((p) => p[axis]))];
   const [[u0, u1], [v0, v1]] = [range(i), range(j)];

@@ -1,4 +1,4 @@
-// The WebSocket to the run: opened again when it is lost. Sets its own pace: the next state is asked for when one has come.
+// The WebSocket to the run: opened again when it is lost. It sets its own pace: it requests the next state when one has come.
 
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;
@@ -27,7 +27,7 @@ export class Stream {
     socket.onmessage = (event) => this.take(event.data);
     socket.onclose = (event) => {
       if (event.code === WRONG_TOKEN) {
-        this.handlers.lost("open the address that the command printed: its token is missing here, or of another run");
+        this.handlers.lost("open the address that the command printed: the token is missing here, or belongs to another run");
         return;
       }
       this.handlers.lost(null);

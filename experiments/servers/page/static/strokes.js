@@ -1,4 +1,4 @@
-// Lines, ellipses and text that can be read on any picture: light on a dark edge. Places are in pixels of the canvas.
+// Lines, ellipses and text that are legible on any picture: light with a dark edge. Positions are in pixels of the canvas.
 
 const DARK = "rgb(0 0 0 / .75)";
 const CORNERS = 48;

@@ -1,5 +1,5 @@
-// What may be said at this moment: health and advice, each a word, a kind (its colour and shape) and a reason.
-// GO is said on a fresh state alone that is healthy, has no fault, and while nothing is paused; ABORT whatever the fault.
+// The verdict at this moment: health and advice, each a word, a kind (its colour and shape) and a reason.
+// GO is shown only for a fresh, healthy state without a fault, and not while paused; ABORT with any fault.
 
 const HEALTH = { TRACKING: "good", COASTING: "care", INITIALISING: "info", LOST: "bad", DIVERGED: "bad" };
 const ADVICE = { GO: "good", WAIT: "care", REALIGN: "info", ABORT: "stop" };
@@ -11,7 +11,7 @@ function same(word, kind, reason, inside = false) {
   return { health: { word, kind, why }, advice: { word, kind, why, probability: null }, live: false };
 }
 
-// state: the newest, or null; ageMs: since it was known, here and on the way; lostMs: since the connection ended, or null
+// state: the newest, or null; ageMs: its age, including the delay; lostMs: since the connection ended, or null
 export function judged({ state, ageMs, lostMs, staleMs, refused }) {
   if (refused) return same("NO ACCESS", "bad", refused);
   const inside = (state?.needle?.depth_mm ?? 0) > 0;
@@ -29,16 +29,16 @@ export function judged({ state, ageMs, lostMs, staleMs, refused }) {
     return found({ word: "FAULT", kind: "bad", why: state.fault }, aborts ? said : none(state.fault, "bad"));
   }
   if (state.paused) {
-    return found({ word: "PAUSED", kind: "info", why: "frames come, and change nothing" }, aborts ? said : none("paused"));
+    return found({ word: "PAUSED", kind: "info", why: "frames are not used" }, aborts ? said : none("paused"));
   }
   if (said.word === "GO" && !HEALTHY.has(state.status)) return found(health, none(`the estimate is ${state.status}`));
   return found(health, said);
 }
 
 function advised(advice) {
-  if (advice === null) return { word: "NO NEEDLE", kind: "none", why: "without a needle there is no advice", probability: null };
+  if (advice === null) return { word: "NO NEEDLE", kind: "none", why: "there is no advice without a needle", probability: null };
   const word = advice.advice.replaceAll("_", " ");
-  const probability = word === "ABORT" ? null : advice.probability; // nothing but the reason stands beside a stop
+  const probability = word === "ABORT" ? null : advice.probability; // a stop shows only the reason
   return { word, kind: ADVICE[advice.advice] ?? "none", why: advice.reason, probability };
 }
 
@@ -51,15 +51,15 @@ function seconds(ms) {
   return `${(ms / 1000).toFixed(1)} s`;
 }
 
-// How the needle is to be turned, as text; empty where there is nothing to tell
+// How to turn the needle, as text; empty without a correction
 export function turning(state) {
   const advice = state.advice;
   if (advice === null || advice.probability === null) return "";
-  const told = [
+  const parts = [
     [advice.turn_deg, (x) => `turn ${x.toFixed(1)}°`],
     [advice.lateral_mm, (x) => `off ${x.toFixed(1)} mm`],
     [advice.depth_mm, (x) => `depth ${x.toFixed(1)} mm`],
     [advice.arrival_s, (x) => `arrives in ${Math.max(0, x - state.time_s).toFixed(1)} s`],
   ];
-  return told.filter(([x]) => x !== null).map(([x, text]) => text(x)).join(" · ");
+  return parts.filter(([x]) => x !== null).map(([x, text]) => text(x)).join(" · ");
 }

@@ -1,4 +1,4 @@
-"""The bodies of the study: the scene that a user writes of each."""
+"""The bodies of the study: a user's scene of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from experiments.projects.template import scene_with_marks
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """A body, and how long a run of it lasts [s]."""
+    """A body, and the duration of its runs [s]."""
 
     phantom: Callable[[], Phantom]
     duration_s: float
@@ -35,7 +35,7 @@ BODIES = {
 
 @lru_cache(maxsize=8)
 def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, as a user writes it who states nothing of how well."""
+    """The body of this name with a colour for each mark, without stated uncertainties."""
     scene = scene_with_marks(BODIES[name].phantom(), {})
     target = replace(scene.target, position_sd_m=None)
     return replace(scene, target=target, reference=Reference(), settings=FilterSettings())

@@ -17,7 +17,7 @@ from experiments.studies.faults.wrong_worlds.seen import MARK_SD_M, Seen, Sees
 from experiments.studies.faults.wrong_worlds.truth import AS_STATED, Becomes, Pushes, Truth
 
 WEIGHT = 9.81
-"""Of a mass of 1 kg [N]."""
+"""Weight of a mass of 1 kg [N]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,14 +36,14 @@ REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
 """Squared radius of the region of 95 %, by dimension [sigmas²]."""
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""How reference marks look, where a camera stands before the body: no other mark has that hue."""
+"""Hue of reference marks for a camera: no other mark has it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What was shown at one time, and whether it was right.
+    """The display at one time, and whether it was right.
 
-    of_frame: whether a frame came; advice: None where there was none
+    of_frame: whether a frame came; advice: None for none
     error_m: of the target [m]; covered: whether the truth lies in the region of 95 %; wrong: as in `is_wrong`
     """
 
@@ -57,7 +57,7 @@ class Moment:
 
     @property
     def words(self) -> str:
-        """What was shown, whatever its figures."""
+        """The displayed text, whatever its numbers."""
         if self.advice == str(Advice.GO):
             return self.advice
         what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice
@@ -65,14 +65,14 @@ class Moment:
 
 
 class Judging(Publisher):
-    """A `Publisher` that judges what is shown from a time on. State: the moments."""
+    """A `Publisher` that evaluates the display from a time on. State: the moments."""
 
     def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
         self._motion, self._target, self._onset_s = motion, target, onset_s
         self.moments: list[Moment] = []
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Judge what is shown now."""
+        """Evaluate the present display."""
         time_s = shown.at_s - BEGAN_S
         if time_s < self._onset_s:
             return
@@ -95,7 +95,7 @@ class Judging(Publisher):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """A world with a body and a seed, as a row of the study; `duration_s` of the case in place of the body's [s]."""
+    """A world with a body and a seed, as a row of the study; the case's `duration_s` replaces the body's [s]."""
     world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
     duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     with quiet_folder() as folder:
@@ -106,12 +106,12 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(text: str) -> str:
-    """A text whatever its figures."""
+    """A text without its numbers."""
     return re.sub(r"\d+(\.\d+)?", "…", text)
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
-    """All that a live run shows; folder: for its tables. Raises InputError where the scene is refused."""
+    """All displayed moments of a live run; folder: for its tables. Raises InputError if the scene is refused."""
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
     stated = usable_scene(path)
@@ -139,7 +139,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """The scene file that the world's user has written."""
+    """The user's scene file of the world."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -157,7 +157,7 @@ def counted(moments: list[Moment]) -> dict[str, Any]:
     """The moments of a run in figures.
 
     tracking, tracking_wrong, covered: frames; go, go_wrong: moments; error_mm: median of frames that are TRACKING
-    shown: what was shown at most of the moments
+    shown: the most frequent display
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]

@@ -1,4 +1,4 @@
-"""What a tracker sees of a body's marks, what is wrong with that, and the lines that it sends."""
+"""A tracker's frames of a body's marks, their errors, and the lines that it sends."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ MARK_SD_M = 1e-3
 class Seen:
     """Frames of a tracker.
 
-    exposed_s: when each was exposed [s], (n,); stated_s: by the tracker's clock; arrive_s: when its line comes
-    nodes: of the marks; places: as it sees them [m], (n, n_marks, dim); shown: which it sees, (n, n_marks)
+    exposed_s: exposure times [s], (n,); stated_s: by the tracker's clock; arrive_s: arrival of the lines
+    nodes: of the marks; places: measured positions [m], (n, n_marks, dim); shown: which are seen, (n, n_marks)
     middle: of the body as drawn [m], (dim,)
     """
 
@@ -40,7 +40,7 @@ class Seen:
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """The frames that are exposed from this time on, for so long [s], (n,)."""
+        """Which frames are exposed from this time on, for this long [s], (n,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
@@ -48,7 +48,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """The marks on these nodes as a tracker sees them, all to `MARK_SD_M`; its clock is right, and no line is late."""
+    """The marks on these nodes by a tracker, all to `MARK_SD_M`; its clock is right, and no line is late."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])
@@ -58,7 +58,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """When each line arrives on the clock [s], and the line, in the order of arrival; sd_m: as is stated [m]."""
+    """Arrival of each line on the clock [s], and the line, in the order of arrival; sd_m: as stated [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
@@ -88,7 +88,7 @@ class _Script:
 
 
 class ScriptedMarks(LiveMarks):
-    """Live marks whose lines come when a script says so. State: the script's clock [s], the lines to come."""
+    """Live marks with scripted lines. State: the script's clock [s], the lines to come."""
 
     def __init__(self, scene: Scene, lines: list[tuple[float, bytes]]) -> None:
         self.now_s = BEGAN_S
@@ -119,6 +119,6 @@ class ScriptedMarks(LiveMarks):
         return frame
 
     def close(self) -> None:
-        """End the script, and what waits for it."""
+        """End the script, and whatever waits for it."""
         self._script.close()
         super().close()

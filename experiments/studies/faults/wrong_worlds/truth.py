@@ -1,4 +1,4 @@
-"""How a body truly moves: poked and breathing, by SciPy's DOP853."""
+"""True motion of a body: poked and breathing, by SciPy's DOP853."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from experiments.studies.faults.world import Motion, moved
 
 Becomes = Callable[[MassSpringNetwork], MassSpringNetwork]
 Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
-"""The true network of a scene, which the scene does not state."""
+"""The true network behind a scene."""
 
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 """Direction of a second breath, by dimension; the first goes upward."""
@@ -25,7 +25,7 @@ SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """What pushes the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
+    """Forces on the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
 
     Either of: hidden, the target is poked as well; second, a second breath, of another period and direction
     """
@@ -41,7 +41,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """How the true body differs from the scene's: from the first exposure on, and from the onset [s] on; its pushes."""
+    """Differences of the true body from the scene's, from the first exposure and from the onset [s] on; its forces."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -54,9 +54,9 @@ AS_STATED = Truth()
 
 @lru_cache(maxsize=32)
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
-    """The motion of a scene's body; kept, for most worlds are of the same.
+    """The motion of a scene's body; cached, because most worlds share it.
 
-    Raises RuntimeError where the body has no rest: no scene is refused for that.
+    Raises RuntimeError if the body has no rest, for which no scene is refused.
     """
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)

@@ -1,4 +1,4 @@
-"""A target whose place in the tissue is not exact: the filter against the joint posterior, by hand."""
+"""A target whose place in the tissue is not exact: the filter against the joint posterior, in closed form."""
 
 from dataclasses import replace
 

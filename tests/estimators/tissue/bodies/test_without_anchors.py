@@ -26,7 +26,7 @@ def seen(places: np.ndarray) -> list[MarkMeasurement]:
 
 
 def moved(places: np.ndarray, t: float) -> np.ndarray:
-    """Carried about by a hand: some 0.1 m to and fro, turned by half a radian."""
+    """Moved about: some 0.1 m to and fro, turned by half a radian."""
     angle = 0.5 * np.sin(1.5 * t)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return places @ turn.T + 0.1 * np.array([np.sin(2.0 * t), 1.0 - np.cos(1.3 * t)])

@@ -97,7 +97,7 @@ def test_a_mark_that_shares_no_error_leaves_the_others_theirs(phantom, rest_stat
     assert none_share < one_without < all_share
 
 
-def test_a_shift_that_all_marks_share_is_told_from_motion_by_the_anchors(phantom, rest_state, marks_of):
+def test_a_shift_that_all_marks_share_is_distinguished_from_motion_by_the_anchors(phantom, rest_state, marks_of):
     together = sigma(phantom, rest_state, marks_of, 1e-4, 4e-3)
     apart = sigma(phantom, rest_state, marks_of, np.hypot(4e-3, 1e-4), 0.0, OUTER)
     assert together**2 < 0.8 * apart**2
@@ -118,7 +118,7 @@ def test_marks_of_a_frame_share_the_same_errors(warmed, phantom, rest_state, mar
 
 
 def test_a_prediction_that_fails_on_the_way_changes_nothing(warmed):
-    """A known force that cannot be told from 0.1 s on: a third of the way is not gone either."""
+    """A known force that is not available from 0.1 s on: a third of the way is not gone either."""
     tissue = warmed(SD)
     start_s = tissue.time_s
 

@@ -1,4 +1,4 @@
-"""What carries an estimate: which marks, how much against the open loop, whether the model alone; wrong constants."""
+"""Information in an estimate: by which marks, how much against the open loop, by the model alone."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def test_gain_is_what_is_taken_off_the_open_loops_variance(phantom, rest_state, 
 
 
 def test_the_model_alone_is_flagged(phantom, rest_state, marks_of):
-    """Before marks, not while they come, and again once what they told has worn off; also when they tell nothing."""
+    """Before marks, not while they come, and again once their information is old; also when they contain none."""
     tissue = TissueFilter(phantom, HIDDEN, OUTER)
     tissue.predict(0.0)
     assert tissue.update([]).model_only

@@ -91,7 +91,7 @@ def test_outliers_at_different_places_do_not_confirm_each_other():
 
 
 @pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
-def test_a_slow_camera_believes_an_impulse_at_once(nodes, used):
+def test_a_slow_camera_accepts_an_impulse_at_once(nodes, used):
     """Ten frames a second, longer apart than impulse_s = 0.05 s: these marks 100 mm aside together are taken in."""
     tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
     for k in range(11):

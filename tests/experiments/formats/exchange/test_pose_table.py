@@ -109,7 +109,7 @@ def test_one_of_several_tracks(tmp_path: Path) -> None:
 
 def test_an_analysis_file_in_hdf5_is_asked_for_as_csv(tmp_path: Path) -> None:
     (tmp_path / "poses.h5").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
-    with pytest.raises(InputError, match=r"poses\.h5: expected .* as export to CSV writes it, found an HDF5 file"):
+    with pytest.raises(InputError, match=r"poses\.h5: expected .* from an export to CSV, found an HDF5 file"):
         read_poses(tmp_path / "poses.h5")
 
 

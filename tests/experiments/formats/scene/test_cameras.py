@@ -59,7 +59,7 @@ def test_a_lens_and_its_place_are_read_and_written(tmp_path: Path) -> None:
         ("matrix = ", "plane_to_px = ", "camera[0]: distortion: expected no such key beside plane_to_px, found one"),
     ],
 )
-def test_faults_of_cameras_are_told(tmp_path: Path, old: str, new: str, message: str) -> None:
+def test_faults_of_cameras_are_reported(tmp_path: Path, old: str, new: str, message: str) -> None:
     assert TABLE.count(old) == 1
     path = scene_with(tmp_path, TABLE.replace(old, new))
     said = complaint(read_scene, path)
@@ -100,7 +100,7 @@ def test_a_lens_that_stands_nowhere_is_kept_and_no_camera(tmp_path: Path, kind: 
         (lens,) = scene.lenses
         assert (scene.cameras, lens.name, lens.size_px) == ((), "front", (640, 480))
         np.testing.assert_array_equal(lens.lens.distortion, LENS.distortion)
-    said = "camera: expected one, found 0; front has a lens but no place: rotation and translation_mm"
+    said = "camera: expected one, found 0; front has a lens but no pose: rotation and translation_mm"
     with pytest.raises(InputError, match=said):
         filmed_scene(path)
 
@@ -127,7 +127,7 @@ def test_a_lens_without_a_name_is_written_with_one(tmp_path: Path) -> None:
         ('file = "none.yaml"', "none.yaml: expected a file, found none"),
     ],
 )
-def test_faults_of_a_lens_file_are_told(tmp_path: Path, camera: str, message: str) -> None:
+def test_faults_of_a_lens_file_are_reported(tmp_path: Path, camera: str, message: str) -> None:
     (tmp_path / "front.yaml").write_text(LENSES["ros"](LENS), encoding="utf-8")
     (tmp_path / "camera.toml").write_text("version = 1\n", encoding="utf-8")
     assert message in complaint(read_scene, scene_with(tmp_path, f"[[camera]]\n{camera}\n"))

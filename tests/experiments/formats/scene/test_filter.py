@@ -44,7 +44,7 @@ def test_kinds_are_every_constant_of_the_kind_by_itself(path):
     np.testing.assert_allclose(scene.uncertainty.cov, np.diag([0.01] * 10 + [0.25] * 4), rtol=0, atol=1e-15)
 
 
-def test_directions_are_told_apart_by_name(path):
+def test_directions_are_distinguished_by_name(path):
     scene = scene_with(
         path,
         '[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n'
@@ -131,5 +131,5 @@ FAULTS = r"""
 
 
 @pytest.mark.parametrize(("text", "message"), rows(FAULTS))
-def test_faults_are_told_in_one_line(path, text, message):
+def test_faults_are_reported_in_one_line(path, text, message):
     assert complaint(scene_with, path, text).startswith(f"{path}: {message}")

@@ -68,12 +68,12 @@ drift_sd_mm = 1.5 | drift_sd_mm = -1.5 | reference.drift_sd_mm: expected 0 or mo
 node = "In1" |  | reference.mark[0]: expected node or position_mm, found neither
 node = "In1" | node = "In1"\nposition_mm = [0.0, 1.0] | expected node or position_mm, found both
 node = "In1" | node = "In9" | reference.mark[0].node: no node named
-node = "In1" | node = "M2" | reference.mark[0].node: expected an anchor, which stands still, found
+node = "In1" | node = "M2" | reference.mark[0].node: expected an anchor, which is fixed, found
 [150.0, 20.0] | [1.0, 2.0, 3.0] | reference.mark[1].position_mm: expected 2 numbers
 "R2" | "R1" | reference.mark[1].name: expected a name of its own, found that of
-"R2" | "M1" | reference.mark[1].name: expected no node's name but its own, found
-"R2" | "In1" | reference.mark[1].name: expected no node's name but its own
-hue_deg = 300.0\ndiameter_mm = 30.0 |  | reference.mark[0]: expected hue_deg and diameter_mm, by
+"R2" | "M1" | reference.mark[1].name: expected its own node's name or a new one, found
+"R2" | "In1" | reference.mark[1].name: expected its own node's name or a new one
+hue_deg = 300.0\ndiameter_mm = 30.0 |  | reference.mark[0]: expected hue_deg and diameter_mm, which
 diameter_mm = 30.0 |  | expected hue_deg and diameter_mm together, found one of them
 300.0\ndiameter_mm = 30.0 | 125.0\ndiameter_mm = 30.0 | reference.mark[0].hue_deg
 """

@@ -1,4 +1,4 @@
-"""Every fault of a scene.toml is told in one line: file, key, expected, found."""
+"""Every fault of a scene.toml is reported in one line: file, key, expected, found."""
 
 from pathlib import Path
 
@@ -57,7 +57,7 @@ name = "M2" | name = "M1" | network.node[1].name: expected a name of its own, fo
 node = "M1"\nhue | node = "M9"\nhue | mark[0].node: no node named "M9"
 node = "M2"\nhue | node = "M1"\nhue | mark[1].node: expected one mark for a node, found a second one on "M1", after
     mark[0]
-node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (a mark tells of a free node), found the
+node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (marks belong on free nodes), found the
     anchor "In1"
 node = "M2"\nradius | node = "In1"\nradius | target.node: expected a free node (a hidden target), found the anchor
     "In1"
@@ -87,12 +87,12 @@ UNREADABLE = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), [*rows(BAD), *UNREADABLE])
-def test_a_fault_is_told_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
+def test_a_fault_is_reported_in_one_line_with_file_key_expected_found(path: Path, old: str, new: str, message: str):
     assert GOOD.count(old) >= 1
     path.write_text(GOOD.replace(old, new, 1), encoding="utf-8")
-    told = complaint(read_scene, path)
-    assert told.startswith(f"{path}: {message}")
-    assert len(told) < len(str(path)) + 200
+    reported = complaint(read_scene, path)
+    assert reported.startswith(f"{path}: {message}")
+    assert len(reported) < len(str(path)) + 200
 
 
 def test_a_network_of_anchors_only_is_refused(path: Path):

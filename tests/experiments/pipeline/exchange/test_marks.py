@@ -39,22 +39,22 @@ def test_places_are_on_the_plane() -> None:
 
 
 @pytest.mark.parametrize(
-    ("scores", "kept", "by_hand"), [((0.9, 0.5), 1, 0), (("", 0.5), 1, 1), (("", ""), 2, 2), (("nan", 0.6), 2, 1)]
+    ("scores", "kept", "manual"), [((0.9, 0.5), 1, 0), (("", 0.5), 1, 1), (("", ""), 2, 2), (("nan", 0.6), 2, 1)]
 )
-def test_a_place_without_a_likelihood_was_set_by_a_person(scores: tuple, kept: int, by_hand: int) -> None:
+def test_a_place_without_a_likelihood_was_set_by_a_person(scores: tuple, kept: int, manual: int) -> None:
     """It is kept, whatever the least likelihood, and counted apart."""
     rows = "".join(f",{k},,{18 + k},10,{score}\n" for k, score in enumerate(scores))
     Path("poses.csv").write_text(f"track,frame_idx,instance.score,M1.x,M1.y,M1.score\n{rows}")
     done = import_table(Path("poses.csv"), Path("scene.toml"), 30.0)
-    assert (done.counts()["M1"], done.by_hand, done.unlikely) == (kept, by_hand, 2 - kept)
+    assert (done.counts()["M1"], done.manual, done.unlikely) == (kept, manual, 2 - kept)
 
 
-def test_marks_set_by_hand_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
+def test_marks_set_manually_are_reported(capsys: pytest.CaptureFixture[str]) -> None:
     Path("poses.csv").write_text("track,frame_idx,M1.x,M1.y,M1.score\n,0,18,10,\n,1,18,10,0.9\n")
     assert softaim("import", "poses.csv", "--scene", "scene.toml", "--out", "rec", "--fps", "30", "--least", "1") == 0
     shown = capsys.readouterr().out
-    assert "Left out: 1 of a likelihood below 1" in shown
-    assert "Set by hand, without a likelihood, and kept: 1" in shown
+    assert "Left out: 1 with a likelihood below 1" in shown
+    assert "Set manually, without a likelihood, and kept: 1" in shown
 
 
 def test_a_lens_and_a_tilt_are_undone() -> None:

@@ -86,7 +86,7 @@ def test_pictures_lie_where_the_camera_sees_the_plane(files: Path) -> None:
     np.testing.assert_allclose(matrix(fields, 2, "ImageToReference"), expected, atol=1e-6)
 
 
-def test_it_is_told_how_far_a_tilted_picture_is_off(files: Path) -> None:
+def test_a_tilted_pictures_error_is_reported(files: Path) -> None:
     """A camera 1 m before the plane, turned by 20 degrees about x, by the pinhole model."""
     scene = read_recording(files / "filmed").scene
     a = np.radians(20.0)
@@ -125,7 +125,7 @@ def test_it_is_said_where_plus_cannot_read_so_many(
     assert "PLUS" not in caplog.text
     monkeypatch.setattr(plus, "WHOLE_READ_BYTES", n_bytes)
     sequence(files, "filmed")
-    assert "PLUS reads no sequence of 4 GiB or more, as these 3 pictures are" in caplog.text
+    assert "PLUS does not read sequences of 4 GiB or more, like these 3 pictures" in caplog.text
 
 
 def test_a_picture_of_another_size_is_refused(tmp_path: Path) -> None:

@@ -146,9 +146,9 @@ def test_the_largest_source_is_named_first(scene, tissue):
     silent = replace(scene, target=replace(scene.target, position_sd_m=20e-3))
     estimate = TargetEstimate(0.0, np.zeros(2), 5e-4 * np.eye(2), Status.TRACKING, 3)
     shares = variance_shares(error_budget(silent, tissue), estimate)
-    assert next(iter(shares)) == "the target's place in the tissue"
+    assert next(iter(shares)) == "the target's position in the tissue"
     assert sum(shares.values()) == pytest.approx(1.0)
-    assert shares["marks and disturbances"] == pytest.approx(0.25 * shares["the target's place in the tissue"])
+    assert shares["marks and disturbances"] == pytest.approx(0.25 * shares["the target's position in the tissue"])
 
 
 def test_a_cut_spring_contradicts_whichever_it_is(scene, tissue):

@@ -60,7 +60,7 @@ def test_nothing_guides_before_the_forces_were_tested(scene):
 def test_a_spring_that_is_cut_from_the_start_never_guides(scene):
     found = faults(scene, cut(scene))
     assert None not in found
-    assert "a force on" in found[-1]
+    assert "a persistent force on" in found[-1]
 
 
 def test_what_was_tested_is_tested_again_after_a_reset(scene):
@@ -97,7 +97,7 @@ def pushed(scene: Scene, poke_m_s2: float, frames: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("moved_mm", "poke_m_s2", "of", "doubted"),
+    ("moved_mm", "poke_m_s2", "of", "found"),
     [
         (10.0, 0.0, "all", True),
         (10.0, 5.0, "all", True),
@@ -106,7 +106,7 @@ def pushed(scene: Scene, poke_m_s2: float, frames: int) -> np.ndarray:
         (10.0, 0.0, "all and reference marks", False),
     ],
 )
-def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_path, moved_mm, poke_m_s2, of, doubted):
+def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_path, moved_mm, poke_m_s2, of, found):
     """Of marks to 1 mm, by 10 mm after 1 s; not a poke of 15 m/s², not a mark that is 10 mm off once.
 
     Reference marks show the camera's move, and correct the others by it.
@@ -127,12 +127,12 @@ def test_marks_that_all_move_at_once_end_guidance_with_that_frame(scene, tmp_pat
                 place = place + 1e-3 * moved_mm * np.array([0.6, 0.8])
             marks.append(MarkMeasurement(node, place, 1e-6 * np.eye(2)))
         session.take(MarksFrame(k, FRAME_S * k, tuple(marks)))
-        reasons.append(session.integrity.doubt.reason)
+        reasons.append(session.integrity.contradiction.reason)
     assert set(reasons[:30]) == {None}
-    if doubted:
+    if found:
         assert set(reasons[30:]) == {"all marks moved together, as when the camera is moved: look, then reset"}
         session.reset()
-    assert session.integrity.doubt.reason is None
+    assert session.integrity.contradiction.reason is None
     session.close()
 
 
@@ -144,5 +144,5 @@ def test_marks_of_a_body_that_a_hand_may_lead_move_together(scene):
         monitor = IntegrityMonitor(scene, tissue)
         seen = TargetEstimate(0.0, np.zeros(2), 1e-6 * np.eye(2), Status.TRACKING, 3, 104.0)
         monitor.take(replace(seen, shift=CommonShift(3, 4.0, 100.0)), ())
-        found.append(monitor.doubt.reason is not None)
+        found.append(monitor.contradiction.reason is not None)
     assert found == [True, False]

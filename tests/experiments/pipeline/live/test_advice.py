@@ -90,7 +90,7 @@ def run(
 
 
 def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
-    """Frames told at their exposure: rows as `softaim advise` writes them, but for what tables make of the path.
+    """Frames at their exposure: rows as in `softaim advise`, except for the effect of tables on the path.
 
     Pokes come every 0.2 s here and turn springs: aims are some tenths of a millimetre apart, 95 of 100 within 1.5 mm,
     and of 105 frames 8 at most fall on the other side of a threshold.
@@ -99,21 +99,21 @@ def test_it_is_the_advice_of_a_recording(tmp_path, recording, plan):
         source = Clocked([(frame.exposure_s, frame) for frame in frames], [], 3.5)
     source.now = 0.0
     _, rows, _ = run(source, tmp_path, plan, tested_s=None)
-    told = table(advise(recording, plan))
-    assert [*rows.columns, "came_true"] == list(told.columns)  # the truth is not known while frames come
-    assert len(rows) == len(told) == 105
-    np.testing.assert_allclose(rows["time_s"], told["time_s"], atol=1e-9)
-    assert {"GO", "WAIT", "NO_GUIDANCE"} <= set(told["advice"])
-    assert (rows["advice"] != told["advice"]).sum() <= 8
-    both = rows["p_hit"].notna() & told["p_hit"].notna()
+    reported = table(advise(recording, plan))
+    assert [*rows.columns, "observed"] == list(reported.columns)  # the truth is not known while frames come
+    assert len(rows) == len(reported) == 105
+    np.testing.assert_allclose(rows["time_s"], reported["time_s"], atol=1e-9)
+    assert {"GO", "WAIT", "NO_GUIDANCE"} <= set(reported["advice"])
+    assert (rows["advice"] != reported["advice"]).sum() <= 8
+    both = rows["p_hit"].notna() & reported["p_hit"].notna()
     assert both.sum() > 30
     for column, usual, most in (("p_hit", 0.02, 0.2), ("aim_x_mm", 0.3, 1.5), ("arrival_s", 3e-3, 1e-2)):
-        off = (rows[column] - told[column])[both].abs()
+        off = (rows[column] - reported[column])[both].abs()
         assert off.median() < usual
         assert off.quantile(0.95) < most
-    started = told["reason"] == UNTESTED
+    started = reported["reason"] == UNTESTED
     assert started.sum() >= 59
-    assert (rows["reason"] == told["reason"])[started].all()
+    assert (rows["reason"] == reported["reason"])[started].all()
 
 
 def test_no_guidance_as_soon_as_frames_are_missing_and_again_some_after(tmp_path, plan, image):
@@ -135,7 +135,7 @@ def test_no_guidance_as_soon_as_frames_are_missing_and_again_some_after(tmp_path
     assert frame["arrival_s"] - frame["time_s"] - 0.02 == pytest.approx(frame["depth_mm"] / 200.0, abs=1e-6)
 
 
-def test_an_impatient_needle_is_told_sooner(tmp_path, plan, image):
+def test_an_impatient_needle_is_reported_sooner(tmp_path, plan, image):
     """stale_s of 50 ms: a frame is waited for no longer than that."""
     impatient = replace(plan, settings=replace(plan.settings, stale_s=0.05))
     source = Clocked(frames_at(100.0 + INTERVAL * np.arange(15), image), [], 101.0)
@@ -149,14 +149,14 @@ def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
     times = 100.0 + INTERVAL * np.arange(30)
     blank = np.full_like(image, 128)
     frames = [(t + 0.02, Frame(k, t, image if k < 15 else blank)) for k, t in enumerate(times)]
-    source, told = Clocked(frames, [], times[-1] + 0.021), []
+    source, reported = Clocked(frames, [], times[-1] + 0.021), []
     inner = source.next
     table = tmp_path / "advice.csv"
     source.next = lambda timeout_s=0.0: (
-        told.append(len(table.read_text().splitlines()) if table.exists() else 0) or inner(timeout_s)
+        reported.append(len(table.read_text().splitlines()) if table.exists() else 0) or inner(timeout_s)
     )
     _, rows, shown = run(source, tmp_path, plan)
-    assert told == [0, *range(2, 32)]
+    assert reported == [0, *range(2, 32)]
     unseen = rows["time_s"] + 0.02 - times[14]
     assert set(rows["advice"][unseen > 0.2]) == {"NO_GUIDANCE"}
     assert "NO_GUIDANCE" not in set(rows["advice"][(unseen <= 0.2) & (unseen > -0.2)])
@@ -188,7 +188,7 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
 
 
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
-    """Of a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
+    """For a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER)
     marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
@@ -270,7 +270,7 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
 
 
 def test_of_a_film_advice_has_its_own_times(tmp_path, recording, plan):
-    """The same frames 60 s later on the clock: when a needle is there is told as of the film itself."""
+    """The same frames 60 s later on the clock: a needle's arrival is in the film's own time."""
     with recording.open_frames() as film:
         frames = list(film)[:20]
     own, later = (

@@ -1,4 +1,4 @@
-"""Advice on a target that breathes, and on one that leaves its breath: GO comes true, and probabilities do."""
+"""Advice on a target that breathes, and on one that leaves its breath: reliability of GO and of probabilities."""
 
 from collections.abc import Callable
 from copy import deepcopy

@@ -57,7 +57,7 @@ def test_a_table_that_cannot_be_written_is_said_once_and_the_rest_left_out(caplo
     full.close()
     assert str(full.fault) == "/dev/full: expected a table that can be written, found no space left on device"
     assert full.n_left_out == 3
-    assert [record.message for record in caplog.records] == [f"{full.fault}; the run goes on without it"]
+    assert [record.message for record in caplog.records] == [f"{full.fault}; the run continues without it"]
 
 
 class Unread(io.StringIO):

@@ -216,13 +216,13 @@ def test_viewers_see_the_picture_why_there_is_nothing_else_and_no_guidance():
     with Shows(link, scene, plan, "a test") as shows:  # type: ignore[arg-type]
         frame = Frames().next(0.0)
         shows.prepare(None, 0, 0.0)
-        assert not link.told
+        assert not link.reported
         shows.prepare(frame, 1, frame.exposure_s)
     before, state = link.states
     assert (before["time_s"], state["time_s"]) == (0.0, frame.exposure_s)
     assert before["utc_s"] == pytest.approx(time.time(), abs=10.0)
     assert state["utc_s"] == pytest.approx(time.time() - time.monotonic() + frame.exposure_s, abs=10.0)
-    assert link.told
+    assert link.reported
     assert link.pictures == [None, frame.image]
     assert (state["status"], state["fault"], state["target_mm"], state["cov_mm2"]) == (
         "INITIALISING",

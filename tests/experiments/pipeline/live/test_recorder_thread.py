@@ -90,7 +90,7 @@ def test_what_comes_just_before_the_end_is_recorded(tmp_path, monkeypatch) -> No
     assert (one.n_recorded, faults) == (1, [])
 
 
-def test_a_fault_ends_it_and_is_told_once(tmp_path) -> None:
+def test_a_fault_ends_it_and_is_reported_once(tmp_path) -> None:
     """A frame of another size cannot follow; what came before is kept."""
     one, faults = begun(tmp_path / "r", lambda k: shade(k) if k < 3 else Frame(k, 9.0, np.zeros((8, 8, 3), np.uint8)))
     for k in range(4):

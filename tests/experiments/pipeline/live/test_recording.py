@@ -212,7 +212,7 @@ def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monk
     one.finish()
     assert one.n_frames == WAITING
     assert not one.going
-    assert capfd.readouterr().err.count("the run goes on") == 1
+    assert capfd.readouterr().err.count("the run continues") == 1
     assert sum(done.act is Act.FRAME for done in read_journal(one.folder / JOURNAL)) == WAITING
 
 

@@ -164,7 +164,7 @@ def test_a_slow_camera_loses_no_frame_though_the_target_coasts_between(tmp_path,
     assert sum(row["marks_used"] != "0" for row in rows) == 3 - unused
 
 
-def test_a_frame_older_than_what_was_told_and_one_of_another_size_are_not_used(tmp_path, image):
+def test_a_frame_older_than_what_was_reported_and_one_of_another_size_are_not_used(tmp_path, image):
     times = 100.0 + INTERVAL * np.arange(15)
     stale = (101.5, Frame(15, times[-1] + 0.01, image))
     other = (101.6, Frame(16, 101.59, image[:-2]))
@@ -174,14 +174,14 @@ def test_a_frame_older_than_what_was_told_and_one_of_another_size_are_not_used(t
     assert (np.diff([float(row["time_s"]) for row in rows]) > 0).all()
 
 
-def test_before_the_first_frame_nothing_is_told_of_the_target(tmp_path):
+def test_before_the_first_frame_nothing_is_reported_of_the_target(tmp_path):
     session, _, shown = run(Clocked([], [], 100.3), tmp_path)
     assert list(tmp_path.iterdir()) == []  # what an earlier run may have left there stays
     assert {text for _, text in shown} == {"no frame yet"}
     assert session.counters.frames == 0
 
 
-def test_a_film_is_told_in_its_own_times(tmp_path, image, capfd):
+def test_a_film_is_reported_in_its_own_times(tmp_path, image, capfd):
     """A film that began at 100 on the clock, its own time 40 then: rows, the status line and events have the film's."""
     times = 100.0 + INTERVAL * np.arange(10)
     blocked = SourceEvent(100.1, EventKind.BLOCKED, "no answer for 0.50 s")
@@ -213,21 +213,21 @@ def test_frames_that_may_be_late_or_come_unevenly_get_no_guidance_until_somebody
 
 
 @pytest.mark.parametrize("at", [10, 20])
-def test_a_filter_whose_state_is_no_number_begins_anew_and_says_so(tmp_path, image, caplog, at):
+def test_a_filter_whose_state_is_no_number_restarts_and_says_so(tmp_path, image, caplog, at):
     """Before a frame, and before a moment without one; a contradiction of the marks stays in mind."""
     frames = frames_at(100.0 + INTERVAL * np.array([*range(15), *range(24, 36)]), image)
     turns = count(1)
 
     def attend(session: Session) -> None:
         if (turn := next(turns)) == 1:
-            session.integrity.doubt.reason = "made up"
+            session.integrity.contradiction.reason = "made up"
         if turn == at:
             session.line.filter.filter.covs[:] = np.nan
 
     session, rows, _ = run(Clocked(frames, [], 101.3), tmp_path, attend=attend)
-    assert sum("its state is no number" in record.message for record in caplog.records) == 1
+    assert sum("its state is not finite" in record.message for record in caplog.records) == 1
     assert session.counters.frames == len(frames)
-    assert session.integrity.doubt.reason == "made up"
+    assert session.integrity.contradiction.reason == "made up"
     status = [row["status"] for row in rows]
     assert status[-1] == "TRACKING"
     assert sum(one != "INITIALISING" == then for one, then in pairwise(status)) == 1

@@ -88,7 +88,10 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(run):
     """One line names the size of the residuals and what it costs."""
     large = replace(run[1], residuals=ResidualTest(4.0, 1.6, 240, 90.0, explained=False))
     (line,) = [line for line in identify.fit_lines(large, 5.0) if "not explained" in line]
-    assert "mean square 4.00 of that expected, 240 of them worth 90; standard errors are up to 1.6 times" in line
+    assert (
+        "mean square 4.00 of that expected, 240 of them effectively 90; standard errors were multiplied by up to 1.6"
+        in line
+    )
 
 
 @pytest.mark.parametrize(
@@ -130,5 +133,5 @@ def test_tune_ends_with_the_best_that_its_time_allows(recording, identified, mon
     monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
     out = tmp_path / "scene.toml"
     assert softaim("tune", recording, "--scene", identified, "--minutes", "4", "--out", out) == 0
-    assert "The best within 4 minutes, by " in capsys.readouterr().out
+    assert "Best result within 4 minutes, with " in capsys.readouterr().out
     assert read_scene(out).settings != FilterSettings()

@@ -117,6 +117,6 @@ def test_simulated_marks_and_films_have_the_reference_marks():
     assert set(step.reference.seen) == set(places)
 
 
-def test_a_move_is_told_in_mm_and_degrees():
+def test_a_move_is_reported_in_mm_and_degrees():
     found = move_line(CameraMove(0.0, 0.0104, np.radians(2.0)))
     assert found == "moved by 10.4 mm, 2.0 deg: corrected by reference marks"

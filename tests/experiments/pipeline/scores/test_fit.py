@@ -1,4 +1,4 @@
-"""What is said without truth, of estimates made by hand: bands from SciPy, words for each case."""
+"""Verdicts without truth, for constructed estimates: bands from SciPy, words for each case."""
 
 from dataclasses import replace
 
@@ -73,11 +73,11 @@ def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
 )
 def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
     frames = estimates([mean] * 300)
-    told = verdict(fit_of(frames), frames_by_status(frames))
-    assert told.startswith(words)
-    assert told.endswith("none of 300 frames coasting, lost or diverged")
-    assert ("softaim identify" in told) == (mean > 6.4)
-    assert ("softaim tune" in told) == (mean != 6.0)
+    reported = verdict(fit_of(frames), frames_by_status(frames))
+    assert reported.startswith(words)
+    assert reported.endswith("none of 300 frames coasting, lost or diverged")
+    assert ("softaim identify" in reported) == (mean > 6.4)
+    assert ("softaim tune" in reported) == (mean != 6.0)
 
 
 @pytest.mark.parametrize("mean", [1.5, 6.0, 24.0])
@@ -106,11 +106,11 @@ def test_a_verdict_counts_what_was_missed():
     ]
     by_status = frames_by_status(frames)
     assert by_status == {"INITIALISING": 0, "TRACKING": 590, "COASTING": 2, "LOST": 7, "DIVERGED": 1}
-    told = verdict(fit_of(frames), by_status, refused=5)
-    assert told.endswith("; 2 of 600 frames coasting, 7 lost, 1 diverged; 5 marks refused")
+    reported = verdict(fit_of(frames), by_status, refused=5)
+    assert reported.endswith("; 2 of 600 frames coasting, 7 lost, 1 diverged; 5 marks refused")
 
 
 def test_a_run_without_any_mark_is_said_to_be_the_models_alone():
     frames = estimates([None] * 20, status=Status.INITIALISING)
-    told = verdict(fit_of(frames), frames_by_status(frames))
-    assert told.startswith("no marks were taken in after the start: the model alone estimates")
+    reported = verdict(fit_of(frames), frames_by_status(frames))
+    assert reported.startswith("no marks were used after the start: the estimate is a prediction by the model")

@@ -1,4 +1,4 @@
-"""What became of each mark, counted by hand."""
+"""Results of each mark, against known counts."""
 
 from dataclasses import replace
 
@@ -52,7 +52,7 @@ def test_the_verdict_names_the_mark_missed_most_the_reason_and_what_to_look_at()
     for k in range(100):
         tally.take(step("1234" if k < 37 else "124", {} if k < 37 else {"M3": Reason.FEW_PIXELS}))
     assert marks_verdict(scene, tally.shares()) == (
-        "mark M3: not found in 63 % of frames: too few pixels of hue 120 ± 18: look at softaim hue"
+        "mark M3: not found in 63 % of frames: too few pixels of hue 120 ± 18: check softaim hue"
     )
     for _ in range(200):
         tally.take(step("134", {"M2": Reason.FAR}))  # scoring only: nothing depends on it
@@ -60,15 +60,15 @@ def test_the_verdict_names_the_mark_missed_most_the_reason_and_what_to_look_at()
     assert (marks_verdict(scene, tally.shares()) or "").startswith("mark M3: not found in 21 % of frames")
 
 
-@pytest.mark.parametrize(("missed", "told"), [(5, False), (6, True)])
-def test_nothing_is_told_of_what_95_percent_allow_for(missed: int, told: bool) -> None:
+@pytest.mark.parametrize(("missed", "reported"), [(5, False), (6, True)])
+def test_nothing_is_reported_that_95_percent_allow_for(missed: int, reported: bool) -> None:
     tally = MarkTally(phantom())
     for k in range(100):
         tally.take(step("1234", {}, refused=("M4",) if k < missed else ()))
     verdict = marks_verdict(phantom(), tally.shares())
-    assert (verdict is not None) == told
+    assert (verdict is not None) == reported
     if verdict is not None:
-        assert verdict.startswith("mark M4: refused in 6 % of frames: refused by the gate: look at the model")
+        assert verdict.startswith("mark M4: refused in 6 % of frames: refused by the gate: check the model")
 
 
 def test_marks_of_another_tracker_have_no_row() -> None:

@@ -1,4 +1,4 @@
-"""What marks predicted as if hidden say of the target, by numbers worked out by hand."""
+"""Verdict of marks predicted as if hidden on the target, against known numbers."""
 
 import numpy as np
 import pytest
@@ -22,17 +22,21 @@ def test_errors_of_one_mark():
         (
             (0.9, 0.8),
             1.0,
-            "0.90 times the predicted (A): so the target's sigma can be believed; sigma of the target was",
+            "0.90 times the predicted (A): so the target's sigma is plausible; sigma of the target is",
         ),
-        ((0.9, 1.5), 2.25, "1.50 times the predicted (B): the target, hidden too, may be off as much; sigma of the"),
+        (
+            (0.9, 1.5),
+            2.25,
+            "1.50 times the predicted (B): the error of the hidden target may be as large; sigma of",
+        ),
     ],
 )
 def test_the_worst_mark_speaks_for_the_target(ratios, scale, words):
     withheld = {name: Withheld(5, 1.0, 2.0 * ratio**2, ratio) for name, ratio in zip("AB", ratios, strict=True)}
-    told = withheld_words(withheld, scale)
-    assert words in told
-    assert told.endswith("was left as it is" if scale == 1.0 else "was made 1.50 times as large")
+    reported = withheld_words(withheld, scale)
+    assert words in reported
+    assert reported.endswith("is unchanged" if scale == 1.0 else "was multiplied by 1.50")
 
 
 def test_no_predictions_say_nothing():
-    assert withheld_words({}, 1.0).endswith("the check says nothing")
+    assert withheld_words({}, 1.0).endswith("the check has no result")

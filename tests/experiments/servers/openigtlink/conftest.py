@@ -7,7 +7,7 @@ from experiments.log import LOG
 
 @pytest.fixture(autouse=True)
 def _no_fault_of_ours(caplog):
-    """Whatever a client does, it is told of as the client's doing, never as an error."""
+    """Whatever a client does is reported as the client's fault, never as an error."""
     LOG.addHandler(caplog.handler)
     yield
     LOG.removeHandler(caplog.handler)

@@ -53,7 +53,7 @@ async def serving(feed: Feed, **options: Any) -> AsyncIterator[int]:
         assert sock.fileno() == -1
 
 
-def told_of(**scene: Any) -> tuple[Feed, list[dict[str, Any]]]:
+def feed_of(**scene: Any) -> tuple[Feed, list[dict[str, Any]]]:
     """A feed of the scene with these keys, and the list of commands that come back through it."""
     commands: list[dict[str, Any]] = []
     return Feed(SCENE | {"stale_ms": NEVER_STALE} | scene, commands.append), commands

@@ -1,4 +1,4 @@
-"""A state of a live run, as clients are told, the scene that goes with it, and what messages of it say."""
+"""A state of a live run for clients, its scene, and the content of its messages."""
 
 import struct
 from typing import Any

@@ -25,7 +25,7 @@ from experiments.servers.openigtlink.codec import HEADER, MalformedError, Messag
 from experiments.servers.openigtlink.crc import crc64
 from experiments.servers.openigtlink.incoming import Incoming, RefusedError
 from tests.experiments.servers.openigtlink import published
-from tests.experiments.servers.openigtlink.connections import Client, awaited, connected, publish, serving, told_of
+from tests.experiments.servers.openigtlink.connections import Client, awaited, connected, feed_of, publish, serving
 
 N_MESSAGES = int(os.environ.get("SOFTAIM_FUZZ", "3000"))
 N_ATTACKERS = 4
@@ -121,7 +121,7 @@ async def test_the_server_goes_on_for_everybody_else():
             publish(feed)
             await asyncio.sleep(1 / 60)
 
-    (feed, commands), n_seen = told_of(), 0
+    (feed, commands), n_seen = feed_of(), 0
     async with serving(feed) as port, connected(port) as good:
         others = [asyncio.create_task(watch(good)), asyncio.create_task(moments(feed))]
         await asyncio.gather(*(attack(port) for _ in range(N_ATTACKERS)))

@@ -139,8 +139,8 @@ def test_the_quantiles_are_those_of_chi_square():
     assert {dim: np.sqrt(chi2(dim).ppf(0.95)) for dim in (2, 3)} == pytest.approx(WITHIN_95, rel=1e-12)
 
 
-def test_the_spread_holds_95_percent_of_the_belief():
-    """Belief drawn at random, brought back by the inverse transform, is in the unit sphere in 95 of 100 cases."""
+def test_the_spread_holds_95_percent_of_the_estimate():
+    """Samples of the estimate, mapped back by the inverse transform, lie in the unit sphere in 95 of 100 cases."""
     matrix = spread_matrix(state(**IN_SPACE))
     drawn = np.random.default_rng(1).multivariate_normal(IN_SPACE["target_mm"], IN_SPACE["cov_mm2"], 40_000)
     back = np.linalg.solve(matrix[:3, :3], (drawn - matrix[:3, 3]).T)

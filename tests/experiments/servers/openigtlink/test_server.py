@@ -21,9 +21,9 @@ from tests.experiments.servers.openigtlink.connections import (
     awaited,
     connected,
     drained,
+    feed_of,
     publish,
     serving,
-    told_of,
     until,
     with_little_room,
 )
@@ -41,7 +41,7 @@ POINT = pyigtl.PointMessage(positions=[[1.0, 2.0, 0.0]], device_name="F")
 
 @awaited
 async def test_pyigtl_receives_the_target_and_sends_needle_and_fix():
-    feed, commands = told_of()
+    feed, commands = feed_of()
 
     async def moments() -> None:
         while True:
@@ -70,7 +70,7 @@ async def test_pyigtl_receives_the_target_and_sends_needle_and_fix():
 
 @awaited
 async def test_a_client_gets_the_sphere_once_then_each_moment_of_version_2():
-    feed, _ = told_of()
+    feed, _ = feed_of()
     async with serving(feed) as port, connected(port) as client:
         sphere = await client.reader.readexactly(58)
         assert (sphere[:2], sphere[2:10]) == (bytes([0, 2]), b"POLYDATA")
@@ -85,7 +85,7 @@ async def test_a_client_gets_the_sphere_once_then_each_moment_of_version_2():
 @awaited
 async def test_a_feed_that_says_nothing_is_stale_and_nothing_else_is_sent():
     """What was there before a server began is of unknown age, and is not sent either."""
-    feed, _ = told_of(stale_ms=50)
+    feed, _ = feed_of(stale_ms=50)
     publish(feed)
     async with serving(feed) as port, connected(port) as client:
         assert (await client.next()).type == "POLYDATA"
@@ -104,7 +104,7 @@ async def test_a_feed_that_says_nothing_is_stale_and_nothing_else_is_sent():
 
 @awaited
 async def test_a_lost_target_has_no_transform():
-    feed, _ = told_of()
+    feed, _ = feed_of()
     async with serving(feed) as port, connected(port) as client:
         await client.next()
         publish(feed, status="LOST")
@@ -116,7 +116,7 @@ async def test_a_lost_target_has_no_transform():
 @awaited
 async def test_who_sends_the_needle_is_not_sent_it():
     """A program that has both under one name would move its own needle to where it was."""
-    feed, commands = told_of(dim=3)
+    feed, commands = feed_of(dim=3)
     async with serving(feed) as port, connected(port) as tracker, connected(port) as viewer:
         await tracker.next()
         await viewer.next()
@@ -134,7 +134,7 @@ async def test_who_sends_the_needle_is_not_sent_it():
 
 @awaited
 async def test_a_pose_that_makes_no_sense_is_answered():
-    feed, commands = told_of(dim=3)
+    feed, commands = feed_of(dim=3)
     async with serving(feed) as port, connected(port) as client:
         await client.next()
         client.writer.write(needle(2.0 * np.eye(4)))
@@ -155,7 +155,7 @@ async def test_a_pose_that_makes_no_sense_is_answered():
 )
 @awaited
 async def test_a_needle_whose_next_pose_is_refused_is_not_seen(refused: bytes):
-    feed, commands = told_of(dim=3)
+    feed, commands = feed_of(dim=3)
     async with serving(feed) as port, connected(port) as client:
         await client.next()
         client.writer.write(NEEDLE + refused)
@@ -164,8 +164,8 @@ async def test_a_needle_whose_next_pose_is_refused_is_not_seen(refused: bytes):
 
 
 @awaited
-async def test_one_too_many_is_told_so_and_dropped_and_has_room_once_another_is_gone():
-    feed, _ = told_of()
+async def test_one_too_many_is_notified_and_dropped_and_has_room_once_another_is_gone():
+    feed, _ = feed_of()
     async with serving(feed, settings=LinkSettings(clients=2)) as port, connected(port) as first:
         async with connected(port) as second:
             for client in (first, second):
@@ -199,7 +199,7 @@ async def test_one_too_many_is_told_so_and_dropped_and_has_room_once_another_is_
 )
 @awaited
 async def test_who_sends_what_is_no_message_is_dropped_and_nobody_else(sent: bytes | None):
-    feed, commands = told_of()
+    feed, commands = feed_of()
     async with serving(feed) as port, connected(port) as good, connected(port) as bad:
         await good.next()
         bad.writer.write(NEEDLE[:100] if sent is None else sent)
@@ -214,7 +214,7 @@ async def test_who_sends_what_is_no_message_is_dropped_and_nobody_else(sent: byt
 @awaited
 async def test_a_message_that_comes_too_slowly_ends_the_connection():
     """A byte now and then does not help; between messages a client may be silent for as long as it likes."""
-    feed, _ = told_of()
+    feed, _ = feed_of()
     limits = LinkSettings(message_s=0.2)
     async with serving(feed, settings=limits) as port, connected(port) as silent, connected(port) as slow:
 
@@ -236,7 +236,7 @@ async def test_a_message_that_comes_too_slowly_ends_the_connection():
 @awaited
 async def test_who_reads_nothing_is_dropped_and_holds_up_nobody():
     """Once it reads, after half a second, its connection comes to an end."""
-    feed, _ = told_of()
+    feed, _ = feed_of()
     async with serving(feed, settings=LinkSettings(stuck_s=0.1)) as port, connected(port) as good:
         with with_little_room(port) as stuck:
             await good.next()
@@ -250,7 +250,7 @@ async def test_who_reads_nothing_is_dropped_and_holds_up_nobody():
 @awaited
 async def test_a_slow_client_loses_old_moments_and_gets_the_newest():
     """It reads a moment for every ten that are published: those it gets follow each other by more and more than one."""
-    feed, _ = told_of()
+    feed, _ = feed_of()
     async with serving(feed) as port, connected(port) as good:
         with with_little_room(port) as slow:
             await good.next()
@@ -272,9 +272,9 @@ async def test_a_slow_client_loses_old_moments_and_gets_the_newest():
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1", "::ffff:127.0.0.1", "192.0.2.7"])
 @awaited
 async def test_commands_are_taken_from_this_machine_alone(host: str, monkeypatch):
-    """The other end is taken to be where it says; one elsewhere is told, and stays."""
+    """The other end is taken to be where it says; one elsewhere gets an answer, and stays."""
     monkeypatch.setattr("experiments.servers.openigtlink.server._name", lambda _writer: host)
-    feed, commands = told_of()
+    feed, commands = feed_of()
     async with serving(feed) as port, connected(port) as client:
         await client.next()
         client.writer.write(POINT.pack())
@@ -289,7 +289,7 @@ async def test_commands_are_taken_from_this_machine_alone(host: str, monkeypatch
 
 @awaited
 async def test_cancelled_it_closes_every_connection():
-    feed, _ = told_of()
+    feed, _ = feed_of()
     async with contextlib.AsyncExitStack() as clients:
         async with serving(feed) as port:
             found = [await clients.enter_async_context(connected(port)) for _ in range(3)]

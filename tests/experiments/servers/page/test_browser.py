@@ -175,7 +175,7 @@ def test_the_picture_appears_and_the_words(browser: Any, shown: Fed) -> None:
 
 
 def test_a_picture_of_which_nothing_is_known_is_shown_alone(browser: Any, shown: Fed) -> None:
-    """As while a run is prepared, here one that began anew: frames count from nought, and no place is known."""
+    """As while a run is prepared, here one that started again: frames count from zero, and no position is known."""
     shown.silence(browser)
     nothing = {"picture": None, "target_mm": None, "status": "INITIALISING", "fault": "preparing"}
     shown.one.until(
@@ -305,7 +305,7 @@ def test_a_fix_by_click_and_a_hue_by_keys(browser: Any, shown: Fed) -> None:
     click(browser, "zoom")
 
 
-def test_what_the_run_refuses_is_told(browser: Any, shown: Fed) -> None:
+def test_what_the_run_refuses_is_reported(browser: Any, shown: Fed) -> None:
     shown.one.refusal = "the disk is full"
     keep_words(browser, "message")
     click(browser, "record")

@@ -67,7 +67,7 @@ def as_sent(message: Any) -> Any:
     return json.loads(json.dumps(message, allow_nan=False))
 
 
-def test_the_scene_is_as_told() -> None:
+def test_the_scene_is_as_described() -> None:
     message = as_sent({**messages.scene(), "may_write": True})
     assert list(faults(message, SCHEMA["$defs"]["scene"])) == []
     assert list(faults(message, SCHEMA)) == []
@@ -77,17 +77,17 @@ def test_that_a_moved_camera_cannot_be_noticed_is_noted_where_no_reference_mark_
     plain = read_scene(messages.GIVEN / "good_scene.toml")
     marked = replace(plain, cameras=(), reference=Reference((ReferenceMark("R", "In1"),)))
     notes = [scene_message(scene, "phantom", None, None)["notes"] for scene in (plain, marked)]
-    assert notes == [["a moved camera or tracker cannot be noticed: no reference marks"], []]
+    assert notes == [["a move of the camera or tracker cannot be detected: no reference marks"], []]
 
 
 @pytest.mark.parametrize("status", Status)
 @pytest.mark.parametrize("advice", Advice)
-def test_states_are_as_told(status: Status, advice: Advice) -> None:
+def test_states_are_as_reported(status: Status, advice: Advice) -> None:
     message = as_sent(messages.state(status=status, advice=advice, recording={"folder": "rec", "frames": 3}))
     assert list(faults(message, SCHEMA["$defs"]["state"])) == []
 
 
-def test_a_state_without_picture_needle_and_covariance_is_as_told() -> None:
+def test_a_state_without_picture_needle_and_covariance_is_as_described() -> None:
     message = as_sent(messages.state(picture=None, advice=None, cov_mm2=None, sigma_mm=None, nis=None, nis_band=None))
     assert list(faults(message, SCHEMA["$defs"]["state"])) == []
 
@@ -110,5 +110,5 @@ def test_commands_are_those_that_are_read() -> None:
     made = TypeAdapter(Command).json_schema(ref_template="#/$defs/{model}")
     for name, one in made.pop("$defs").items():
         assert SCHEMA["$defs"][name] == one
-    told = {key: value for key, value in SCHEMA["$defs"]["command"].items() if key != "description"}
-    assert told == made
+    reported = {key: value for key, value in SCHEMA["$defs"]["command"].items() if key != "description"}
+    assert reported == made

@@ -57,12 +57,12 @@ def test_who_is_gone_while_a_state_and_an_answer_are_sent_ends_without_a_fault(t
     """Whichever comes second finds the connection closed by the first, which starlette calls another fault."""
 
     async def receive() -> dict[str, str]:
-        return {"type": "websocket.receive", "text": "{}"} if told else {"type": "websocket.connect"}
+        return {"type": "websocket.receive", "text": "{}"} if reported else {"type": "websocket.connect"}
 
     async def send(message: Mapping[str, Any]) -> None:
-        told.append(message)
+        reported.append(message)
         await asyncio.sleep(0.0)
-        if len(told) > taken:
+        if len(reported) > taken:
             raise OSError("gone")
 
     async def watched() -> None:
@@ -72,9 +72,9 @@ def test_who_is_gone_while_a_state_and_an_answer_are_sent_ends_without_a_fault(t
         await socket.accept()
         await asyncio.wait_for(Viewer(socket, feed, may_write=False).serve(), SOON_S)
 
-    told: list[Mapping[str, Any]] = []
+    reported: list[Mapping[str, Any]] = []
     asyncio.run(watched())
-    assert len(told) == taken + 1
+    assert len(reported) == taken + 1
 
 
 def test_a_client_that_sets_its_pace_gets_the_newest_when_it_is_ready(one: Served) -> None:
@@ -169,7 +169,7 @@ def test_a_needle_whose_pose_is_refused_is_not_seen(one: Served, refused: str) -
     assert [command["command"] for command in one.commands] == ["needle", "needle_unseen"]
 
 
-def test_what_the_run_refuses_is_told(one: Served) -> None:
+def test_what_the_run_refuses_is_reported(one: Served) -> None:
     one.refusal = "recording: the disk is full"
     with stream(one, TOKEN) as client:
         client.recv(SOON_S)
@@ -189,7 +189,7 @@ def test_too_much_and_binary_end_the_connection_alone(one: Served, message: str 
     assert accepted(one)
 
 
-def test_clients_are_told_when_the_server_ends() -> None:
+def test_clients_are_notified_when_the_server_ends() -> None:
     with ExitStack() as stack:
         with served(messages.scene()) as one:
             client = stack.enter_context(stream(one))

@@ -1,4 +1,4 @@
-"""Faults by a script's clock as `softaim faults` makes them, quickly, and their judge on moments made by hand."""
+"""Faults by a script's clock as `softaim faults` makes them, quickly, and their judge on constructed moments."""
 
 from dataclasses import fields, replace
 
@@ -80,8 +80,8 @@ def test_noticing_and_recovering_are_timed():
 def test_what_is_reported_is_noticed_though_all_goes_well_and_shown_words_count_whatever_their_figures():
     fault = ScriptedFault("made up", "for the test")
     times = np.round(ONSET_S + 0.1 * np.arange(30), 6)
-    told = verdict(fault, 0, [moment(t, told="CLOCK" if k == 1 else "") for k, t in enumerate(times)], np.inf)
-    assert (told.noticed_ms, told.shown) == (pytest.approx(100.0), "CLOCK")
+    reported = verdict(fault, 0, [moment(t, reported="CLOCK" if k == 1 else "") for k, t in enumerate(times)], np.inf)
+    assert (reported.noticed_ms, reported.shown) == (pytest.approx(100.0), "CLOCK")
     reasons = ["now 7 %", "now 8 %", "now 9 %", "lost", "lost", *[""] * 25]
     moments = [moment(t, advice="ABORT", why=why, well=not why) for t, why in zip(times, reasons, strict=True)]
     assert verdict(fault, 0, moments, 2.0).shown == "ABORT: now 7 %"
@@ -106,7 +106,7 @@ def test_a_scripted_camera_is_a_live_one():
     for found, picture in zip(taken, pictures, strict=True):
         np.testing.assert_array_equal(found, picture)
     assert [str(event.kind) for event in frames.take_events()] == ["DROPPED", "RESUMED", "ENDED"]
-    assert frames.told().startswith("DROPPED: ")
+    assert frames.reported().startswith("DROPPED: ")
 
 
 def played(name, n_frames):
@@ -121,15 +121,15 @@ def played(name, n_frames):
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "reported"),
     [("clock ahead", "CLOCK"), ("clock back", "CLOCK"), ("NaN times", "CLOCK"), ("NaN pictures", "DROPPED")],
 )
-def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_frames_and_no_time_jumps(name, told):
+def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_frames_and_no_time_jumps(name, reported):
     """180 pictures of 1/30 s whose clock was trusted until the fault: times go on by arrival, to 1 ms."""
     (frames, _), found = played(name, 180), []
     while not frames.ended:
         frame = frames.next(0.1)
-        if frames.take_events() and told in (said := frames.told()):
+        if frames.take_events() and reported in (said := frames.reported()):
             found.append((frames.now_s - BEGAN_S - ONSET_S, said))
         if frame is not None and frame.index > 0:  # of the first the interval is not known
             assert abs(frame.exposure_s - (frames.now_s - 0.5 * INTERVAL_S)) < 1e-3
@@ -138,18 +138,18 @@ def test_a_camera_that_tells_no_time_or_no_picture_is_reported_within_three_fram
 
 
 def test_a_camera_of_which_every_other_frame_is_lost_is_reported_within_three_of_its_frames_and_once():
-    """Two seconds of 180 pictures of 1/30 s, from the fourth on: of a film that is played nobody is told."""
-    told = {}
+    """Two seconds of 180 pictures of 1/30 s, from the fourth on: nothing is reported for a film."""
+    reported = {}
     for is_film in (False, True):
         frames, _ = played("dropped frames", 240)
         frames._may_repeat = is_film
-        told[is_film] = []
+        reported[is_film] = []
         while not frames.ended:
             frames.next(0.1)
-            told[is_film] += [(frames.now_s - BEGAN_S - ONSET_S, str(one.kind)) for one in frames.take_events()]
-    assert [kind for _, kind in told[False]] == ["SPARSE", "RESUMED", "ENDED"]
-    assert 0.0 < told[False][0][0] <= 0.2
-    assert [kind for _, kind in told[True]] == ["ENDED"]
+            reported[is_film] += [(frames.now_s - BEGAN_S - ONSET_S, str(one.kind)) for one in frames.take_events()]
+    assert [kind for _, kind in reported[False]] == ["SPARSE", "RESUMED", "ENDED"]
+    assert 0.0 < reported[False][0][0] <= 0.2
+    assert [kind for _, kind in reported[True]] == ["ENDED"]
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, tmp_path):
         ("filter NaN", "INITIALISING: the estimate is INITIALISING"),
     ],
 )
-def test_what_the_loop_is_told_and_its_filter_may_fail(name, shown, tmp_path, monkeypatch):
+def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, tmp_path, monkeypatch):
     """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
     monkeypatch.setattr("experiments.studies.faults.loop.LASTS_S", 1.0)
     found = lasting(name, 1.0).judged(SEED, tmp_path, duration_s=6.0)

@@ -103,13 +103,13 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.ended == "exit 2"
 
 
-def test_of_fifty_viewers_those_beyond_are_told_so_and_the_others_see_all_go_on(tmp_path, monkeypatch):
+def test_of_fifty_viewers_those_beyond_are_notified_and_the_others_see_all_go_on(tmp_path, monkeypatch):
     """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came."""
     said = []
     tell = Viewer.tell
     monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
     found = judged("50 viewers", tmp_path, monkeypatch, lambda _: said)
-    assert set(said) == {"to those beyond: 16 clients are connected already"}
+    assert set(said) == {"to those beyond: 16 clients are already connected"}
     assert found.noticed_ms is not None
     assert found.go_shown_while_faulty == 0
     assert found.lacks_s == pytest.approx(0.0, abs=1e-6)

@@ -1,4 +1,4 @@
-"""A live run is watched by both clients, and what they and it count is told. No figure of speed is held to."""
+"""A live run is watched by both clients, and all counts are reported. Speed is not tested."""
 
 import pytest
 

@@ -42,7 +42,7 @@ def test_what_is_not_finite_or_not_definite_is_counted_and_never_covered():
     assert found["error_m"] == np.inf
 
 
-def test_a_rival_that_runs_away_is_infinitely_wrong():
+def test_a_reference_that_runs_away_is_infinitely_wrong():
     places = np.zeros((2, 1, 3))
     assert mean_distance(np.tile([3.0, 4.0, 0.0], (2, 1, 1)), places) == pytest.approx(5.0)
     assert mean_distance(np.full((2, 1, 3), np.nan), places) == np.inf

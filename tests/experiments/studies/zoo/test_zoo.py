@@ -37,7 +37,7 @@ def record(**figures):
     return plain | figures
 
 
-def test_a_cell_is_rated_by_the_better_of_its_rivals():
+def test_a_cell_is_rated_by_the_better_of_its_references():
     (cell,) = cells_of(table({}, {"open_loop_m": 6e-3, "spline_m": 2e-3}))
     assert (cell.open_loop_mm, cell.spline_mm, cell.ratio) == pytest.approx((4.0, 3.0, 1.0 / 3.0))
     assert faults(cell) == []

@@ -51,7 +51,7 @@ def bench():
     made.marks.close()
 
 
-def test_the_newest_frame_is_handed_on_once(bench) -> None:
+def test_the_newest_frame_is_delivered_once(bench) -> None:
     bench.send(5.0)
     bench.now = 100.2
     bench.send(5.2, '{"node": "M1", "x_mm": -200, "y_mm": 195, "sd_mm": 2}')
@@ -101,7 +101,7 @@ def test_a_sender_that_falls_silent_is_blocked_and_resumes(bench) -> None:
     ]
 
 
-def test_another_clock_of_the_sender_is_told(bench) -> None:
+def test_another_clock_of_the_sender_is_reported(bench) -> None:
     for k in range(20):
         bench.now = 100.0 + 0.1 * k
         bench.send((500.0 if k < 10 else 0.0) + 0.1 * k)
@@ -157,7 +157,7 @@ def mark(node: str, x_mm: float, y_mm: float) -> str:
 
 
 def test_values_that_freeze_bring_no_marks_until_they_change(bench) -> None:
-    """The frame that first repeats is not handed on; those after it have no marks. Times, and so no BLOCKED, go on."""
+    """The frame that first repeats is not delivered; those after it have no marks. Times, and so no BLOCKED, go on."""
     found = []
     for k in range(40):
         bench.now = 100.0 + 0.1 * k

@@ -57,14 +57,14 @@ def test_where_it_falls_behind_the_newest_comes() -> None:
 
 
 def test_values_that_freeze_bring_no_marks_and_events_come_when_they_are_due() -> None:
-    hand, found, told = Hand(), [], {}
+    hand, found, reported = Hand(), [], {}
     marks = [[MarkRow("M1", np.array([min(k, 2) + max(k - 6, 0), 0.0]), 1e-3)] for k in range(9)]
     source = MarksReplay(3.0 + 0.1 * np.arange(9), marks, clock=lambda: hand.now, sleep=hand.sleep)
     while not source.ended:
         frame = source.next(1.0)
         if frame is not None:
             found.append(len(frame.marks))
-        told |= {len(found): (event.kind, round(event.time_s, 9)) for event in source.take_events()}
+        reported |= {len(found): (event.kind, round(event.time_s, 9)) for event in source.take_events()}
     assert found == [1, 1, 1, 0, 0, 0, 0, 1, 1]
-    assert told[5] == (EventKind.FROZEN, 50.4)
-    assert told[8] == (EventKind.RESUMED, 50.7)
+    assert reported[5] == (EventKind.FROZEN, 50.4)
+    assert reported[8] == (EventKind.RESUMED, 50.7)

@@ -1,4 +1,4 @@
-"""Doubt is raised by what contradicts the model, by nothing else, and stays until somebody looked."""
+"""A contradiction is raised by marks that contradict the model only, and stays until a reset."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from estimators import Balance, CommonShift, Doubt, Status, TargetEstimate
+from estimators import Balance, CommonShift, Contradiction, Status, TargetEstimate
 from estimators.filters.kernels import nis_left
 
 ALL = ("M1", "M2", "M3")
@@ -18,10 +18,10 @@ def seen(time_s: float, nodes=ALL, nis: float = 4.0, status: Status = Status.TRA
 
 
 def after(*estimates: TargetEstimate) -> str | None:
-    doubt = Doubt()
+    contradiction = Contradiction()
     for estimate in estimates:
-        doubt.update(estimate)
-    return doubt.reason
+        contradiction.update(estimate)
+    return contradiction.reason
 
 
 def test_a_divergence_is_kept_in_mind_when_all_looks_well_again():
@@ -31,20 +31,20 @@ def test_a_divergence_is_kept_in_mind_when_all_looks_well_again():
 
 
 def test_it_is_over_when_somebody_says_so():
-    doubt = Doubt()
-    doubt.update(seen(0.0, status=Status.DIVERGED))
-    doubt.forget()
-    assert doubt.reason is None
-    doubt.update(seen(0.1))
-    assert doubt.reason is None
+    contradiction = Contradiction()
+    contradiction.update(seen(0.0, status=Status.DIVERGED))
+    contradiction.forget()
+    assert contradiction.reason is None
+    contradiction.update(seen(0.1))
+    assert contradiction.reason is None
 
 
-@pytest.mark.parametrize(("away_s", "p", "doubted"), [(1.0, 1e-5, True), (1.0, 1e-3, False), (0.1, 1e-5, False)])
-def test_a_mark_has_to_come_back_where_it_is_expected(away_s, p, doubted):
+@pytest.mark.parametrize(("away_s", "p", "contradicted"), [(1.0, 1e-5, True), (1.0, 1e-3, False), (0.1, 1e-5, False)])
+def test_a_mark_has_to_come_back_where_it_is_expected(away_s, p, contradicted):
     """By the tail of chi-square with two coordinates for each of three marks; a short absence proves nothing."""
     without = [seen(0.03 * k, ("M2", "M3")) for k in range(1, int(away_s / 0.03))]
     reason = after(seen(0.0), *without, seen(away_s, nis=float(chi2.isf(p, 6))))
-    assert (reason is not None) == doubted
+    assert (reason is not None) == contradicted
     if reason is not None:
         assert reason.startswith("mark M1 came back elsewhere")
 
@@ -60,16 +60,16 @@ def test_a_mark_that_is_seen_for_the_first_time_is_not_back():
 
 def test_a_force_that_goes_on_and_that_nothing_explains_is_kept_in_mind():
     """Of one coordinate of two, variance 1: 6 sigma is a probability of 1.5e-8, 4 sigma of 3e-4."""
-    doubt = Doubt()
-    doubt.update(seen(0.0), Balance(("M1", "M2"), np.array([[4.0], [0.0]]), np.eye(2)))
-    assert doubt.reason is None
-    doubt.update(seen(0.1), Balance(("M1", "M2"), np.array([[0.0], [6.0]]), np.eye(2)))
-    doubt.update(seen(0.2))
-    assert (doubt.reason or "").startswith("a force on M2 goes on")
+    contradiction = Contradiction()
+    contradiction.update(seen(0.0), Balance(("M1", "M2"), np.array([[4.0], [0.0]]), np.eye(2)))
+    assert contradiction.reason is None
+    contradiction.update(seen(0.1), Balance(("M1", "M2"), np.array([[0.0], [6.0]]), np.eye(2)))
+    contradiction.update(seen(0.2))
+    assert (contradiction.reason or "").startswith("a persistent force on M2")
 
 
 @pytest.mark.parametrize(
-    ("moved_mm", "doubted"),
+    ("moved_mm", "contradicted"),
     [
         ({}, False),
         (dict.fromkeys(range(4), (6.0, 8.0)), True),
@@ -79,7 +79,7 @@ def test_a_force_that_goes_on_and_that_nothing_explains_is_kept_in_mind():
         ({0: (60.0, 80.0), 1: (60.0, 80.0), 2: (60.0, 80.0)}, False),
     ],
 )
-def test_a_shift_of_all_marks_is_kept_in_mind_and_no_other_innovation(moved_mm, doubted):
+def test_a_shift_of_all_marks_is_kept_in_mind_and_no_other_innovation(moved_mm, contradicted):
     """Four marks in the plane, each to 1 mm, correlated by 0.5 with each other, as of one body."""
     S = np.kron(0.5 * np.eye(4) + 0.5, np.eye(2))
     for seed in range(20):
@@ -88,7 +88,7 @@ def test_a_shift_of_all_marks_is_kept_in_mind_and_no_other_innovation(moved_mm, 
             y[2 * k : 2 * k + 2] += by
         shift = CommonShift(4, *nis_left(y, np.linalg.inv(S), 2))
         reason = after(replace(seen(0.0), shift=shift), seen(0.1))
-        assert (reason is not None) == doubted
+        assert (reason is not None) == contradicted
         if reason is not None:
             assert reason.startswith("all marks moved together")
 

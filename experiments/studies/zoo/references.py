@@ -1,4 +1,4 @@
-"""What the filter is compared with: the paper's open loop, and a spline through the seen marks."""
+"""References of the filter: the paper's open loop, and a spline through the seen marks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from experiments.simulation.bodies.body import Body
 from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
-"""A body is flat in a direction in which it extends by less than this share of its size."""
+"""A body is flat in a direction in which its extent is below this share of its size."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
-    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None where it has no shape to start from."""
+    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None without an initial shape."""
     try:
         method = OpenLoop(network, body.hidden[0])
     except NetworkError:
         return None
     nodes = [network.index(name) for name in body.hidden]
     places = []
-    with np.errstate(all="ignore"):  # it may run away; that is then its error
+    with np.errstate(all="ignore"):  # it may diverge, which then is its error
         for time_s, seen in frames:
             method.update(time_s, seen)
             places.append(method.positions[nodes].copy())
@@ -33,7 +33,8 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 def spline(body: Body, frames: Frames) -> Floats:
     """Hidden nodes by a spline through the seen ones and the anchors [m], (n_frames, n_hidden, dim).
 
-    Of a body in a line a cubic one along its length; else a thin-plate spline of the displacement from the drawn shape.
+    For a body in a line a cubic spline along its length; otherwise a thin-plate spline of the displacement from the
+    drawn shape.
     """
     network = body.network
     anchors = np.flatnonzero(network.fixed)
@@ -53,7 +54,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights of known displacements in those wanted, (n_wanted, n_known), by a thin-plate spline, (n, dim) each."""
+    """Weights of known displacements in those wanted, (n_wanted, n_known), of a thin-plate spline; (n, dim) each."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]

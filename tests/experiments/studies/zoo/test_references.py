@@ -6,9 +6,9 @@ import pytest
 from dynamics import NetworkError
 from experiments.simulation.bodies.body import Scale
 from experiments.simulation.bodies.zoo import make_body
-from experiments.studies.zoo import rivals
+from experiments.studies.zoo import references
 from experiments.studies.zoo.constants import measured
-from experiments.studies.zoo.rivals import open_loop, spline, thin_plate_weights
+from experiments.studies.zoo.references import open_loop, spline, thin_plate_weights
 
 
 @pytest.mark.parametrize("flat", [False, True])
@@ -42,7 +42,7 @@ def test_a_body_without_a_rest_has_no_open_loop(monkeypatch):
     def no_rest(*_):
         raise NetworkError("no rest")
 
-    monkeypatch.setattr(rivals, "OpenLoop", no_rest)
+    monkeypatch.setattr(references, "OpenLoop", no_rest)
     body = make_body("chain2", 0, seconds=0.1)
     assert open_loop(body.network, body, measured(body, body.marked, 0)) is None
 

@@ -1,8 +1,8 @@
-"""Doubt in the model: once the marks contradicted it, an estimate may look well again and be of another body.
+"""Contradictions between marks and model: an estimate may look healthy again after one, and be wrong.
 
-After a spring was cut, or a mark was stuck on elsewhere, the filter explains the marks anew, by forces that go on; its
-innovations are as they should be, and the hidden target is somewhere else. No frame shows that. So the contradiction is
-kept in mind until somebody who looked at tissue and marks says that it is over.
+After a spring was cut, or a mark was moved, the filter explains the marks by persistent forces: its innovations look
+right, but the hidden target is elsewhere. Later frames do not show that. So the contradiction stays until somebody has
+looked at tissue and marks and resets it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from estimators.tissue.estimate import Status, TargetEstimate
 
 
 @dataclass(frozen=True, slots=True)
-class DoubtSettings:
-    """When what is seen contradicts the model.
+class ContradictionSettings:
+    """Thresholds of the tests for a contradiction.
 
-    away_s: a mark that was not used for so long has to come back where it is expected [s]; choice
-    improbable: probability of innovations as large as in that frame below which it did not [1]; choice
-    unbalanced: `Balance.probability` of a force that goes on below which it contradicts the model [1]; choice
-    together: likelihood of innovations with any one mark left out, by that with all marks shifted alike, below which
-        all moved together; 0: not tested [1]; measured: 1e-4 at least of frames with pokes of 15 m/s², 1e-7 at most
+    away_s: a mark that was not used for this long must come back where it is expected [s]; choice
+    improbable: p-value of that frame's innovations below which it did not [1]; choice
+    unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
+    together: likelihood ratio, one mark left out against all marks shifted alike, below which all marks moved together;
+    0: not tested [1]; measured: 1e-4 at least of frames with pokes of 15 m/s², 1e-7 at most
         where marks true to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
     """
 
@@ -34,27 +34,27 @@ class DoubtSettings:
     together: float = 1e-6
 
 
-DOUBT = DoubtSettings()
+CONTRADICTION = ContradictionSettings()
 
 
-class Doubt:
+class Contradiction:
     """Whether the marks contradicted the model since `forget`, and how: by estimates in order of time.
 
     State: the reason, None while there is none; when each mark was last used [s].
     """
 
-    def __init__(self, settings: DoubtSettings = DOUBT) -> None:
+    def __init__(self, settings: ContradictionSettings = CONTRADICTION) -> None:
         self.reason: str | None = None
         self._settings = settings
         self._used_s: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Somebody looked: begin anew."""
+        """Reset after somebody looked."""
         self.reason = None
         self._used_s.clear()
 
     def update(self, estimate: TargetEstimate, balance: Balance | None = None) -> None:
-        """Take in the estimate of a frame, and the balance of its marks where there is one."""
+        """Update with the estimate of a frame, and the balance of its marks if there is one."""
         if self.reason is None:
             self.reason = self._why(estimate) or self._together(estimate) or self._force(balance)
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
@@ -62,8 +62,8 @@ class Doubt:
     def _together(self, estimate: TargetEstimate) -> str | None:
         """Whether one shift of all marks explains innovations that are improbable, and no shift of a single mark does.
 
-        Tissue does not move so from one frame to the next: what sees it does. Of a start it may: how fast it moves is
-        not known yet.
+        Tissue does not move like that from one frame to the next; a moved camera looks like that. At a start it may,
+        because its velocity is not known yet.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:
@@ -78,7 +78,7 @@ class Doubt:
         if balance is None or balance.probability >= self._settings.unbalanced:
             return None
         most = int(np.argmax(np.linalg.norm(balance.force, axis=1)))
-        return f"a force on {balance.nodes[most]} goes on that nothing explains: look at tissue and marks, then reset"
+        return f"a persistent force on {balance.nodes[most]} is unexplained: look at tissue and marks, then reset"
 
     def _why(self, estimate: TargetEstimate) -> str | None:
         if estimate.status is Status.DIVERGED:
