@@ -55,7 +55,7 @@ class Tetrahedra:
 
     Notes
     -----
-    Of a neo-Hookean tetrahedron turned inside out the energy is infinite and the force not a number.
+    A neo-Hookean tetrahedron that is turned inside out has infinite energy, and its force is not a number.
     """
 
     def __init__(

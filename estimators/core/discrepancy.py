@@ -52,7 +52,7 @@ class Discrepancy:
     memory_s : float
         Over which the evidence for a level is forgotten [s]; choice.
     weight : float
-        Of a frame's evidence, for frames repeat each other [1]; choice.
+        Weight of the evidence of one frame, for frames repeat each other [1]; choice.
     rank : int
         Functions of the field at most, by each axis; numerical.
     """

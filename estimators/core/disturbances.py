@@ -24,7 +24,7 @@ class Disturbances:
     calm_m_s2, poke_m_s2, led_m_s2 : float
         Standard deviation of a short force [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Of a slow force in each of its states [m/s²], the first none; choice.
+        Standard deviation of a slow force in each of its states [m/s²], the first none; choice.
     white : float
         Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float

@@ -28,7 +28,8 @@ REBORN = 0.05
 [1]; choice."""
 
 LINEARISATIONS = 10
-"""Of a transition and of an observation in a frame, at most: a stiff, thin body that turns needs many; numerical."""
+"""Most linearisations of a transition, and of an observation, in a frame: a stiff, thin body that turns needs many;
+numerical."""
 
 LEAST_STEP = 0.125
 """Share of a Gauss-Newton step that is tried last [1]; numerical."""
