@@ -1,6 +1,6 @@
-"""Force elements: energy, force and tangents of all elements of a kind at once, and their sparse assembly.
+"""Energy, force and tangents of all elements of a kind, and their sparse assembly.
 
-What may enter: another kind of element, in a file of its own that satisfies `ForceElement`.
+What may enter: another `ForceElement`.
 """
 
 from dynamics.elements.assembly import Assembly

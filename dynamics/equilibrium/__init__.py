@@ -1,4 +1,4 @@
-"""Static equilibrium: rest shapes, rest lengths from a picture, oscillations about rest, reversed springs.
+"""Rest shapes, rest lengths from a picture, oscillations about rest, reversed springs.
 
 What may enter: what does not depend on time.
 """

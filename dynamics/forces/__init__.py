@@ -1,6 +1,6 @@
-"""Force laws: forces, energy, tangent matrices, and derivatives with respect to constants.
+"""Force laws with energy, tangents and derivatives by constants.
 
-What may enter: another force law, in `kernels.py`, with its energy and derivatives beside it.
+What may enter: another law, in `kernels.py`.
 """
 
 from dynamics.forces.energy import kinetic_energy, node_forces, potential_energy

@@ -1,6 +1,6 @@
-"""Time integration: compiled Runge-Kutta and implicit steps for filters, adaptive ones for reference.
+"""Compiled Runge-Kutta and implicit steps, adaptive ones for reference.
 
-What may enter: another integrator. It takes forces only from `dynamics.forces` and `dynamics.elements`.
+What may enter: another integrator.
 """
 
 from dynamics.integration.implicit import DRIVEN, ImplicitStepper, Linearised

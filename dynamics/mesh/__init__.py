@@ -1,6 +1,6 @@
-"""Meshes of tetrahedra: checked nodes and elements, their surface, points in them, patches, stiffness at rest.
+"""Meshes of tetrahedra: surface, points, patches, stiffness at rest.
 
-What may enter: geometry of a body at rest, arrays in and arrays out. Forces of a deformed one are `dynamics.elements`.
+What may enter: geometry at rest.
 """
 
 from dynamics.mesh.points import locate, locate_on_surface

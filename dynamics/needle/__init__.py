@@ -1,6 +1,6 @@
-"""The needle as a load on the tissue: contact, cutting, friction, and the tissue's motion under it.
+"""The needle as a load: contact, cutting, friction.
 
-What may enter: mechanics of the needle. What it hits is `estimators.guidance`.
+What may enter: mechanics, not hits.
 """
 
 from dynamics.needle.insertion import InsertionHistory, force_on_free, forced_states, simulate_insertion

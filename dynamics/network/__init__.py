@@ -1,6 +1,6 @@
-"""The network: nodes and springs, checked at construction, and the order of a state vector.
+"""Checked nodes and springs, and the order of a state vector.
 
-What may enter: what a tissue is made of. It computes no force; `dynamics.forces` does.
+What may enter: parts of tissue, no forces.
 """
 
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack

@@ -1,6 +1,6 @@
-"""Phantoms that come with the program, and bodies of given nodes.
+"""Phantoms of the program, and bodies of given nodes.
 
-What may enter: another network with the constants that define it.
+What may enter: another network.
 """
 
 from dynamics.phantoms.breast import breast_phantom

@@ -1,6 +1,6 @@
-"""Data association of interchangeable marks: exchanges of names as hypotheses, each with its filter.
+"""Interchangeable marks: exchanged names as hypotheses, each with its filter.
 
-What may enter: another way to decide which mark is which over time. One frame's is `vision.tracking`.
+What may enter: decisions over several frames.
 """
 
 from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap

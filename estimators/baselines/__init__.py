@@ -1,6 +1,6 @@
-"""Methods to compare with: the paper's open loop, EKF, stock filterpy UKF, EnKF, particle filter.
+"""Methods to compare with: open loop, EKF, stock filterpy UKF, EnKF, particle filter.
 
-What may enter: another method, as a `Baseline` in a file of its own, with its name in `registry.py`.
+What may enter: another `Baseline`, named in `registry.py`.
 """
 
 from estimators.baselines.baseline import Baseline

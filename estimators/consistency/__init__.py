@@ -1,6 +1,6 @@
-"""Whether a covariance is consistent: NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
+"""NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
 
-What may enter: tests of estimates; none of them changes an estimate.
+What may enter: tests that change no estimate.
 """
 
 from estimators.consistency.cramer_rao import posterior_bound

@@ -1,6 +1,6 @@
-"""One filter for any process model and any observation: hypotheses of what is unknown, one iterated update.
+"""One filter for any process model and observation: hypotheses, one iterated update.
 
-What may enter: another process model or observation, in a file of its own that satisfies the protocols.
+What may enter: another model or observation.
 """
 
 from estimators.core.ahead import AheadTables

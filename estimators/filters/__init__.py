@@ -1,6 +1,6 @@
 """Generic filters on filterpy: sigma points, a factor on a variance.
 
-What may enter: probability without springs or marks.
+What may enter: no springs, no marks.
 """
 
 from estimators.filters.adaptation import VarianceScale

@@ -1,6 +1,6 @@
-"""Needle guidance: lesion, needle, hit probability, advice, planning, tracked needles, breathing.
+"""Lesion, needle, hit probability, advice, planning, tracked needles, breathing.
 
-What may enter: what turns an estimate into advice on the needle; a rule of advice is a line of `RULES` in `advice.py`.
+What may enter: advice from an estimate.
 """
 
 from estimators.guidance.abort import AbortWatch

@@ -1,6 +1,6 @@
-"""System identification: constants of the tissue and the level of the discrepancy, from recordings.
+"""Constants of the tissue and level of the discrepancy, from recordings.
 
-What may enter: what is estimated once from a recording and then fixed.
+What may enter: what is estimated once.
 """
 
 from estimators.identification.budget import Budget, IdentificationError, Workers

@@ -1,6 +1,6 @@
-"""Reference marks: the pose error of a camera or tracker from marks that do not move, and marks corrected by it.
+"""Reference marks: pose error of a camera or tracker, and marks corrected by it.
 
-What may enter: another motion of what sees the marks. It knows neither springs nor pictures.
+What may enter: another motion.
 """
 
 from estimators.pose.pose_filter import CameraMove, PoseEstimate, PoseFilter

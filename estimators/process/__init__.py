@@ -1,6 +1,6 @@
-"""The tissue as a process model: its motion under unknown and known forces, the target as a map of its state.
+"""Motion under unknown and known forces; the target as a map of the state.
 
-What may enter: how the state moves and what noise that adds, without any mark.
+What may enter: motion and noise, no marks.
 """
 
 from estimators.process.known_force import ForceHistory, KnownForce

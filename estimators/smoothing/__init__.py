@@ -1,6 +1,6 @@
-"""Measurements out of sequence, and estimates of the past: replay, fixed-interval and fixed-lag smoothing.
+"""Measurements out of sequence; fixed-interval and fixed-lag smoothing.
 
-What may enter: what uses measurements later than the time of which it speaks.
+What may enter: what uses later measurements.
 """
 
 from estimators.smoothing.replay import Replay

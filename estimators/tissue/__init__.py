@@ -1,6 +1,6 @@
-"""What a filter of the tissue takes in and gives out, its settings and its health.
+"""Input, output, settings and health of a filter.
 
-What may enter: what every filter of the tissue has in common.
+What may enter: what all filters share.
 """
 
 from estimators.tissue.estimate import CommonShift, GaussianMixture, MarkMeasurement, Status, TargetEstimate

@@ -1,4 +1,4 @@
-"""The command line: a file for each subcommand, registered in `app.py`.
+"""A file for each subcommand, registered in `app.py`.
 
-What may enter: options, what is called, what is printed. Imports stand inside functions, so that help is instant.
+What may enter: options, calls, printing. Functions import what they need, so that help is instant.
 """

@@ -17,6 +17,8 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
+COMMON = {"--json", "--verbose", "--force", "--vector"}
+"""Options that the page describes once, at its top."""
 
 
 def sections() -> Iterator[str]:
@@ -32,7 +34,7 @@ def sections() -> Iterator[str]:
 
 def _row(one: Any, context: Any) -> str:
     found = one.get_help_record(context)
-    if found is None or set(one.opts) & {"--json", "--verbose"}:  # of all commands
+    if found is None or set(one.opts) & COMMON:
         return ""
     left, right = (text.replace("|", "\\|") for text in found)
     return f"| `{left}` | {right} |\n"

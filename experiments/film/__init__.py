@@ -1,4 +1,6 @@
-"""Films of what the camera saw: estimates, marks and reasons drawn into frames, with OpenCV.
+"""Films of what the camera saw: estimates, marks, reasons.
 
-What may enter: what is drawn into a frame, and how such films are written. Each is imported from its own module.
+What may enter: another drawing.
 """
+
+# Import each from its own module.

@@ -1,4 +1,4 @@
-"""Files that people and programs write: scenes, recordings, scenarios, needles, plans, tables; all checked.
+"""Checked files: scenes, recordings, scenarios, needles, plans, tables.
 
-What may enter: another file format. Outputs are written whole or not at all (`outputs.py`).
+What may enter: another format, written by `outputs.py`.
 """

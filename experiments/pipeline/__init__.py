@@ -1,5 +1,6 @@
-"""What runs a recording or a live source through detection, estimation and guidance.
+"""Detection, estimation and guidance of a recording or a live source.
 
-What may enter: a way of running; mathematics belongs to the packages below. Each is imported from its own module, so
-that a subcommand loads only what it needs.
+What may enter: a way of running.
 """
+
+# Import each from its own module, so that a subcommand loads only what it needs.

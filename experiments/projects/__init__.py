@@ -1,4 +1,4 @@
-"""Projects of one's own: folders made from a template, and scenes checked before anything is estimated.
+"""Folders from a template, and checks of scenes.
 
-What may enter: what helps somebody who begins with an own phantom. Mathematics belongs to the packages below.
+What may enter: help for a user's own phantom.
 """

@@ -1,5 +1,6 @@
-"""Servers of a live run: what it knows is handed to viewers on a page and to programs on the network.
+"""A page for viewers and OpenIGTLink for programs, in processes of their own.
 
-A process of its own serves, so that no client can hold up the filter: `link` is the loop's end of it, `feed` the
-server's. What may enter: another protocol. Each is imported from its own module.
+What may enter: another protocol.
 """
+
+# Import each from its own module. `link` is the loop's end of a server, `feed` the server's.

@@ -1,5 +1,6 @@
-"""Simulated worlds: truth and films of scenarios, a camera before the phantom, closed-loop insertion.
+"""Truth and films of scenarios, a camera before the phantom, closed-loop insertion.
 
-What may enter: what makes truth. No filter is scored here. Each is imported from its own module, so that the phantom's
-process is begun before anything else is loaded.
+What may enter: sources of truth, no scores.
 """
+
+# Import each from its own module: the phantom's process has to begin before anything else is loaded.

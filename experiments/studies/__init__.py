@@ -1,4 +1,6 @@
-"""Studies: one file for a published table or figure; its docstring names it and how to make it again.
+"""One file for each published table or figure, named in its docstring.
 
-Each is run as `python -m experiments.studies.NAME`, so nothing is imported here.
+What may enter: another study.
 """
+
+# Nothing is imported here: each study is run as a module.

@@ -91,7 +91,7 @@ def tables() -> str:
         rows = [rooms[name] for layer in layers_of(package) for name in layer]
         parts += [f"### `{package}/`", "", "| room | holds | what may enter | imports |", "| --- | --- | --- | --- |"]
         for room in rows:
-            own = sorted(name.removeprefix(f"{package}.") for name in room.imports if name != package)
+            own = sorted(name.removeprefix(f"{package}.") for name in room.imports if name.startswith(f"{package}."))
             name = room.name.split(".")[1]
             parts.append(f"| `{name}/` | {room.holds} | {room.enters} | {', '.join(own)} |")
         parts.append("")

@@ -1,6 +1,6 @@
-"""Cameras: lens models, poses, a camera before a plane, calibration from boards.
+"""Lenses, poses, a camera before a plane, calibration from boards.
 
-What may enter: another camera or lens model, another calibration target.
+What may enter: another camera, lens or board.
 """
 
 from vision.cameras.board import DICTIONARIES, Board, Corners, find_board

@@ -1,6 +1,6 @@
-"""Marks in one picture: hue classes, connected components, centres with covariances.
+"""Marks in one picture: hues, components, centres with covariances.
 
-What may enter: a stage that needs no earlier picture. What remembers is `vision.tracking`.
+What may enter: a stage without earlier pictures.
 """
 
 from vision.detection.components import detect_marks

@@ -1,6 +1,6 @@
-"""Where frames come from: films, folders, devices, streams; their exposure times, faults and writers.
+"""Films, folders, devices, streams; exposure times, faults, writers.
 
-What may enter: another source of frames, another container.
+What may enter: another source or container.
 """
 
 from vision.sources.closing import Closing

@@ -1,6 +1,6 @@
-"""Synthetic frames of known truth: plain ones, and those of a modelled camera with light, blur, noise, clutter.
+"""Synthetic frames of known truth, plain or of a modelled camera.
 
-What may enter: what draws frames for tests and studies. No detector imports it.
+What may enter: what no detector imports.
 """
 
 from vision.synthetic.camera_frames import (

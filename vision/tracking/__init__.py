@@ -1,4 +1,4 @@
-"""Marks from frame to frame: association, drift of hue, appearance models, and the finder that runs all.
+"""Association of marks over time, drift of hue, appearance, and the finder.
 
 What may enter: what remembers earlier frames.
 """
