@@ -133,7 +133,7 @@ def test_marks_are_those_of_the_scene_in_its_dimension(ros: Ros) -> None:
 
 def test_a_deleted_mark_was_not_seen_and_still_gives_the_time(ros: Ros) -> None:
     deleted = ros.type("visualization_msgs/msg/Marker").DELETEALL
-    time_s, marks = functions().marks_of(ros.marks(("", (0.0, 0.0, 0.0)), action=deleted), MARKED, 2, 1e-3)
+    time_s, marks = functions().marks_of(ros.marks(("M1", (0.0, 0.0, 0.0)), action=deleted), MARKED, 2, 1e-3)
     assert time_s == pytest.approx(1_769_850_000.123456789, abs=3e-7)
     assert marks == []
 
@@ -184,7 +184,8 @@ def test_the_node_publishes_what_the_filter_estimates(
     at = {node: (*phantom.positions[phantom.index(node)].tolist(), 0.0) for node in MARKED}
     times_ns = [100_000_000 * k for k in range(8)]
     frames = [ros.marks(*at.items(), nanosec=time_ns) for time_ns in times_ns]
-    ros.frames = [*frames[:5], frames[0], *frames[5:]]
+    none_seen = ros.marks(("", (0.0, 0.0, 0.0)), nanosec=800_000_000, action=3)
+    ros.frames = [*frames[:5], frames[0], *frames[5:], none_seen]
     monkeypatch.setattr(sys, "argv", [str(NODE), str(tmp_path / "scene.toml"), "1.5"])
     runpy.run_path(str(NODE), run_name="__main__")
     tissue = TissueFilter(phantom, "M2", MARKED)
@@ -193,8 +194,11 @@ def test_the_node_publishes_what_the_filter_estimates(
     for time_ns in times_ns:
         tissue.predict(SEC + 1e-9 * time_ns)
         estimates[time_ns] = tissue.update(seen)
-    expected = {time_ns: one for time_ns, one in estimates.items() if one.status is Status.TRACKING}
-    assert 0 < len(expected) < len(times_ns)
+    tissue.predict(SEC + 0.8)
+    estimates[800_000_000] = tissue.update([])
+    assert estimates[800_000_000].status is Status.COASTING
+    expected = {time_ns: one for time_ns, one in estimates.items() if one.status is not Status.INITIALISING}
+    assert 1 < len(expected) < len(estimates)
     assert [one.header.stamp.nanosec for one in ros.published] == list(expected)
     for one, estimate in zip(ros.published, expected.values(), strict=True):
         place = one.pose.pose.position  # up to the digits of the scene's file
