@@ -28,6 +28,7 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     Scene, Mark, Target    what is in view: network, marks, target, cameras
     read_scene, write_scene    scene.toml
     Recording, read_recording    a folder of frames or marks with their times
+    Result, read_result    a folder that `softaim track` wrote, as pandas DataFrames
     InputError            a file that cannot be used; one line says why
 
 Importing this module loads nothing else; a name is loaded when it is first used.
@@ -66,6 +67,7 @@ if TYPE_CHECKING:
         tune_strain,
     )
     from experiments.errors import InputError
+    from experiments.formats.exchange.result_folder import Result, read_result
     from experiments.formats.recording import Recording, read_recording
     from experiments.formats.scene.marks import Mark
     from experiments.formats.scene.scene import Scene, read_scene, write_scene
@@ -87,6 +89,7 @@ __all__ = [
     "Needle",
     "PlaneCamera",
     "Recording",
+    "Result",
     "Scene",
     "Status",
     "Target",
@@ -104,6 +107,7 @@ __all__ = [
     "open_source",
     "pack",
     "read_recording",
+    "read_result",
     "read_scene",
     "rest_shape",
     "tune_strain",
@@ -140,6 +144,7 @@ _NAMES_OF = {
     ),
     "vision": ("MarkFinder", "PlaneCamera", "open_source"),
     "experiments.errors": ("InputError",),
+    "experiments.formats.exchange.result_folder": ("Result", "read_result"),
     "experiments.formats.recording": ("Recording", "read_recording"),
     "experiments.formats.scene.marks": ("Mark",),
     "experiments.formats.scene.target": ("Target",),

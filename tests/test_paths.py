@@ -36,6 +36,7 @@ Of = Callable[[str], Any]
 CALLS: dict[str, tuple[Callable[[Of], object], object]] = {
     "softaim.open_source": (lambda of: length(softaim.open_source(of("film.avi"), live=False)), 2),
     "softaim.read_recording": (lambda of: len(softaim.read_recording(of("rec"), of("scene.toml")).exposures_s), 1),
+    "softaim.read_result": (lambda of: len(softaim.read_result(of("result")).estimates), 1),
     "softaim.read_scene": (lambda of: softaim.read_scene(of("scene.toml")).target.node, "M2"),
     "softaim.write_scene": (lambda of: (softaim.write_scene(scene(), of("new.toml")), exists("new.toml"))[1], True),
     "vision.FolderFrames": (lambda of: length(vision.FolderFrames(of("frames"), TIMES_S)), 2),
@@ -93,12 +94,14 @@ def picture() -> np.ndarray:
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A scene, a recording of marks, a film, its pieces, numbered pictures."""
+    """A scene, a recording of marks, its result, a film, its pieces, numbered pictures."""
     monkeypatch.chdir(tmp_path)
-    for name in ("rec", "frames", "pieces", "new"):
+    for name in ("rec", "result", "frames", "pieces", "new"):
         Path(name).mkdir()
     write_scene(scene(), Path("scene.toml"))
     Path("rec/marks.csv").write_text("time_s,node,x_mm,y_mm,sd_mm\n0,M1,0,180,1\n", encoding="utf-8")
+    rows = "time_s,status,x_mm,y_mm,marks_used,model_only\n0,TRACKING,0,180,3,False\n"
+    Path("result/estimates.csv").write_text(rows, encoding="utf-8")
     with vision.VideoWriter("film.avi", (64, 48), 10.0) as film:
         for k, _ in enumerate(TIMES_S):
             film.write(picture())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
 from estimators.core.innovations import Innovations, Outliers, are_same, each_alone, joined, named, together
 from estimators.core.kernels import without_outliers
-from estimators.core.moments import add_noise, mixed, mixed_each, moved, of_each
+from estimators.core.moments import FilterState, Move, Prior, add_noise, mixed, mixed_each, moved, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
@@ -38,54 +37,6 @@ CURVED = 0.1
 """Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Prior:
-    """Hypotheses before a transition over dt [s].
-
-    means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
-    kick (n,): added at the start and at the end
-    """
-
-    means: Floats
-    covs: Floats
-    weights: Floats
-    shares: Floats
-    dt: float
-    kick: Floats | float
-
-    def mixed(self, mode: int) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of a mode."""
-        return mixed(self.shares[:, mode], self.means, self.covs)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Move:
-    """Moments of the mixture before a prediction, (n,) and (n, n), and after, and the transition's matrix (n, n)."""
-
-    mean_before: Floats
-    cov_before: Floats
-    matrix: Floats
-    mean: Floats
-    cov: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterState:
-    """The whole state of a `HypothesisFilter` at one time; arrays are its own."""
-
-    means: Floats
-    covs: Floats
-    weights: Floats
-    log_levels: Floats | None
-    before: _Prior | None
-    transition: Transition | None
-    reference: Floats
-    dt: float
-    log_likelihood: float
-    outlying: NDArray[np.bool_]
-    found: Innovations | None
 
 
 class HypothesisFilter:
@@ -132,7 +83,7 @@ class HypothesisFilter:
     ) -> None:
         self.process, self.level, self._groups, self._outliers = process, level, groups or each_alone, outliers
         self._considered = np.asarray(considered, dtype=np.int64)
-        self._before: _Prior | None = None
+        self._before: Prior | None = None
         self._latest: tuple[Sequence[Observation], Innovations] | None = None
         self._transition: Transition | None = None
         self._reference = np.empty(0)
@@ -210,13 +161,13 @@ class HypothesisFilter:
         if self.level is not None:
             self.level.forget(dt)
         half = 0.0 if kick is None else 0.5 * kick
-        before = _Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, dt, half)
+        before = Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, dt, half)
         self.weights, self._before, self._dt = weights, before, dt
         self._move(before, before.weights @ before.means, before.mixed(int(np.argmax(weights)))[1])
         if self.trace is not None:
             self.trace.append(self._traced(self._before))
 
-    def _move(self, before: _Prior, reference: Floats, cov: Floats | None = None, error: Floats | None = None) -> None:
+    def _move(self, before: Prior, reference: Floats, cov: Floats | None = None, error: Floats | None = None) -> None:
         found = self.process.linearize(reference, before.dt, cov)
         means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
         self.means = before.shares.T @ means
@@ -234,7 +185,7 @@ class HypothesisFilter:
         chain = expm(self.process.rates * self._dt)
         return np.asarray(weights @ chain - weights * chain.diagonal())
 
-    def _traced(self, before: _Prior) -> Move:
+    def _traced(self, before: Prior) -> Move:
         assert self._transition is not None  # there is one after a prior
         start = mixed(before.weights, before.means - before.kick, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))

@@ -1,10 +1,14 @@
-"""Moments of several hypotheses at once: mixed, moved, mapped."""
+"""Several hypotheses at once: their moments mixed, moved and mapped, and what is kept of them."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.arrays import Floats
+from estimators.core.innovations import Innovations
 from estimators.core.protocols import Transition
 
 
@@ -62,3 +66,51 @@ def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
 def of_each(matrices: Floats, vectors: Floats) -> Floats:
     """Each matrix (k, m, n), or the one, times each vector (k, n)."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prior:
+    """Hypotheses before a transition over dt [s].
+
+    means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
+    kick (n,): added at the start and at the end
+    """
+
+    means: Floats
+    covs: Floats
+    weights: Floats
+    shares: Floats
+    dt: float
+    kick: Floats | float
+
+    def mixed(self, mode: int) -> tuple[Floats, Floats]:
+        """Mean (n,) and covariance (n, n) of a mode."""
+        return mixed(self.shares[:, mode], self.means, self.covs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Move:
+    """Moments of the mixture before a prediction, (n,) and (n, n), and after, and the transition's matrix (n, n)."""
+
+    mean_before: Floats
+    cov_before: Floats
+    matrix: Floats
+    mean: Floats
+    cov: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterState:
+    """The whole state of a `HypothesisFilter` at one time; arrays are its own."""
+
+    means: Floats
+    covs: Floats
+    weights: Floats
+    log_levels: Floats | None
+    before: Prior | None
+    transition: Transition | None
+    reference: Floats
+    dt: float
+    log_likelihood: float
+    outlying: NDArray[np.bool_]
+    found: Innovations | None

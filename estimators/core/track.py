@@ -11,8 +11,8 @@ import numpy as np
 
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
-from estimators.core.filter import FilterState
 from estimators.core.marks import Places
+from estimators.core.moments import FilterState
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce

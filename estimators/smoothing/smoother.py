@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.arrays import Floats
-from estimators.core.filter import Move
+from estimators.core.moments import Move
 from estimators.core.track import TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 

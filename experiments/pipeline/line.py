@@ -35,12 +35,9 @@ from vision import PlaneCamera
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
-MOST_STATES = 2400
-"""Coordinates and velocities of free nodes, 400 nodes in space, beyond which a filter takes minutes to prepare; the
-commands refuse more; chosen."""
-
-MOST_IN_FILTER = 900
-"""States of the filter, beyond which a frame takes about a second, for bodies that bend at every node; chosen."""
+MOST_STATES = 600
+"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a command takes minutes to prepare; the
+commands refuse more, the filter does not; chosen."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
 """Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""
@@ -137,9 +134,6 @@ class Line:
         filters = made(*common, uncertainty=scene.uncertainty, n_calibration=scene.n_calibration)
         self.checks = filters if isinstance(filters, LeaveOneOut) else None
         self.filter = filters.tissue if isinstance(filters, LeaveOneOut) else filters
-        if (n := self.filter.process.n) > MOST_IN_FILTER:
-            expected = f"at most {MOST_IN_FILTER} states of the filter: fewer nodes or marks"
-            raise InputError.at("scene: network.node", expected, str(n))
         self.identity = AssociationFilter(self.filter, scene.nodes_alike)
         self.open_loop = OpenLoop(scene.network, scene.target.point) if baseline else None
         self.reference = ReferenceMarks(scene) if scene.reference.marks else None

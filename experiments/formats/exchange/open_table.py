@@ -23,12 +23,23 @@ def open_table(
     Missing and infinite numbers are NaN. Raises InputError with row and column.
     """
     columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
-    numbers = {name: _numbers(path, name, entries, first_row) for name, entries in columns.items() if name not in words}
+    numbers = {n: numbers_of(path, n, entries, first_row) for n, entries in columns.items() if n not in words}
+    for values in numbers.values():
+        values[np.isinf(values)] = np.nan
     texts = {name: list(entries) for name, entries in columns.items() if name in words}
     return Table(path, numbers, texts, len(rows), first_row)
 
 
-def _numbers(path: Path, column: str, entries: Sequence[str], first_row: int) -> Floats:
+def check_columns(path: Path, header: Sequence[str], needed: Sequence[str]) -> None:
+    """Raise InputError unless each needed column is there, and none twice."""
+    for column in dict.fromkeys([*needed, *header]):
+        if header.count(column) != 1:
+            found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
+            raise InputError.at(f"{path}: row 1", f"one column {column}", found)
+
+
+def numbers_of(path: Path, column: str, entries: Sequence[str], first_row: int = 2) -> Floats:
+    """Entries of a column as numbers, (n_rows,), NaN where there is none; InputError names row and column."""
     values = np.full(len(entries), np.nan)
     for k, entry in enumerate(entries):
         if entry not in MISSING:
@@ -36,5 +47,4 @@ def _numbers(path: Path, column: str, entries: Sequence[str], first_row: int) ->
                 values[k] = float(entry)
             except ValueError:
                 raise InputError.at(f"{path}: row {k + first_row}: {column}", "a number", shown(entry)) from None
-    values[np.isinf(values)] = np.nan
     return values

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from estimators import Status
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
-from experiments.formats.exchange.open_table import open_table
+from experiments.errors import InputError
+from experiments.formats.exchange.open_table import check_columns, open_table
 from experiments.formats.marks.rows import AXES, cov_names, cov_of
 from experiments.formats.recording import SAME_TIME_S, nearest_frames
 from experiments.formats.tables import Table, read_rows
@@ -100,10 +100,7 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
 def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
     """A table with at least these columns; the last line may be incomplete after a killed live run."""
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
-    for column in dict.fromkeys([*needed, *header]):
-        if header.count(column) != 1:
-            found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
-            raise InputError.at(f"{path}: row 1", f"one column {column}", found)
+    check_columns(path, header, needed)
     table = open_table(path, header, rows, WORDS)
     table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
     return table, tuple(header)

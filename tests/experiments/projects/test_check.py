@@ -19,7 +19,6 @@ from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.log import Kept
-from experiments.pipeline.line import Line
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
 from experiments.simulation.simulate import draw
@@ -242,13 +241,6 @@ def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) ->
     line = f"{tmp_path / 'scene.toml'}: network.node: expected at most 20 free nodes for a filter in space, found 21"
     assert capsys.readouterr().err == f"softaim: {line}\n"
     assert not (tmp_path / "out").exists()
-
-
-def test_a_body_that_bends_at_too_many_nodes_is_one_line(monkeypatch) -> None:
-    monkeypatch.setattr("experiments.pipeline.line.MOST_IN_FILTER", 20)
-    message = "scene: network.node: expected at most 20 states of the filter: fewer nodes or marks, found [0-9]+"
-    with pytest.raises(InputError, match=message):
-        Line(string(5, 2))
 
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:

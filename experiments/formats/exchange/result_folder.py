@@ -1,0 +1,93 @@
+"""The folder that `softaim track` wrote, as pandas DataFrames."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from estimators import Status
+from experiments.errors import InputError, read_text, shown
+from experiments.formats.exchange.open_table import check_columns, numbers_of
+from experiments.formats.exchange.results import ESTIMATES, FLAGS
+from experiments.formats.tables import read_rows
+from vision import FilePath
+
+OPEN_LOOP, MARKS, SUMMARY = "estimates.open-loop.csv", "marks.csv", "summary.json"
+TIME = "time_s"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """What `softaim track` wrote of a recording; the index of each table is `time_s`, the exposure times [s].
+
+    estimates: a row for each frame, columns as in estimates.csv: places in mm, covariances in mm², NaN where there is
+        no number
+    open_loop: the same of the paper's method; None without estimates.open-loop.csv
+    marks: a row for each mark, columns as in marks.csv; None without that file
+    summary: the figures of summary.json, by method; empty without that file
+    """
+
+    estimates: pd.DataFrame
+    open_loop: pd.DataFrame | None
+    marks: pd.DataFrame | None
+    summary: dict[str, Any]
+
+
+def read_result(folder: FilePath) -> Result:
+    """The tables and figures in a folder that `softaim track` wrote; raises InputError.
+
+    Folders of `softaim live` are read, too; they have no figures.
+    """
+    place = Path(folder)
+    if not place.is_dir():
+        raise InputError.at(place, f"a folder with {ESTIMATES}", "a file" if place.exists() else "none")
+    open_loop, marks, figures = place / OPEN_LOOP, place / MARKS, place / SUMMARY
+    return Result(
+        _estimates(place / ESTIMATES),
+        _estimates(open_loop) if open_loop.exists() else None,
+        _frame(marks, [TIME, "node", "x_mm", "y_mm"], ["node"]) if marks.exists() else None,
+        _figures(figures) if figures.exists() else {},
+    )
+
+
+def _estimates(path: Path) -> pd.DataFrame:
+    """A table of estimates: `status` as text, `model_only` as truth values, `marks_used` as whole numbers."""
+    frame = _frame(path, [TIME, "status", "x_mm", "y_mm", "marks_used", "model_only"], ["status", "model_only"])
+    _check(path, frame["status"], frame["status"].isin(list(Status)), f"one of {', '.join(Status)}")
+    _check(path, frame["model_only"], frame["model_only"].isin(list(FLAGS)), " or ".join(FLAGS))
+    _check(path, frame["marks_used"], frame["marks_used"] % 1 == 0, "a whole number")
+    return frame.assign(model_only=frame["model_only"] == "True").astype({"marks_used": np.int64})
+
+
+def _frame(path: Path, needed: Sequence[str], words: Sequence[str]) -> pd.DataFrame:
+    """A table with these columns and maybe others, all numbers but `words`; a line without an end is left out."""
+    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
+    check_columns(path, header, needed)
+    columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
+    read = {name: list(c) if name in words else numbers_of(path, name, c) for name, c in columns.items()}
+    frame = pd.DataFrame(read)
+    _check(path, frame[TIME], np.isfinite(frame[TIME]), "a finite number")
+    return frame.set_index(TIME)
+
+
+def _check(path: Path, column: pd.Series, good: pd.Series, expected: str) -> None:
+    """Raise InputError for the first row that is not good."""
+    if not good.all():
+        row = int(np.argmin(good))
+        raise InputError.at(f"{path}: row {row + 2}: {column.name}", expected, shown(column.tolist()[row]))
+
+
+def _figures(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(read_text(path))
+    except json.JSONDecodeError as error:
+        raise InputError.at(f"{path}: line {error.lineno}", "JSON", error.msg) from None
+    if not isinstance(found, dict):
+        raise InputError.at(path, "an object", shown(found))
+    return found
