@@ -61,8 +61,8 @@ LEFT_OUT = 1e-3
 WEAK = 1e-2
 """Size of a force that is left out of those of its source, by the largest [1]; numerical."""
 
-FEWER = 0.75
-"""A body is reduced if it has fewer shapes than nodes, by this factor [1]; choice."""
+LARGE, FEWER = 30, 0.75
+"""A body of more nodes than this is reduced if it has fewer shapes than nodes, by this factor [1]; choice."""
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
 """Sources of noise, in the order of `Transition`; the last two are independent in each state."""
@@ -147,18 +147,16 @@ class TissueProcess:
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats]) -> Span:
         """All coordinates, or those of the shapes that the pushes by each source, (n_free, any), can bring about."""
-        masses, dim = self.network.masses[self.network.free], self.network.dim
-        sd = np.sqrt(self._strongest)
-        forces = np.hstack([sd[SOURCES.index(source)] * masses[:, None] * push for source, push in pushes.items()])
-        shapes = smooth_shapes(
-            assembly,
-            self.network.positions[self.network.free],
-            masses,
-            np.kron(forces, np.eye(dim)),
-            GROWING,
-            LEFT_OUT * self.extent_m,
-        )
-        if shapes.shape[1] > FEWER * len(masses):
+        free, dim, usual = self.network.free, self.network.dim, Disturbances()
+        masses = self.network.masses[free]
+        if len(free) <= LARGE:
+            return Span.whole(np.repeat(masses, dim))
+        least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}  # a needle's are known
+        sd = {name: max(np.sqrt(self._strongest[SOURCES.index(name)]), self._raised * least[name]) for name in pushes}
+        forces = np.hstack([sd[name] * masses[:, None] * push for name, push in pushes.items()])
+        places, each = self.network.positions[free], np.eye(dim)
+        shapes = smooth_shapes(assembly, places, masses, np.kron(forces, each), GROWING, LEFT_OUT * self.extent_m)
+        if shapes.shape[1] > FEWER * len(free):
             return Span.whole(np.repeat(masses, dim))
         return Span.of_shapes(shapes, masses, dim)
 

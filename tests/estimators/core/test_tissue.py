@@ -115,8 +115,8 @@ def test_steps_together_are_each_after_the_other() -> None:
     """Derivative and noise of three steps, by matrices of the whole state and by Simpson's rule as written."""
     rng, half, m = np.random.default_rng(4), 3, 10
     by_states, fadings, steps_s = rng.normal(size=(3, 6, m)), rng.uniform(0.5, 0.9, (3, 4)), np.array([0.1, 0.2, 0.05])
-    sources = np.array([0, 2, 0, 2])
-    motion, force, noises = along_steps(by_states, fadings, steps_s, sources, 3)
+    sources, white = np.array([0, 2, 0, 2]), np.array([1.0, 0.5, 2.0])
+    motion, force, noises = along_steps(by_states, fadings, steps_s, sources, 3, white)
     T, expected, after = np.eye(m), np.zeros((4, m, m)), np.eye(6)[:, half:]
     for by_state, fading, step_s in zip(by_states, fadings, steps_s, strict=True):
         step = np.vstack([by_state, np.hstack([np.zeros((4, 6)), np.diag(fading)])])
@@ -124,7 +124,7 @@ def test_steps_together_are_each_after_the_other() -> None:
         for source in range(3):
             expected[1 + source] += np.diag(np.append(np.zeros(6), (sources == source) * (1.0 - fading**2)))
         for share, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
-            pushed = (1.0 - share) * by_state[:, half:6] + share * after
+            pushed = ((1.0 - share) * by_state[:, half:6] + share * after) * white
             expected[0, :6, :6] += weight * step_s / 6.0 * pushed @ pushed.T
     np.testing.assert_allclose(np.vstack([motion, np.hstack([np.zeros((4, 6)), np.diag(force)])]), T, atol=1e-12)
     np.testing.assert_allclose(noises, expected, atol=1e-12 * np.abs(expected).max())

@@ -43,7 +43,7 @@ def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filte
         led, short = (sources[:, SOURCES.index(name)] for name in ("led", "short"))
         assert led.min() > 10.0 * short.min()
         found = tissue.process.prior(0.0)[1].diagonal(axis1=1, axis2=2)[:, force : force + 6]
-        np.testing.assert_allclose(found, np.stack([led] * 2 + [short] * 4, axis=1))
+        np.testing.assert_allclose(found, np.stack([short] * 4 + [led] * 2, axis=1))
 
 
 def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, capsys, tmp_path):
