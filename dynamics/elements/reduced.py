@@ -1,8 +1,8 @@
-"""A body that moves in few smooth shapes: which shapes, and its forces in them.
+"""Reduced bodies: the shapes in which they move, and their forces in these shapes.
 
-A displacement is a sum of scalar functions of the nodes, the shapes, each times a vector, so that a shape that is held
-is held in every direction, however the body turns. Among the shapes are 1 and the coordinates at rest: what moves as
-an affine map of the body is exact. Source: [benner2015] for the projection on responses.
+A displacement is a sum of scalar functions of the nodes, the shapes, each multiplied by a vector. So a shape is
+represented in every direction, however the body turns. The shapes include 1 and the coordinates at rest, so affine
+motions of the body are exact. Source of the projection on responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Span:
     onto : (n, n_full)
         Its left inverse: the projection in the norm of the masses.
     masses : (n,)
-        Of the reduced coordinates [kg].
+        Masses of the reduced coordinates [kg].
     white : (n,)
         Standard deviation of each reduced acceleration where those of all nodes are independent, of variance 1.
     """
@@ -49,7 +49,7 @@ class Span:
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
         """Shapes (n_nodes, r), each times a vector; masses (n_nodes,) [kg].
 
-        A reduced coordinate [m] is the root of the mean square displacement by mass. The shapes are turned so that
+        A reduced coordinate [m] is the root mean square displacement, weighted by mass. The shapes are rotated so that
         independent accelerations of the nodes remain independent.
         """
         total = masses.sum()
@@ -101,7 +101,7 @@ def smooth_shapes(
     rates : sequence of float
         At which they may grow [1/s].
     least_m : float
-        Shapes are left out that move by less, root of the mean square over the nodes by mass [m].
+        Root mean square displacement, weighted by mass, below which a shape is left out [m].
     """
     q = places.ravel()
     K, C = (csc_array(matrix) for matrix in assembly.tangents(q, np.zeros_like(q)))

@@ -146,12 +146,13 @@ class TissueProcess:
         self._start_cov = self._prior_of_motion()
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats]) -> Span:
-        """All coordinates, or those of the shapes that the pushes by each source, (n_free, any), can bring about."""
+        """All coordinates, or those of few shapes; pushes: accelerations of the nodes by source, (n_free, any)."""
         free, dim, usual = self.network.free, self.network.dim, Disturbances()
         masses = self.network.masses[free]
         if len(free) <= LARGE:
             return Span.whole(np.repeat(masses, dim))
-        least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}  # a needle's are known
+        # At least the usual strengths: a needle's known force bends the body more than a weak prior expects
+        least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}
         sd = {name: max(np.sqrt(self._strongest[SOURCES.index(name)]), self._raised * least[name]) for name in pushes}
         forces = np.hstack([sd[name] * masses[:, None] * push for name, push in pushes.items()])
         places, each = self.network.positions[free], np.eye(dim)
@@ -163,7 +164,7 @@ class TissueProcess:
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
         """Accelerations of the coordinates (n, n_f) by the states of forces, and the source of each, (n_f,).
 
-        Those of a source are independent and equal, so that any rotation of them is as good: to the principal ones.
+        The states of one source are independent and of equal variance, so they may be rotated to principal ones.
         """
         dim, columns, sources = self.network.dim, [], []
         for name, push in pushes.items():
