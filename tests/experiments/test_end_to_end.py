@@ -121,7 +121,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     assert summary[FILTER]["sigma_mm"] == pytest.approx(sigmas.mean(), rel=1e-6)
     assert summary[FILTER]["sigma_most_mm"] == pytest.approx(sigmas.max(), rel=1e-6)
     reported = capfd.readouterr().out
-    assert "truth is not known" in reported
+    assert "truth not known" in reported
     assert "None" not in reported
     assert f"{summary[FILTER]['mean_nis']:.2f}" in reported
     assert "3 INITIALISING, 47 TRACKING, 10 COASTING; marks refused: 0" in reported
