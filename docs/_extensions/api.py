@@ -74,7 +74,7 @@ def constant(name: str) -> list[str]:
 
 
 def home(module: str, name: str) -> str:
-    """The module that defines a name which a module hands on."""
+    """The module that defines a name which another module re-exports."""
     for node in ast.parse(inspect.getsource(import_module(module))).body:
         if isinstance(node, ast.ImportFrom) and node.module and name in {alias.name for alias in node.names}:
             return home(node.module, name)

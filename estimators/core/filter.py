@@ -152,8 +152,8 @@ class HypothesisFilter:
 
         kick: what a known force adds to the state meanwhile, (n,): half of it at the start, half at the end
         """
-        live = np.flatnonzero(self.weights)
-        joint = self.weights[live, None] * expm(self.process.rates * dt)[live]
+        live, chain = np.flatnonzero(self.weights), expm(self.process.rates * dt)
+        joint = self.weights[live, None] * chain[live]
         weights = joint.sum(axis=0)
         shares = joint / weights
         shares = np.where(shares < LEAST_SHARE, 0.0, shares)
@@ -161,7 +161,7 @@ class HypothesisFilter:
         if self.level is not None:
             self.level.forget(dt)
         half = 0.0 if kick is None else 0.5 * kick
-        before = Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, dt, half)
+        before = Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, chain, dt, half)
         self.weights, self._before, self._dt = weights, before, dt
         self._move(before, before.weights @ before.means, before.mixed(int(np.argmax(weights)))[1])
         if self.trace is not None:
@@ -179,11 +179,6 @@ class HypothesisFilter:
                 alike[own] = (error[own] ** 2).mean() if error[own].size else 0.0
             np.einsum("kii->ki", self.covs)[:] += alike
         self._transition, self._reference, self._latest = found, reference, None
-
-    def _born(self, weights: Floats) -> Floats:
-        """Probability with which other modes turn into each one in as long as since the last observation, (k,)."""
-        chain = expm(self.process.rates * self._dt)
-        return np.asarray(weights @ chain - weights * chain.diagonal())
 
     def _traced(self, before: Prior) -> Move:
         assert self._transition is not None  # there is one after a prior
@@ -244,8 +239,9 @@ class HypothesisFilter:
         logs = found.logs - 0.5 * len(found.y[0]) * np.log(2.0 * np.pi)
         self.log_likelihood = float(np.logaddexp.reduce(logs))
         weights = np.exp(logs - self.log_likelihood)
-        weights[weights < REBORN * self._born(weights)] = 0.0
-        weights /= weights.sum()
+        if self._before is not None:
+            weights[weights < REBORN * self._before.born(weights)] = 0.0
+            weights /= weights.sum()
         own = self._considered
         for k in np.flatnonzero(weights):
             self.covs[k] -= gains[k].T @ gains[k]

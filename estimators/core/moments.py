@@ -73,15 +73,20 @@ class Prior:
     """Hypotheses before a transition over dt [s].
 
     means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
-    kick (n,): added at the start and at the end
+    chain (k, k): probability of each mode after dt by that before; kick (n,): added at the start and at the end
     """
 
     means: Floats
     covs: Floats
     weights: Floats
     shares: Floats
+    chain: Floats
     dt: float
     kick: Floats | float
+
+    def born(self, weights: Floats) -> Floats:
+        """Probability (k,) with which the other modes, of weights (k,), turn into each one within dt."""
+        return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mixed(self, mode: int) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of a mode."""

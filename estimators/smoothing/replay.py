@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from estimators.arrays import Floats
 from estimators.core.track import FilterSnapshot, TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
+from estimators.tissue.snapshot import all_or_nothing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,19 +63,23 @@ class Replay:
         """
         return self._fused(Event(time_s, fix=(position, cov)))
 
+    def snapshot(self) -> tuple[FilterSnapshot, Sequence[_Kept]]:
+        """State of the filter and events that are kept, for `restore`."""
+        return self.tissue.snapshot(), tuple(self._kept)
+
+    def restore(self, then: tuple[FilterSnapshot, Sequence[_Kept]]) -> None:
+        """Set both back to a snapshot."""
+        self.tissue.restore(then[0])
+        self._kept = list(then[1])
+
+    @all_or_nothing
     def _fused(self, event: Event) -> TargetEstimate | None:
         newest = self.tissue.time_s
         if newest is not None and event.time_s < newest - self.horizon_s:
             self.late["rejected"] += 1
             return None
         late = newest is not None and event.time_s < newest
-        now, kept = self.tissue.snapshot(), self._kept
-        try:
-            estimate = self._again_with(event) if late else self._apply(event)
-        except Exception:
-            self._kept = kept
-            self.tissue.restore(now)
-            raise
+        estimate = self._again_with(event) if late else self._apply(event)
         if late:
             self.late["fused"] += 1
         newest = self.tissue.time_s or event.time_s
