@@ -4,6 +4,7 @@ What may enter: another `ForceElement`.
 """
 
 from dynamics.elements.assembly import Assembly
+from dynamics.elements.continuum import continuum_network, points_of
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.reduced import ReducedAssembly, Span, smooth_shapes
@@ -20,5 +21,7 @@ __all__ = [
     "Tetrahedra",
     "TissueConstants",
     "Weight",
+    "continuum_network",
+    "points_of",
     "smooth_shapes",
 ]

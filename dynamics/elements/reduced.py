@@ -39,6 +39,15 @@ class Span:
     masses: Floats
     white: Floats
 
+    def coordinates(self, places: Floats) -> Floats:
+        """The reduced coordinates (n,) next to coordinates of all nodes [m], (n_full,)."""
+        return np.asarray(self.onto @ places)
+
+    @property
+    def independent(self) -> Floats:
+        """Covariance of the reduced coordinates (n, n) where those of all nodes are independent, of variance 1."""
+        return np.asarray(self.onto @ self.onto.T)
+
     @classmethod
     def whole(cls, masses: Floats) -> Span:
         """All coordinates as they are; masses (n_full,) [kg]."""

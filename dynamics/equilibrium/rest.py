@@ -48,6 +48,10 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     the energy has no stable minimum to be found there.
     """
     network = supported(network)
+    if network.continuum is not None:
+        forces = np.broadcast_to(np.asarray(force, dtype=float), (len(network.free), network.dim))
+        moved = _deflection(network.continuum.stiffness, forces)
+        return all_positions(network, network.positions[network.free] + moved)
     shape, anchored = (len(network.free), network.dim), bool(network.fixed.any())
     constant = np.broadcast_to(np.asarray(force, dtype=float), shape).ravel()
     loose = not anchored or _turns_about_the_vertical(network)
@@ -80,6 +84,13 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
     if not left <= RESIDUAL * scale:
         raise NetworkError(f"rest shape: expected forces to balance, found {left:.3g} N left over")
     return everywhere(q) if anchored else _aligned(everywhere(q), network.positions)
+
+
+def _deflection(stiffness: Floats, forces: Floats) -> Floats:
+    """Displacement [m] under forces [N], (n_free, dim); the least one where the body may move freely."""
+    if not forces.any():
+        return np.zeros_like(forces)
+    return np.asarray(np.linalg.lstsq(stiffness, forces.ravel(), rcond=RIGID)[0]).reshape(forces.shape)
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
@@ -117,8 +128,12 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node.
+    Without anchors: the largest distance from any other node. In a continuum in a straight line.
     """
+    if network.continuum is not None:
+        ends = network.positions[network.fixed] if network.fixed.any() else network.positions
+        straight = np.linalg.norm(network.positions[:, None] - ends, axis=2)
+        return np.asarray(straight.min(axis=1) if network.fixed.any() else straight.max(axis=1))
     paths = path_lengths(network, network.rest_lengths)
     if network.fixed.any():
         return np.asarray(paths[network.fixed].min(axis=0))

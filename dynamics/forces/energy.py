@@ -35,6 +35,10 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
         )
     force = np.empty_like(x)
     spring_forces(x, v, packed(network), np.empty(1), np.empty(1), force)
+    if network.continuum is not None:
+        shift = (x - network.positions[..., None])[network.free].reshape(-1)
+        pull = network.continuum.stiffness @ shift + network.continuum.dashpots @ v[network.free].reshape(-1)
+        force[network.free] -= pull.reshape(-1, network.dim, 1)
     return force[..., 0]
 
 
@@ -44,7 +48,10 @@ def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()
     height = network.masses[network.free] @ (x[network.free] @ network.gravity)
-    return float(springs - height)
+    if network.continuum is None:
+        return float(springs - height)
+    shift = (x - network.positions)[network.free].ravel()
+    return float(springs - height + 0.5 * shift @ network.continuum.stiffness @ shift)
 
 
 def kinetic_energy(network: MassSpringNetwork, velocities: ArrayLike) -> float:

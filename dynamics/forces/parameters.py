@@ -128,7 +128,13 @@ def strain_uncertainty(
 
 
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
-    """The positive constants of these kinds, of springs and of free nodes, kind by kind."""
+    """The positive constants of these kinds, of springs and of free nodes, kind by kind.
+
+    Of a continuum the stiffness of each tissue.
+    """
+    if network.continuum is not None:
+        n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0
+        return tuple(Parameter("stiffness", tissue) for tissue in range(n_tissues))
     found = []
     for kind in KINDS:
         if kind in kinds:
@@ -139,7 +145,9 @@ def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tupl
 
 
 def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
-    """Its name: `stiffness M1-M2`, `drag M1`."""
+    """Its name: `stiffness M1-M2`, `drag M1`, `stiffness fat`."""
+    if network.continuum is not None:
+        return f"{parameter.kind} {network.continuum.tissues[parameter.index]}"
     if parameter.kind in OF_SPRINGS:
         i, j = network.springs[parameter.index]
         return f"{parameter.kind} {network.names[i]}-{network.names[j]}"
@@ -161,6 +169,10 @@ def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
     """The network with each of these constants times exp(change) [1], (n_parameters,), all else as it was."""
+    if network.continuum is not None:
+        logs = np.zeros(len(network.continuum.tissues))
+        np.add.at(logs, [parameter.index for parameter in which], np.asarray(change, dtype=float))
+        return replace(network, continuum=network.continuum.scaled(np.exp(logs)))
     values = {kind: getattr(network, FIELDS[kind]).copy() for kind in KINDS}
     for parameter, factor in zip(which, np.exp(np.asarray(change, dtype=float)), strict=True):
         values[parameter.kind][parameter.index] *= factor
@@ -175,6 +187,9 @@ def parameter_forces(
     positions [m] and velocities [m/s] of all nodes, (n_nodes, dim).
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
+    if network.continuum is not None:
+        shift = (x - network.positions)[network.free].ravel()
+        return network.continuum.by_log_stiffness(shift)[[parameter.index for parameter in which]]
     i, j = network.springs.T
     apart = x[j] - x[i]
     lengths = np.sqrt((apart * apart).sum(axis=1) + SHORTEST**2)

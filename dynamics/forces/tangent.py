@@ -36,7 +36,8 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
     across = np.eye(network.dim) - along
     slope = tension_by_length(lengths, 0.0, c)
     blocks = slope[:, None, None] * along + (spring_tension(lengths, 0.0, c) / lengths)[:, None, None] * across
-    return _assembled(network, blocks)
+    K = _assembled(network, blocks)
+    return K if network.continuum is None else K + network.continuum.stiffness
 
 
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
@@ -48,7 +49,8 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
     blocks = slope[:, None, None] * n[:, :, None] * n[:, None, :]
     resistance = node_resistance(speed_m_s**2, node_constants(network))
-    return _assembled(network, blocks) + np.diag(np.repeat(resistance[network.free], network.dim))
+    C = _assembled(network, blocks) + np.diag(np.repeat(resistance[network.free], network.dim))
+    return C if network.continuum is None else C + network.continuum.dashpots
 
 
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
@@ -83,6 +85,9 @@ def stable_step(network: MassSpringNetwork) -> float:
     scale = 1.0 / np.sqrt(network.masses[network.free])
     w2 = _largest(scale, _laplacian(network, stiffness))
     d = _largest(scale, _laplacian(network, damping) + np.diag(resistance))
+    if network.continuum is not None:
+        scale = np.repeat(scale, network.dim)
+        w2, d = w2 + _largest(scale, network.continuum.stiffness), d + _largest(scale, network.continuum.dashpots)
     return float(RK4_RADIUS / (0.5 * (d + np.sqrt(d * d + 4.0 * w2))))
 
 
@@ -115,4 +120,4 @@ def _laplacian(network: MassSpringNetwork, weights: Floats) -> Floats:
 
 
 def _largest(scale: Floats, matrix: Floats) -> float:
-    return float(np.linalg.eigvalsh(scale[:, None] * matrix * scale)[-1])
+    return max(0.0, float(np.linalg.eigvalsh(scale[:, None] * matrix * scale)[-1]))

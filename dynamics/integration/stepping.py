@@ -64,6 +64,8 @@ class Stepper:
         if not dt >= 0:
             raise ValueError(f"dt: expected 0 s or more, found {dt}")
         n = self.n_steps(dt)
+        if self.network.continuum is not None:
+            return self._trapezoidal(states, outside, dt / n, n, driven)
         inverse_mass = self._inverse_mass
         if len(driven):
             inverse_mass = inverse_mass.copy()
@@ -78,6 +80,26 @@ class Stepper:
             inverse_mass,
             self._packed,
         )
+
+    def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
+        """N steps of h [s] of a continuum by the trapezoidal rule: it is linear, and stable in any step."""
+        network, solid = self.network, self.network.continuum
+        assert solid is not None
+        half = self._n_state // 2
+        moves = np.repeat(~np.isin(network.free, driven), network.dim)
+        masses = np.repeat(network.masses[network.free], network.dim)
+        K, C = solid.stiffness, solid.dashpots + np.diag(np.repeat(network.drag[network.free], network.dim))
+        left = np.diag(masses) + 0.5 * h * C + 0.25 * h**2 * K
+        solve = np.zeros((half, half))
+        solve[np.ix_(moves, moves)] = np.linalg.inv(left[np.ix_(moves, moves)])
+        x, v = states[:, :half] - network.positions[network.free].ravel(), states[:, half:].copy()
+        for _ in range(n):
+            # change of velocity w: M w = h (F - K (x + h/2 v + h/4 w) - C (v + w/2)), of driven ones none
+            force = outside - (x + 0.5 * h * v) @ K - v @ C
+            w = h * force @ solve
+            x += h * (v + 0.5 * w)
+            v += w
+        return np.concatenate([x + network.positions[network.free].ravel(), v], axis=1)
 
 
 def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0) -> Floats:
@@ -94,11 +116,15 @@ def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
     v, force = np.zeros_like(x), np.empty_like(x)
     shape = (len(network.free), network.dim)
     kept = (network.free, 1.0 / network.masses[network.free], x, v, force, *packed(network))
+    solid, drawn, half = network.continuum, network.positions[network.free].ravel(), network.n_state // 2
 
     def rate(state: Floats, outside: ArrayLike = 0.0) -> Floats:
         acting = np.ascontiguousarray(outside, dtype=float)
         if acting.shape != shape:
             acting = np.broadcast_to(acting, shape).copy()
+        if solid is not None:
+            pull = (state[..., :half] - drawn) @ solid.stiffness + state[..., half:] @ solid.dashpots
+            acting = acting - pull.reshape(shape)
         return np.asarray(state_rate(np.ascontiguousarray(state, dtype=float), acting, *kept))
 
     return rate

@@ -7,11 +7,13 @@ from dynamics.mesh.points import locate, locate_on_surface
 from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
 from dynamics.mesh.surface import Surface, surface
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
+from dynamics.mesh.tissue import Tissue
 
 __all__ = [
     "MeshError",
     "Surface",
     "TetMesh",
+    "Tissue",
     "lame",
     "locate",
     "locate_on_surface",

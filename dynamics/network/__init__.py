@@ -3,10 +3,12 @@
 What may enter: parts of tissue, no forces.
 """
 
+from dynamics.network.continuum import Continuum
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_positions, pack, spring_lengths, unpack
 from dynamics.network.material import material_coordinates
 
 __all__ = [
+    "Continuum",
     "MassSpringNetwork",
     "NetworkError",
     "all_positions",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dynamics.arrays import Floats, made_again
+from dynamics.network.continuum import Continuum
 
 NODE_CONSTANTS = {"drag": "0 or more", "friction": "0 or more"}
 """Fields that have one constant for each node, and what they must be."""
@@ -37,6 +38,7 @@ class MassSpringNetwork:
     rest_lengths: [m], shape (n_springs,), positive
     damping: dashpot along the spring [N s/m], shape (n_springs,)
     gravity: acceleration [m/s²], shape (dim,)
+    continuum: a solid that the free nodes are points of, with its own mass and at rest as drawn; none by default
 
     Raises NetworkError for anything that cannot be simulated.
     """
@@ -52,6 +54,7 @@ class MassSpringNetwork:
     rest_lengths: Floats
     damping: Floats
     gravity: Floats
+    continuum: Continuum | None = None
     free: NDArray[np.int64] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -75,6 +78,12 @@ class MassSpringNetwork:
         object.__setattr__(self, "free", np.flatnonzero(~self.fixed))
         self._check_nodes()
         self._check_springs()
+        if self.continuum is not None and len(self.continuum.shapes) != len(self.free) * dim:
+            raise NetworkError(
+                f"continuum: expected shapes of {len(self.free) * dim} coordinates, found {len(self.continuum.shapes)}"
+            )
+        if self.continuum is not None and n_springs:
+            raise NetworkError(f"continuum: expected no springs beside it, found {n_springs}")
         for key in ("fixed", "springs", "free"):
             getattr(self, key).setflags(write=False)
 
@@ -95,7 +104,7 @@ class MassSpringNetwork:
         for i, name in enumerate(self.names):
             if not self.fixed[i] and self.masses[i] <= 0:
                 raise NetworkError(f'node "{name}" mass: expected more than 0 kg, found {self.masses[i]:g}')
-            if not self.fixed[i] and i not in attached:
+            if not self.fixed[i] and i not in attached and self.continuum is None:
                 raise NetworkError(f'node "{name}": expected at least one spring, found none')
             self._check_constants(NODE_CONSTANTS, i, f'node "{name}"')
 

@@ -65,6 +65,23 @@ class Disturbances:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
         return max(1.0, self.bent * returning_m_s2 / self.poke_m_s2)
 
+    def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
+        """Correlation times of forces (n_f,) [s], by whether they are slow."""
+        return np.where(are_slow, self.slow_s, self.short_s)
+
+    def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
+        """Strengths of white, short, led and slow forces in each mode; raised: factor on all but white and calm."""
+        calm, poke, led = self.short_m_s2
+        return [
+            (self.white, short, max(short, raised * led), raised * slow)
+            for slow in self.slow_m_s2
+            for short in (calm, raised * poke, raised * led)
+        ]
+
+    def strongest(self, raised: float) -> dict[str, float]:
+        """Strengths by name in the mode of a poke and the strongest slow force [m/s²]."""
+        return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[-2], strict=True))
+
     @property
     def short_m_s2(self) -> tuple[float, float, float]:
         """Strengths of short forces: calm, poked, led [m/s²]."""

@@ -10,8 +10,17 @@ from scipy.linalg import expm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
-from estimators.core.innovations import Innovations, Outliers, are_same, each_alone, joined, named, together
-from estimators.core.kernels import without_outliers
+from estimators.core.innovations import (
+    Innovations,
+    Outliers,
+    are_same,
+    each_alone,
+    inverse_roots,
+    joined,
+    named,
+    together,
+)
+from estimators.core.kernels import has_outlier, without_outliers
 from estimators.core.moments import FilterState, Move, Prior, add_noise, mixed, mixed_each, moved, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
@@ -137,11 +146,13 @@ class HypothesisFilter:
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
-        live = np.flatnonzero(self.weights)
+        live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
+        own, matrix = np.ix_(seen, seen), rows[:, seen]
+        within = sum(weight * self.covs[k][own] for weight, k in zip(self.weights[live], live, strict=True))
         means = self.means[live] @ rows.T
-        seen = np.flatnonzero(rows.any(axis=0))
-        covs = rows[:, seen] @ self.covs[live[:, None, None], seen[:, None], seen] @ rows[:, seen].T
-        return mixed(self.weights[live], means, covs)
+        mean = self.weights[live] @ means
+        apart = means - mean
+        return mean, matrix @ within @ matrix.T + (apart.T * self.weights[live]) @ apart
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
@@ -203,25 +214,31 @@ class HypothesisFilter:
         y = value - predicted if points is None else value - predicted - of_each(H, self.means - points)
         seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
         HP = H[:, :, seen] @ self.covs[:, seen]
-        S = HP @ H.swapaxes(1, 2) + R
+        S = HP[:, :, seen] @ H[:, :, seen].swapaxes(1, 2) + R
         with np.errstate(divide="ignore"):  # what is left out remains so until the next prediction
             logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
+        root = inverse_roots(S)
+        white = of_each(root, y)
         if self._outliers is not None:
             names, blocks = named(observations)
             ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)
-            outlying, added = without_outliers(y, S, ends, densities, self._outliers.far_m2)
-            logs += added
-            if outlying.any():  # they say nothing of the state
+            outlying = np.zeros((len(y), len(blocks)), dtype=bool)
+            found = np.flatnonzero(has_outlier(root, white, ends, densities))
+            if len(found):
+                own = y[found], S[found]
+                outlying[found], added = without_outliers(*own, ends, densities, self._outliers.far_m2)
+                y[found], S[found] = own
+                logs[found] += added
+                root[found] = inverse_roots(S[found])
+                white[found] = of_each(root[found], y[found])
+                # they say nothing of the state
                 HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
-        factors = np.linalg.cholesky(S)
-        root = np.linalg.inv(factors)
-        white = of_each(root, y)
         nis = (white * white).sum(axis=1)
-        logs -= 0.5 * nis + np.log(factors.diagonal(0, 1, 2)).sum(axis=1)
-        found = Innovations(y, S, H, HP, root, white, nis, logs, outlying)
+        logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
+        result = Innovations(y, S, H, HP, root, white, nis, logs, outlying)
         if points is None:
-            self._latest = observations, found
-        return found
+            self._latest = observations, result
+        return result
 
     def update(self, observations: Sequence[Observation]) -> float:
         """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
@@ -229,23 +246,25 @@ class HypothesisFilter:
         if self.trace and self._before is not None:
             self.trace[-1] = self._traced(self._before)
         for left in reversed(range(LINEARISATIONS)):
-            gains = found.root @ found.HP
-            means = self.means + of_each(gains.swapaxes(1, 2), found.white)
+            logs = found.logs - 0.5 * len(found.y[0]) * np.log(2.0 * np.pi)
+            log_likelihood = float(np.logaddexp.reduce(logs))
+            weights, means = np.exp(logs - log_likelihood), self.means.copy()
+            if self._before is not None:
+                weights[weights < REBORN * self._before.born(weights)] = 0.0
+                weights /= weights.sum()
+            live = np.flatnonzero(weights) if len(found.H) == 1 else np.arange(len(weights))
+            gains = found.root[live] @ found.HP[live]
+            means[live] += of_each(gains.swapaxes(1, 2), found.white[live])
             if not left or self._is_linear(observations, found, means):
                 break
             found = self.innovations(observations, means)
         if self.level is not None:
             self._weigh_levels(self.level, observations, found)
-        logs = found.logs - 0.5 * len(found.y[0]) * np.log(2.0 * np.pi)
-        self.log_likelihood = float(np.logaddexp.reduce(logs))
-        weights = np.exp(logs - self.log_likelihood)
-        if self._before is not None:
-            weights[weights < REBORN * self._before.born(weights)] = 0.0
-            weights /= weights.sum()
-        own = self._considered
-        for k in np.flatnonzero(weights):
-            self.covs[k] -= gains[k].T @ gains[k]
-            self.covs[k][np.ix_(own, own)] += gains[k][:, own].T @ gains[k][:, own]
+        self.log_likelihood, own = log_likelihood, self._considered
+        for k, gain in zip(live, gains, strict=True):
+            if weights[k] > 0.0:
+                self.covs[k] -= gain.T @ gain
+                self.covs[k][np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
         means[:, own] = self.means[:, own]
         self.means, self.weights = means, weights
         self._before, self._latest, self.found = None, None, found
@@ -300,7 +319,7 @@ class HypothesisFilter:
 
     def _is_linear(self, observations: Sequence[Observation], found: Innovations, means: Floats) -> bool:
         """Whether the observations at the updated means are as their linearisation says."""
-        best = int(np.argmax(self.weights))
+        best = int(np.argmax(found.logs))
         value, R = together(observations)
         there = joined([one.linearize(means[best])[0] for one in observations])
         linear = value - found.y[best] + found.H[best % len(found.H)] @ (means[best] - self.means[best])

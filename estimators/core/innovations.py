@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
+from scipy.linalg.lapack import dtrtri
 
 from estimators.arrays import Floats
 from estimators.core.protocols import Observation
@@ -73,6 +74,14 @@ def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
 def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
     """Whether two sequences have the same objects."""
     return len(some) == len(others) and all(map(operator.is_, some, others))
+
+
+def inverse_roots(S: Floats) -> Floats:
+    """Inverses of the lower Cholesky factors of positive definite matrices (k, m, m)."""
+    roots = np.linalg.cholesky(S)
+    for root in roots:
+        root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is Fortran's: nothing is copied to get there
+    return roots
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:

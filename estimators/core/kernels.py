@@ -61,6 +61,35 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
 
 
 @njit(cache=True, nogil=True)
+def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
+    """Whether each hypothesis takes a block for an outlier, (k,); arguments as for `without_outliers`.
+
+    root (k, m, m), white (k, m): inverse of the lower Cholesky factor of S, and that times the innovation
+    """
+    found = np.zeros(len(root), dtype=np.bool_)
+    for k in range(len(root)):
+        first = 0
+        for block in range(len(ends)):
+            rows = slice(first, ends[block])
+            own = np.ascontiguousarray(root[k, first:, rows])
+            first = ends[block]
+            if not np.isfinite(logs[block]):
+                continue
+            weighted, information = own.T @ white[k, rows.start :], own.T @ own
+            if _gain(weighted, information, logs[block]) > 0.0:
+                found[k] = True
+                break
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _gain(weighted, information, log):  # type: ignore[no-untyped-def]
+    """How much more probable a block is as an outlier, in logarithms."""
+    misfit = weighted @ np.linalg.solve(information, weighted)
+    return log + 0.5 * (misfit - np.log(np.linalg.det(information)) + len(weighted) * np.log(2.0 * np.pi))
+
+
+@njit(cache=True, nogil=True)
 def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
     """Which blocks each hypothesis takes for outliers, (k, n_blocks), and what their log-densities add, (k,).
 
@@ -84,10 +113,7 @@ def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
                     continue
                 own = np.ascontiguousarray(weighted[rows])
                 information = np.ascontiguousarray(W[rows, rows])
-                misfit = own @ np.linalg.solve(information, own)
-                gain = logs[block] + 0.5 * (
-                    misfit - np.log(np.linalg.det(information)) + len(own) * np.log(2.0 * np.pi)
-                )
+                gain = _gain(own, information, logs[block])
                 if gain > most:
                     most, worst = gain, block
             if worst < 0:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, ParameterUncertainty
-from dynamics.elements import Span
-from dynamics.forces.parameters import ParameterForces
-from dynamics.integration.rosenbrock import Move
+from dynamics import ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.process.process_model import FixBias
 
@@ -62,12 +58,12 @@ class StaticStates:
         Those that no observation corrects.
     """
 
-    def __init__(self, statics: Statics, network: MassSpringNetwork, span: Span) -> None:
+    def __init__(self, statics: Statics, dim: int) -> None:
         self.parts: dict[str, slice] = {}
         sd: list[float] = []
         lasting: list[float] = []
         considered: list[bool] = []
-        for name, (n, own_sd, own_s) in statics.parts(network.dim).items():
+        for name, (n, own_sd, own_s) in statics.parts(dim).items():
             if n:
                 self.parts[name] = slice(len(sd), len(sd) + n)
             sd += [own_sd] * n
@@ -75,38 +71,7 @@ class StaticStates:
             considered += [name in ("constants", "calibration")] * n
         self.n, self.sd, self._lasting_s = len(sd), np.array(sd), np.array(lasting)
         self.considered: NDArray[np.bool_] = np.array(considered, dtype=bool)
-        uncertainty = statics.uncertainty
-        self._directions = None if uncertainty is None else uncertainty.directions
-        self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
-        self._span = span
 
     def fading(self, dt: float) -> Floats:
         """What is left of each after dt [s], (n,)."""
         return np.exp(-dt / self._lasting_s)
-
-    def moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """How each constant that is off by a standard deviation moves the end of these steps, (2 n_coordinates, n).
-
-        start: coordinates and velocities before them. Forces are held over halves of a step: the
-        trapezium rule.
-        """
-        moving, n = len(start), len(start) // 2
-        pushes = self._accelerations(np.stack([start, *(move.state[:moving] for move in moves)]))
-        columns = np.zeros((moving, pushes.shape[2]))
-        for move, before, after in zip(moves, pushes, pushes[1:], strict=False):
-            columns[n:] += 0.5 * move.step_s * before
-            columns = move.by_state[:, :moving] @ columns
-            columns[n:] += 0.5 * move.step_s * after
-        return columns
-
-    def _accelerations(self, states: Floats) -> Floats:
-        """By which each constant that is off by a standard deviation moves the body, (..., n_coordinates, n_constants).
-
-        states: coordinates and velocities, (..., 2 n_coordinates); result [m/s²]
-        """
-        V, masses = self._span.matrix, self._span.masses
-        if self._forces is None or self._directions is None:
-            return np.zeros((*states.shape[:-1], len(masses), 0))
-        nodes = np.concatenate([states[..., : len(masses)] @ V.T, states[..., len(masses) :] @ V.T], axis=-1)
-        forces = self._directions @ self._forces(nodes)
-        return np.asarray(forces @ V / masses).swapaxes(-1, -2)

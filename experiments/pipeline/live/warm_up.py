@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -34,13 +35,14 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Frames of marks at these positions [m], (n_marks, dim), a fix, and a frame without marks."""
+    """Frames of marks at these positions [m], (n_marks, dim), one with an outlier, one without marks, and a fix."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
-    for k, seen in enumerate([marks, marks, []]):
+    far = replace(marks[0], position=marks[0].position + np.ptp(scene.network.positions, axis=0))
+    for k, seen in enumerate([marks, marks, [far, *marks[1:]], []]):
         _tried(partial(line.take, k * INTERVAL_S, seen))
-    _tried(lambda: line.identity.fix(line.filter.predict_at(2.0 * INTERVAL_S).mean, plain))
+    _tried(lambda: line.identity.fix(line.filter.predict_at(3.0 * INTERVAL_S).mean, plain))
 
 
 def _rehearse_pictures(scene: Scene, places: Floats) -> None:

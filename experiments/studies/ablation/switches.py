@@ -97,7 +97,7 @@ LEVELS = (
 SWITCHES: Mapping[str, Switch] = {
     WHOLE: Switch(""),
     "slow forces": Switch(
-        "tissue.TissueProcess._may_be_pushed tissue._shared 22", disturbances={"slow_m_s2": FORCES.slow_m_s2[:1]}
+        "motion.network.NetworkMotion._may_be_pushed 22", disturbances={"slow_m_s2": FORCES.slow_m_s2[:1]}
     ),
     "pokes": Switch(
         "8",
@@ -108,7 +108,7 @@ SWITCHES: Mapping[str, Switch] = {
     ),
     "led mode": Switch("14", disturbances={"led_m_s2": FORCES.poke_m_s2}),
     "strengths raised for stiff bodies": Switch(
-        "disturbances.Disturbances.raised tissue._slowest 5", disturbances={"bent": 0.0}
+        "disturbances.Disturbances.raised motion.network._slowest 5", disturbances={"bent": 0.0}
     ),
     "discrepancy": Switch(f"{LEVELS} discrepancy.Discrepancy 28", discrepancy={"levels": (0.0,)}),
     "smooth discrepancy": Switch(
@@ -121,14 +121,17 @@ SWITCHES: Mapping[str, Switch] = {
     ),
     "short discrepancy": Switch("4", discrepancy={"short": 0.0}),
     "levels chosen by marks": Switch(f"{LEVELS} 14", discrepancy={"levels": FIELD.levels[1:2]}),
-    "outliers": Switch("innovations.Outliers kernels.without_outliers 24", settings={"outlier_odds": 1e-300}),
+    "outliers": Switch(
+        "innovations.Outliers kernels.without_outliers kernels.has_outlier 24", settings={"outlier_odds": 1e-300}
+    ),
     "second linearisation": Switch(
         "filter.HypothesisFilter._fitted tissue.TissueProcess.moved 20", patches={"tissue.TOLERANCE": np.inf}
     ),
     "linearisation error as noise": Switch("6", patches={"filter.HypothesisFilter._move": _without_error}),
     "start under forces": Switch("tissue.TissueProcess._prior_of_motion 6", patches={"tissue.DISPLACED": 0.0}),
     "considered constants": Switch(
-        "statics.StaticStates.moved_by_constants statics.StaticStates._accelerations 20", knows_constants=False
+        "motion.network.NetworkMotion._moved_by_constants motion.network.NetworkMotion._accelerations 20",
+        knows_constants=False,
     ),
 }
 """Mechanisms by name; the first is the whole filter."""

@@ -7,7 +7,8 @@ from dynamics import ParameterUncertainty, parameters, scale_parameters
 from dynamics.elements import Assembly
 from dynamics.integration.rosenbrock import Rosenbrock
 from estimators import MarkMeasurement, TissueFilter
-from estimators.core import tissue as model
+from estimators.core.motion import NetworkMotion
+from estimators.core.motion import network as model
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from tests.networks import slab
@@ -57,7 +58,7 @@ def test_columns_of_constants_are_derivatives_of_the_motion_by_them(body, monkey
     known = ParameterUncertainty(which, np.full((1, len(which)), 1e-3))
     process = in_few(body, statics=Statics(known))
     state, moving = swung(process), process.parts["velocity"].stop
-    monkeypatch.setattr(TissueProcess, "_span", lambda *_given: process.span)
+    monkeypatch.setattr(NetworkMotion, "_span", lambda *_given: process.span)
     changed = [TissueProcess(scale_parameters(body, which, sign * known.directions[0]), MARKED) for sign in (1.0, -1.0)]
     ends = [one.moved(state[:-1], HZ)[:moving] for one in changed]
     truth, found = 0.5 * (ends[0] - ends[1]), process.linearize(state, HZ).matrix[:moving, -1]

@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, node_forces
 from estimators import FilterSettings, MarkMeasurement, TissueFilter
-from estimators.core.sigma_points import by_sigma_points
+from estimators.core.motion import by_sigma_points
 from estimators.core.tissue import TissueProcess
 from tests.estimators.conftest import followed
 
@@ -37,7 +37,7 @@ def test_they_are_those_of_filterpys_unscented_filter(process: TissueProcess) ->
     m = process.parts["velocity"].stop
 
     def moved(state: np.ndarray, _dt: float) -> np.ndarray:
-        return process.moved_each(np.r_[state, mean[m:]][None], DT)[0]
+        return process.motion.moved_each(np.r_[state, mean[m:]][None], DT)[0]
 
     stock = UnscentedKalmanFilter(m, 1, DT, lambda state: state[:1], moved, JulierSigmaPoints(m, kappa=0.0))
     stock.x, stock.P, stock.Q = mean[:m].copy(), cov[:m, :m].copy(), np.zeros((m, m))
@@ -46,7 +46,7 @@ def test_they_are_those_of_filterpys_unscented_filter(process: TissueProcess) ->
     own = found.matrix[:m, :m]
     assert found.spread is not None
     tangent = process.linearize(mean, DT)
-    further = stock.x - process.moved_each(mean[None], DT)[0]
+    further = stock.x - process.motion.moved_each(mean[None], DT)[0]
     np.testing.assert_allclose((found.mean - tangent.mean)[:m], further, atol=1e-12)
     np.testing.assert_allclose(own @ cov[:m, :m] @ own.T + found.spread, stock.P, rtol=1e-6, atol=1e-9)
     assert np.abs(further).max() > 1e-3  # it bends
@@ -57,9 +57,9 @@ def test_moments_of_many_draws_are_nearer_than_a_tangents(process: TissueProcess
     m = process.parts["velocity"].stop
     draws = np.tile(mean, (20_000, 1))
     draws[:, :m] = np.random.default_rng(5).multivariate_normal(mean[:m], cov[:m, :m], len(draws))
-    ends = process.moved_each(draws, DT)
+    ends = process.motion.moved_each(draws, DT)
     found, tangent = process.linearize(mean, DT, cov), process.linearize(mean, DT)
-    further = ends.mean(axis=0) - process.moved_each(mean[None], DT)[0]
+    further = ends.mean(axis=0) - process.motion.moved_each(mean[None], DT)[0]
     off, of_tangent = (np.linalg.norm((one.mean - tangent.mean)[:m] - further) for one in (found, tangent))
     assert off < 0.5 * of_tangent
 
@@ -94,7 +94,7 @@ def test_points_move_by_the_equations_of_motion(process: TissueProcess) -> None:
         return np.r_[y[n:], forces / np.repeat(network.masses[network.free], 2) + pushes]
 
     exact = solve_ivp(rate, (0.0, DT), state[: 2 * n], rtol=1e-9, atol=1e-12).y[:, -1]
-    np.testing.assert_allclose(process.moved_each(state[None], DT)[0, :n], exact[:n], atol=1e-4)
+    np.testing.assert_allclose(process.motion.moved_each(state[None], DT)[0, :n], exact[:n], atol=1e-4)
 
 
 def test_a_filter_is_as_its_settings_say() -> None:

@@ -1,0 +1,285 @@
+"""A mesh of tissues as a network of points: responses to smooth surface forces as modes, and stiffness between points.
+
+A point of a continuum has no stiffness of its own: the finer the mesh, the more a force at a point dimples it. Unknown
+forces are therefore smooth fields over the free surface, and the body moves in its responses to them, in those to
+gravity's turn, and in affine motions. Source of the projection on responses: [benner2015].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse import csc_array, csr_array, diags_array
+from scipy.sparse.linalg import SuperLU, splu
+from scipy.spatial.distance import cdist
+
+from dynamics.arrays import Floats
+from dynamics.mesh import (
+    MeshError,
+    Surface,
+    TetMesh,
+    Tissue,
+    lame,
+    locate,
+    locate_on_surface,
+    lumped_masses,
+    patches,
+    rest_stiffness,
+    surface,
+)
+from dynamics.network import Continuum, MassSpringNetwork
+
+NEARLY_INCOMPRESSIBLE = 0.46
+"""Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
+tetrahedra bend well enough, and the factor is three times smaller."""
+
+SMOOTH = (0.1, 0.25)
+"""Lengths over which short and slow surface forces are smooth, by the extent [1]; choice."""
+
+FIELDS = (60, 20)
+"""Functions of short and of slow forces at most, by each axis; numerical."""
+
+SAMPLES = 500
+"""Surface nodes at which the functions are chosen, at most; numerical."""
+
+LEFT_OUT = 1e-5
+"""Share of the mean square displacement under surface forces that the modes may leave out [1]; numerical."""
+
+FREE = 0.2
+"""Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
+numerical."""
+
+ON_SURFACE = 1e-3
+"""Distance from the surface below which a point lies on it, by the extent [1]; numerical."""
+
+WALL = 12
+"""Nodes of the network that show where the body is held, at most."""
+
+
+class Points(NamedTuple):
+    """Points of a mesh: their places [m], (k, 3), and weights of all nodes there, (k, n_nodes)."""
+
+    places: Floats
+    weights: csr_array
+
+
+def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
+    """Points inside a mesh, or next to its surface: bound to the nearest place there. MeshError for one far outside."""
+    faces, on, away = locate_on_surface(mesh, outside.faces, places)
+    near = away <= ON_SURFACE * _extent(mesh.nodes)
+    inner = np.flatnonzero(~near)
+    elements, within = locate(mesh, places[inner])
+    rows = [np.repeat(np.flatnonzero(near), 3), np.repeat(inner, 4)]
+    columns = [outside.faces[faces[near]].ravel(), mesh.elements[elements].ravel()]
+    entries = np.concatenate([on[near].ravel(), within.ravel()]), (np.concatenate(rows), np.concatenate(columns))
+    weights = csr_array(entries, shape=(len(places), len(mesh.nodes)))
+    return Points(np.asarray(weights @ mesh.nodes), weights)
+
+
+def continuum_network(
+    mesh: TetMesh,
+    tissues: Sequence[Tissue],
+    fixed: NDArray[np.int64],
+    points: Mapping[str, Floats],
+) -> MassSpringNetwork:
+    """The network of named points of a mesh, with its continuum.
+
+    Parameters
+    ----------
+    mesh : TetMesh
+        At rest as drawn, under whatever gravity.
+    tissues : sequence of Tissue
+        By the number of their region.
+    fixed : (n_fixed,) int
+        Nodes of the mesh that are held; none of a body that nothing holds.
+    points : mapping of str to (3,)
+        Places [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further nodes,
+        `wall 1` and so on, show where the body is held.
+
+    Returns
+    -------
+    MassSpringNetwork
+
+    Raises
+    ------
+    MeshError
+        A region without a tissue, no free node, a point outside.
+    """
+    if mesh.regions.min() < 0 or mesh.regions.max() >= len(tissues):
+        found = f"{mesh.regions.min()} to {mesh.regions.max()}"
+        raise MeshError(f"regions: expected 0 to {len(tissues) - 1}, found {found}")
+    free = np.setdiff1d(np.arange(len(mesh.nodes)), fixed)
+    if not len(free):
+        raise MeshError("fixed: expected free nodes beside those that are held, found none")
+    outside = surface(mesh)
+    named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
+    solid = _continuum(mesh, tissues, free, outside, named)
+    wall = np.asarray(fixed)[_far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
+    k, n = len(points), len(points) + len(wall)
+    return MassSpringNetwork(
+        names=(*points, *(f"wall {i}" for i in range(1, len(wall) + 1))),
+        positions=np.concatenate([named.places, mesh.nodes[wall]]),
+        masses=np.full(n, solid.mass / k),
+        fixed=np.arange(n) >= k,
+        drag=np.zeros(n),
+        friction=np.zeros(n),
+        springs=np.empty((0, 2), dtype=np.int64),
+        stiffness=np.empty(0),
+        rest_lengths=np.empty(0),
+        damping=np.empty(0),
+        gravity=np.zeros(3),
+        continuum=solid,
+    )
+
+
+def _continuum(
+    mesh: TetMesh, tissues: Sequence[Tissue], free: NDArray[np.int64], outside: Surface, named: Points
+) -> Continuum:
+    young, poisson, density, damping_s = (
+        np.array([getattr(tissue, key) for tissue in tissues])[mesh.regions]
+        for key in ("young_pa", "poisson", "density_kg_m3", "damping_s")
+    )
+    patch = patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
+    masses, extent_m = lumped_masses(mesh, density)[free], _extent(mesh.nodes)
+    K = rest_stiffness(mesh, young, poisson, free, patch)
+    factor = _factor(K + FREE**2 * diags_array(np.repeat(masses, 3)))
+    place = np.full(len(mesh.nodes), -1)
+    place[free] = np.arange(len(free))
+    areas = np.zeros(len(free))
+    moves = place[outside.nodes] >= 0
+    areas[place[outside.nodes[moves]]] = outside.areas[moves]
+    pushed, nodes = np.flatnonzero(areas), mesh.nodes[free]
+    fields = [np.zeros((len(free), 1 + count)) for count in FIELDS]
+    for own, length, count in zip(fields, SMOOTH, FIELDS, strict=True):
+        own[pushed, 1:] = _smooth(nodes[pushed], length * extent_m, count) * (masses.sum() / areas.sum())
+        own[:, 1:] *= areas[:, None]
+        own[:, 0] = masses  # all of it, as gravity's turn
+    forces = [np.kron(own, np.eye(3)) for own in fields]
+    moved = factor.solve(forces[0])  # long fields are sums of short ones
+    V, rates = _modes(nodes, masses, K, moved)
+    total = float(masses.sum())
+    by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
+    by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
+    weights = csr_array(named.weights[:, free])
+    rows = _by_axis(weights)
+    at_points = factor.solve(np.asarray(rows.T.todense()))
+    compliance = np.asarray(rows @ at_points)
+    stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
+    onto = V.T * np.repeat(masses, 3) / total
+    left = np.asarray(rows @ (moved - V @ (onto @ moved)))
+    return Continuum(
+        tissues=tuple(tissue.name for tissue in tissues),
+        mass=total,
+        extent_m=extent_m,
+        shapes=np.asarray(rows @ V),
+        rates=rates,
+        damping=by_damping.diagonal().copy(),
+        by_tissue=by_tissue,
+        short=V.T @ forces[0][:, 3:] / total,
+        slow=V.T @ forces[1] / total,
+        stiffness=0.5 * (stiffness + stiffness.T),
+        dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),
+        left_out_m=np.sqrt((left**2).sum(axis=1).reshape(-1, 3).mean(axis=1)),
+    )
+
+
+def _factor(K: csc_array) -> SuperLU:
+    """The factors of a symmetric positive definite matrix."""
+    options = {"SymmetricMode": True}
+    return splu(csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+
+
+def _extent(nodes: Floats) -> float:
+    return float(np.linalg.norm(np.ptp(nodes, axis=0)))
+
+
+def _by_axis(weights: csr_array) -> csr_array:
+    """Weights of nodes (k, n) as those of their coordinates, (3 k, 3 n)."""
+    entries = weights.tocoo()
+    rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
+    shape = (3 * weights.shape[0], 3 * weights.shape[1])
+    return csr_array((np.repeat(entries.data, 3), (rows.ravel(), columns.ravel())), shape=shape)
+
+
+def _far_apart(places: Floats, count: int) -> NDArray[np.int64]:
+    """Points far from each other, (at most count,), the first one first."""
+    chosen, away = [0], np.linalg.norm(places - places[0], axis=1)
+    while len(chosen) < min(count, len(places)):
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _smooth(places: Floats, length: float, count: int) -> Floats:
+    """Functions (n, count) at places (n, 3), of which independent standard normal multiples make a smooth field.
+
+    The field is Matern's 3/2 of variance 1; its functions are Nystroem's, from a part of the places.
+    """
+
+    def matern(apart: Floats) -> Floats:
+        scaled = np.sqrt(3.0) / length * apart
+        return np.asarray((1.0 + scaled) * np.exp(-scaled))
+
+    some = places[:: max(1, len(places) // SAMPLES)]
+    least = max(0, len(some) - count)
+    values, vectors = eigh(matern(cdist(some, some)), subset_by_index=(least, len(some) - 1))
+    values, vectors = values[::-1], vectors[:, ::-1]
+    kept = values > 1e-6 * values[0]
+    columns = matern(cdist(places, some)) @ (vectors[:, kept] / np.sqrt(values[kept]))
+    found = np.zeros((len(places), count))
+    found[:, : columns.shape[1]] = columns
+    return found
+
+
+def _modes(nodes: Floats, masses: Floats, K: csc_array, responses: Floats) -> tuple[Floats, Floats]:
+    """Modes (3 n, r) of the responses and of affine motions, and the squares of their angular frequencies [1/s²]."""
+    root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
+    moved = root * responses
+    values, turned = np.linalg.eigh(moved.T @ moved)
+    kept = np.cumsum(values) > LEFT_OUT * values.sum()
+    own = moved @ (turned[:, kept] / np.sqrt(values[kept]))
+    affine = root * np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
+    basis = np.linalg.qr(np.hstack([own, affine]))[0] / root
+    reduced = basis.T @ (K @ basis)
+    rates, vectors = eigh(0.5 * (reduced + reduced.T))
+    return basis @ vectors, np.maximum(rates, 0.0) / masses.sum()
+
+
+def _by_tissue(
+    mesh: TetMesh,
+    free: NDArray[np.int64],
+    patch: NDArray[np.int64],
+    young: Floats,
+    poisson: Floats,
+    modes: Floats,
+    n_tissues: int,
+) -> Floats:
+    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r), by the strain of every element."""
+    r = modes.shape[1]
+    everywhere = np.zeros((len(mesh.nodes), 3, r))
+    everywhere[free] = modes.reshape(len(free), 3, r)
+    lam, mu = lame(young, poisson)
+    found = np.zeros((n_tissues, r, r))
+    for t in range(n_tissues):
+        own = np.flatnonzero(mesh.regions == t)
+        if not len(own):
+            continue
+        of = np.unique(patch[own], return_inverse=True)[1]
+        volumes, whole = mesh.volumes[own], np.bincount(of, mesh.volumes[own])
+        dilatation = np.zeros((len(whole), r))
+        for some in np.array_split(np.arange(len(own)), max(1, len(own) // 8192)):
+            each = own[some]
+            grad = np.einsum("eai,eajr->eijr", mesh.gradients[each], everywhere[mesh.elements[each]], optimize=True)
+            strain = 0.5 * (grad + grad.swapaxes(1, 2))
+            weighed = np.sqrt(2.0 * mu[each] * volumes[some])[:, None, None, None] * strain
+            flat = weighed.reshape(-1, r)
+            found[t] += flat.T @ flat
+            share = (volumes[some] / whole[of[some]])[:, None] * np.einsum("eiir->er", grad)
+            np.add.at(dilatation, of[some], share)
+        bulk = np.sqrt(np.bincount(of, lam[own] * volumes))[:, None] * dilatation
+        found[t] += bulk.T @ bulk
+    return found

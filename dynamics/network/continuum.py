@@ -1,0 +1,117 @@
+"""A solid between the nodes of a network: elements reduced to few coordinates, linear about the drawn shape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from dynamics.arrays import Floats, made_again
+
+LOOSE = 1e-6
+"""Rate of a mode, by the largest, below which nothing resists it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Continuum:
+    """A solid that rests as drawn, as its named points show it: in modal coordinates, and condensed to the points.
+
+    A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
+    the whole body. Unit forces are fields of standard deviation 1 m/s², as if they accelerated the whole mass.
+
+    Attributes
+    ----------
+    tissues : tuple of str
+        Names of the n_tissues tissues.
+    mass : float
+        Of the whole body [kg].
+    extent_m : float
+        Diagonal of the box around it [m].
+    shapes : (n_free dim, n_modes)
+        Displacement of the free nodes of the network by modal coordinate [1].
+    rates : (n_modes,)
+        Squares of the angular frequencies [1/s²].
+    damping : (n_modes,)
+        Damping by mass [1/s].
+    by_tissue : (n_tissues, n_modes, n_modes)
+        Stiffness of each tissue by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
+    short, slow : (n_modes, any)
+        Accelerations of the modal coordinates by unit surface forces, smooth over a short and a long length [1].
+    stiffness, dashpots : (n_free dim, n_free dim)
+        Condensed to the free nodes [N/m], [N s/m].
+    left_out_m : (n_free,)
+        Root mean square displacement of each free node, under unit surface forces, that the modes do not represent [m].
+    """
+
+    tissues: tuple[str, ...]
+    mass: float
+    extent_m: float
+    shapes: Floats
+    rates: Floats
+    damping: Floats
+    by_tissue: Floats
+    short: Floats
+    slow: Floats
+    stiffness: Floats
+    dashpots: Floats
+    left_out_m: Floats
+
+    def __post_init__(self) -> None:
+        n, n_modes = self.shapes.shape
+        shapes = {
+            "rates": (n_modes,),
+            "damping": (n_modes,),
+            "by_tissue": (len(self.tissues), n_modes, n_modes),
+            "short": (n_modes, self.short.shape[-1]),
+            "slow": (n_modes, self.slow.shape[-1]),
+            "stiffness": (n, n),
+            "dashpots": (n, n),
+        }
+        for key, shape in shapes.items():
+            if getattr(self, key).shape != shape:
+                raise ValueError(f"continuum {key}: expected shape {shape}, found {getattr(self, key).shape}")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                own = np.array(value, dtype=float)
+                own.setflags(write=False)
+                object.__setattr__(self, field.name, own)
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return made_again(self)
+
+    def scaled(self, factors: Floats) -> Continuum:
+        """The continuum with each tissue as many times as stiff, (n_tissues,): in the same shapes, with other modes."""
+        own = factors[:, None, None] * self.by_tissue
+        rates, turn = np.linalg.eigh(own.sum(axis=0))
+        # Compliance of the points: what the modes show of its change
+        before = np.linalg.inv(self.stiffness)
+        by_rate = [
+            np.where(w > LOOSE * w.max(), 1.0 / np.maximum(w, LOOSE * w.max()), 0.0) for w in (rates, self.rates)
+        ]
+        shapes = self.shapes @ turn
+        after = before + ((shapes * by_rate[0]) @ shapes.T - (self.shapes * by_rate[1]) @ self.shapes.T) / self.mass
+        after = 0.5 * (after + after.T)
+        stiffness = np.linalg.inv(after)
+        return replace(
+            self,
+            shapes=shapes,
+            rates=np.maximum(rates, 0.0),
+            damping=np.einsum("ir,ij,jr->r", turn, np.diag(self.damping), turn),
+            by_tissue=turn.T @ own @ turn,
+            short=turn.T @ self.short,
+            slow=turn.T @ self.slow,
+            stiffness=0.5 * (stiffness + stiffness.T),
+        )
+
+    def by_log_stiffness(self, shift: Floats) -> Floats:
+        """Derivative of the force on the points by the log of each tissue's stiffness [N], (n_tissues, n_free dim).
+
+        shift: of the points from where they are drawn [m], (n_free dim,)
+        """
+        rates = np.maximum(self.rates, LOOSE * self.rates.max())
+        modal = self.shapes.T @ (self.stiffness @ shift) / (rates * self.mass)
+        moved = (self.by_tissue @ modal) / rates
+        return np.asarray(-(moved @ self.shapes.T) @ self.stiffness)

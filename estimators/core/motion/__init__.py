@@ -1,0 +1,11 @@
+"""How a body moves under unknown forces, linearised over a frame: a network of springs, or a continuum.
+
+What may enter: another way in which a body moves.
+"""
+
+from estimators.core.motion.continuum import ContinuumMotion
+from estimators.core.motion.model import SOURCES, Along, Motion
+from estimators.core.motion.network import NetworkMotion
+from estimators.core.motion.sigma_points import by_sigma_points
+
+__all__ = ["SOURCES", "Along", "ContinuumMotion", "Motion", "NetworkMotion", "by_sigma_points"]

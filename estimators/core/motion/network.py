@@ -1,0 +1,202 @@
+"""The motion of a network of springs and of other elements, in all coordinates or in those of few shapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from dynamics import MassSpringNetwork, ParameterUncertainty
+from dynamics.elements import (
+    Assembly,
+    ForceElement,
+    ReducedAssembly,
+    Resistance,
+    Span,
+    Springs,
+    Weight,
+    smooth_shapes,
+)
+from dynamics.forces.parameters import ParameterForces
+from dynamics.integration.rosenbrock import Move, Rosenbrock
+from dynamics.integration.stepping import Stepper
+from estimators.arrays import Floats
+from estimators.core.discrepancy import factor, matern
+from estimators.core.disturbances import Disturbances
+from estimators.core.kernels import along_steps
+from estimators.core.motion.model import SOURCES, Along
+
+LONGEST_S = 1.0 / 60.0
+"""Longest step [s]; numerical."""
+
+STEP_TOLERANCE = 1e-4
+"""Error of a step, by the body's extent [1]; numerical."""
+
+FLAT = 1e-3
+"""A body of less extent in a direction, by its largest, is thin there [1]; choice."""
+
+RANK = 20
+"""Functions of a slow force at most, by each axis; numerical."""
+
+GROWING = (0.5, 5.0, 30.0)
+"""Rates of growth of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
+
+LEFT_OUT = 1e-3
+"""Displacement of a shape that is left out, by the extent, at most [1]; numerical."""
+
+WEAK = 1e-2
+"""Size of a force that is left out of those of its source, by the largest [1]; numerical."""
+
+LARGE, FEWER = 30, 0.75
+"""A body of more nodes than this is reduced if it has fewer shapes than nodes, by this factor [1]; choice."""
+
+
+class NetworkMotion:
+    """How a network moves, see `Motion`; parameters as `TissueProcess` has them."""
+
+    def __init__(
+        self,
+        network: MassSpringNetwork,
+        marked: Sequence[str],
+        disturbances: Disturbances,
+        *,
+        led: Sequence[str] = (),
+        uncertainty: ParameterUncertainty | None = None,
+        elements: Sequence[ForceElement] = (),
+        sigma_points: bool = False,
+    ) -> None:
+        self._network, self._uncertainty, self.is_linear = network, uncertainty, False
+        free, dim = network.free, network.dim
+        places = network.positions[free]
+        self.extent_m = float(np.linalg.norm(np.ptp(network.positions, axis=0)))
+        acting: list[ForceElement] = [Springs.of_network(network), Resistance.of_network(network), *elements]
+        if network.fixed.any():
+            acting.append(Weight.of_network(network))
+        assembly = Assembly(network.positions, free, acting)
+        masses = np.repeat(network.masses[free], dim)
+        self.raised = disturbances.raised(self.extent_m * _slowest(assembly, masses, places.ravel()))
+        apart = np.linalg.norm(places[:, None] - places, axis=2)
+        nodes = np.array([int(np.flatnonzero(free == network.index(name))[0]) for name in marked])
+        is_led, each = np.array([name in led for name in marked]), np.eye(len(free))
+        may_be_pushed = self._may_be_pushed(nodes).astype(float)
+        smooth = np.outer(may_be_pushed, may_be_pushed) * matern(apart, disturbances.smooth * self.extent_m)
+        pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": factor(smooth, RANK)}
+        self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes, disturbances)
+        is_whole = self.span.matrix.shape[1] == assembly.n
+        moving = assembly if is_whole else ReducedAssembly(assembly, self.span)
+        basis, self.driving = self._forces(pushes)
+        self.fading_s = disturbances.fading_s(self.driving == SOURCES.index("slow"))
+        self._stepper = Rosenbrock(moving, self.span.masses, basis, self.fading_s, STEP_TOLERANCE * self.extent_m)
+        self._explicit = Stepper(network) if sigma_points else None
+        self._basis = basis * self.span.masses[:, None]
+        self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
+
+    def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
+        """All coordinates, or those of few shapes; pushes: accelerations of the nodes by source, (n_free, any)."""
+        free, dim, usual = self._network.free, self._network.dim, Disturbances()
+        masses = self._network.masses[free]
+        if len(free) <= LARGE:
+            return Span.whole(np.repeat(masses, dim))
+        # At least the usual strengths: a needle's known force bends the body more than a weak prior expects
+        least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}
+        own = disturbances.strongest(self.raised)
+        sd = {name: max(own[name], self.raised * least[name]) for name in pushes}
+        forces = np.hstack([sd[name] * masses[:, None] * push for name, push in pushes.items()])
+        places, each = self._network.positions[free], np.eye(dim)
+        shapes = smooth_shapes(assembly, places, masses, np.kron(forces, each), GROWING, LEFT_OUT * self.extent_m)
+        if shapes.shape[1] > FEWER * len(free):
+            return Span.whole(np.repeat(masses, dim))
+        return Span.of_shapes(shapes, masses, dim)
+
+    def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
+        """Accelerations of the coordinates (n, n_f) by the states of forces, and the source of each, (n_f,)."""
+        dim, columns, sources = self._network.dim, [], []
+        for name, push in pushes.items():
+            columns.append(principal(self.span.onto[::dim, ::dim] @ push))
+            sources += [SOURCES.index(name)] * columns[-1].shape[1]
+        return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
+
+    def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Free nodes on which slow forces act: all of a cable or cloth in space, else the marked ones."""
+        network = self._network
+        extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
+        is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
+        pushed = np.full(len(network.free), is_thin)
+        pushed[marked] = True
+        return pushed
+
+    def moved(self, state: Floats, dt: float) -> Floats:
+        """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""
+        return self._stepper.moves(state, dt, LONGEST_S, derivatives=False)[-1].state
+
+    def along(self, state: Floats, dt: float) -> Along:
+        """The motion from a state (2 n + n_f,) over dt [s], linearised step by step along it."""
+        moves = self._stepper.moves(state, dt, LONGEST_S)
+        motion, fading, noises = along_steps(
+            np.array([move.by_state for move in moves]),
+            np.array([move.fading for move in moves]),
+            np.array([move.step_s for move in moves]),
+            self.driving - 1,
+            len(SOURCES) - 3,
+            self.span.white,
+        )
+        by_constants = self._moved_by_constants(state[: len(motion)], moves)
+        return Along(moves[-1].state, motion, fading, noises, by_constants)
+
+    def moved_each(self, states: Floats, dt: float) -> Floats:
+        """Coordinates and velocities of states (k, 2 n + n_f or more) after dt [s], (k, 2 n), by explicit steps.
+
+        Forces act by their mean over dt.
+        """
+        assert self._explicit is not None  # sigma points are passed through it alone
+        moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
+        mean = -np.expm1(-dt * rates) / (dt * rates)
+        forces = states[:, moving : moving + len(rates)] * mean
+        return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
+
+    def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
+        """How each constant that is off by a standard deviation moves the end of these steps, (2 n, n_constants).
+
+        start: coordinates and velocities before them. Forces are held over halves of a step: the trapezium rule.
+        """
+        moving, n = len(start), len(start) // 2
+        if self._by_constants is None:
+            return np.zeros((moving, 0))
+        pushes = self._accelerations(np.stack([start, *(move.state[:moving] for move in moves)]))
+        columns = np.zeros((moving, pushes.shape[2]))
+        for move, before, after in zip(moves, pushes, pushes[1:], strict=False):
+            columns[n:] += 0.5 * move.step_s * before
+            columns = move.by_state[:, :moving] @ columns
+            columns[n:] += 0.5 * move.step_s * after
+        return columns
+
+    def _accelerations(self, states: Floats) -> Floats:
+        """By which each constant that is off by a standard deviation moves the body [m/s²], (..., n, n_constants).
+
+        states: coordinates and velocities, (..., 2 n)
+        """
+        assert self._by_constants is not None  # else there are no constants
+        assert self._uncertainty is not None
+        V, masses = self.span.matrix, self.span.masses
+        nodes = np.concatenate([states[..., : len(masses)] @ V.T, states[..., len(masses) :] @ V.T], axis=-1)
+        forces = self._uncertainty.directions @ self._by_constants(nodes)
+        return np.asarray(forces @ V / masses).swapaxes(-1, -2)
+
+
+def principal(columns: Floats) -> Floats:
+    """Columns (n, any) of independent coefficients of one variance, in as few that have the same effect.
+
+    Columns that all count remain as they are.
+    """
+    vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    kept = sizes > WEAK * sizes.max(initial=0.0)
+    return columns if kept.sum() == columns.shape[1] else np.asarray(vectors[:, kept] * sizes[kept])
+
+
+def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
+    """Square of the slowest angular frequency that is no free motion of the body [1/s²]."""
+    K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
+    values = eigh(K, np.diag(masses), eigvals_only=True)
+    return float(values[values > 1e-6 * values[-1]][0])
