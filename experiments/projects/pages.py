@@ -46,7 +46,23 @@ KEYS = {
 }
 """Comment after the first occurrence of a key of scene.toml."""
 
+MESH_KEYS = {
+    "file": "tetrahedra at rest, by softaim new",
+    "sha256": "of that file",
+    "fixed": 'the nodes that are held, "y < 6" in mm, "region 3" or "wall"; left out: none',
+    "region": "number of the tissue in the file",
+    "young_kpa": "Young's modulus: softaim identify finds a factor for each tissue",
+    "poisson": "Poisson's ratio, up to 0.495",
+    "density_kg_m3": "mass by volume",
+    "damping_s": "damping by stiffness",
+    "position_mm": "of a mark on the surface, or of the target inside, at rest",
+}
+"""The same in a scene of a mesh."""
+
 TABLES = {
+    "[mesh]": "The tissue: a mesh of tetrahedra.",
+    "[[mesh.tissue]]": "Its tissues; docs/meshes.md has their constants with sources.",
+    "[[mesh.point]]": "Its points, as nodes of marks and target.",
     "[network]": "The tissue: point masses, and springs with dashpots between them.",
     "[[mark]]": "Coloured spots, at most one on each node.",
     "[target]": "The hidden target point of the needle.",
@@ -59,7 +75,7 @@ TABLES = {
 
 def commented(lines: list[str]) -> list[str]:
     """Lines of a scene file, with the meaning of each key at its first occurrence."""
-    tables, keys = dict(TABLES), dict(KEYS)
+    tables, keys = dict(TABLES), KEYS | (MESH_KEYS if "[mesh]" in lines else {})
     found = []
     for line in lines:
         if line in tables:
