@@ -9,7 +9,7 @@ from __future__ import annotations
 from dynamics.mesh.tissue import Tissue
 
 POISSON = 0.49
-"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. With 0.495 the bulk is twice as stiff."""
+"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. At 0.495 the bulk is twice as stiff."""
 
 DAMPING_S = 0.01
 """Damping by stiffness [s]; choice, as of the phantoms: no source has it below 1 Hz. Identification finds it."""

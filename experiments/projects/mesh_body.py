@@ -116,13 +116,15 @@ def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.i
         labelled = [values for values in body.faces.fields.values() if label.strip() in {f"{v:g}" for v in values}]
         if not labelled:
             found = sorted({f"{v:g}" for values in body.faces.fields.values() for v in values if np.isfinite(v)})
-            raise InputError.at(place, "a label of faces in the file", f"{shown(label)}; it has {', '.join(found) or 'none'}")
+            raise InputError.at(
+                place, "a label of faces in the file", f"{shown(label)}; it has {', '.join(found) or 'none'}"
+            )
         nodes, fixed = np.unique(body.faces.nodes[labelled[0] == float(label)]), WALL
     try:
-        if choice.fixed is None or fixed == WALL and what != "faces":
+        if choice.fixed is None or (fixed == WALL and what != "faces"):
             low, high = (1e3 * edge for edge in (of.mesh.nodes.min(axis=0), of.mesh.nodes.max(axis=0)))
             axes = ", ".join(f"{axis} is {a:.4g} to {b:.4g} mm" for axis, a, b in zip("xyz", low, high, strict=True))
-            raise InputError.at(place, f'where the body is held, {FORMS.replace("wall", "faces 2")}', f"none; {axes}")
+            raise InputError.at(place, f"where the body is held, {FORMS.replace('wall', 'faces 2')}", f"none; {axes}")
         held(ProjectMesh(of.mesh, nodes), fixed)
     except ValueError as error:
         raise InputError(f"{place}: {error}") from None

@@ -32,9 +32,7 @@ class Tissues:
     regions: NDArray[np.int64]
 
 
-def assigned(
-    body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None
-) -> Tissues:
+def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """The tissues of a body; raises InputError.
 
     field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue
@@ -53,7 +51,11 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
     chosen = field or (GROUPS if GROUPS in names else names[0] if len(names) == 1 else None)
     if chosen not in names:
         has = f"{', '.join(names) or 'none'}"
-        raise InputError.at("--field", f"a field of whole numbers of the elements of {path.name}", f"{shown(field) if field else 'none'}; it has {has}")
+        raise InputError.at(
+            "--field",
+            f"a field of whole numbers of the elements of {path.name}",
+            f"{shown(field) if field else 'none'}; it has {has}",
+        )
     labels = body.cell_fields[chosen].astype(np.int64)
     has = np.unique(labels).tolist()
     tissues: dict[str, Tissue] = {}
@@ -101,6 +103,6 @@ def _share(body: Body, path: Path, field: str) -> Floats:
     else:
         has = ", ".join([*body.fields, *body.cell_fields]) or "none"
         raise InputError.at("--field", f"a field of {path.name}, {has}", shown(field))
-    if not (np.isfinite(share).all() and -1e-6 <= share.min() and share.max() <= 1.0 + 1e-6):
+    if not (np.isfinite(share).all() and share.min() >= -1e-6 and share.max() <= 1.0 + 1e-6):
         raise InputError.at("--field", f"{field} from 0, fat, to 1, gland", f"{share.min():g} to {share.max():g}")
     return np.clip(share, 0.0, 1.0)

@@ -35,7 +35,9 @@ def new(
     ] = None,
     mesh: Annotated[
         Path | None,
-        typer.Option("--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ or PLY. Needs the extra mesh."),
+        typer.Option(
+            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; by the extra mesh."
+        ),
     ] = None,
     unit: Annotated[
         Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: unit of the file; required.")
@@ -56,7 +58,7 @@ def new(
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: accuracy of the target's place, an axis; default 0."),
+        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: error of the target's place, an axis; default 0."),
     ] = None,
     field: Annotated[
         str | None,

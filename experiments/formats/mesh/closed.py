@@ -33,7 +33,9 @@ def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tup
         raise InputError.at(path, "no flat triangles", f"{flat.sum()} of {len(flat)}, the first {flat.argmax()}")
     _check_edges(path, nodes, faces)
     ends = (faces[:, [0, 0]].ravel(), faces[:, 1:].ravel())
-    parts, part = connected_components(coo_array((np.ones(len(ends[0])), ends), shape=(len(nodes),) * 2), directed=False)
+    parts, part = connected_components(
+        coo_array((np.ones(len(ends[0])), ends), shape=(len(nodes),) * 2), directed=False
+    )
     if parts > 1:
         sizes = np.sort(np.bincount(part))[::-1][:5].tolist()
         raise InputError.at(path, "one connected surface", f"{parts} parts of {sizes} nodes")
@@ -45,9 +47,7 @@ def _check_edges(path: Path, nodes: Floats, faces: NDArray[np.int64]) -> None:
     """Raise InputError unless each edge has two triangles that pass it in opposite directions."""
     n = len(nodes)
     ends = np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
-    keys, which, count = np.unique(
-        n * ends.min(axis=1) + ends.max(axis=1), return_inverse=True, return_counts=True
-    )
+    keys, which, count = np.unique(n * ends.min(axis=1) + ends.max(axis=1), return_inverse=True, return_counts=True)
     if (count == 1).any():
         open_edges = np.stack(np.divmod(keys[count == 1], n))
         rim = coo_array((np.ones(open_edges.shape[1]), tuple(open_edges)), shape=(n, n))

@@ -26,7 +26,9 @@ GRID = 0.4
 is filled in 5 s in place of 40 s, with the same volume to 0.1 %."""
 
 
-def filled(path: Path, nodes: Floats, faces: NDArray[np.int64], size_m: float | None) -> tuple[Floats, NDArray[np.int64]]:
+def filled(
+    path: Path, nodes: Floats, faces: NDArray[np.int64], size_m: float | None
+) -> tuple[Floats, NDArray[np.int64]]:
     """Nodes [m] and tetrahedra inside a closed surface; raises InputError.
 
     size_m: edges of the elements; by default a twentieth of the diagonal

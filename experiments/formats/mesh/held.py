@@ -33,9 +33,7 @@ def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
     if not 3 <= len(nodes) < len(mesh.nodes):
         extents = ", ".join(
             f"{axis} is {low:.4g} to {high:.4g} mm"
-            for axis, low, high in zip(
-                "xyz", 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0), strict=True
-            )
+            for axis, low, high in zip("xyz", 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0), strict=True)
         )
         raise ValueError(f"expected 3 nodes or more, and not all, found {len(nodes)} of {len(mesh.nodes)}; {extents}")
     return nodes

@@ -20,7 +20,7 @@ ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectMesh:
-    """The mesh of a scene; wall: nodes with the label of a wall in the file that it came from, (k,) int, may be none."""
+    """The mesh of a scene; wall: nodes that its source labels as held, (k,) int, may be none."""
 
     mesh: TetMesh
     wall: NDArray[np.int64]

@@ -1,4 +1,4 @@
-"""Networks of meshes, kept in the user's cache: their reduction takes seconds, and is the same as long as the mesh is."""
+"""Networks of meshes, kept in the user's cache, because their reduction takes seconds to minutes."""
 
 from __future__ import annotations
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from dynamics.mesh import MeshError, Tissue
+from dynamics.elements import points_of
+from dynamics.mesh import MeshError, Tissue, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.held import held
@@ -29,7 +30,7 @@ class SceneMesh:
     fixed: the nodes that are held, as `held` reads it; None: none
     tissues: with the numbers of their regions, (n_tissues,)
     points: names and places [m] of marks and target
-    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,), by which a scaled network shows its factors
+    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): that of a scaled network has its factors
     """
 
     file: str
@@ -55,9 +56,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
     return np.trace(network.continuum.by_tissue, axis1=1, axis2=2)
 
 
-def mesh_network(
-    content: bytes, path: Path, table: MeshTable
-) -> tuple[SceneMesh, MassSpringNetwork]:
+def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
     """The mesh of a table, from the content of its file, and its network; raises SceneError, `mesh…: …`, InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
@@ -87,7 +86,7 @@ def mesh_network(
     try:
         network = reduced(_numbered(of, table), tissues, fixed, points, key)
     except MeshError as error:
-        raise SceneError(_placed(str(error), list(points))) from None
+        raise SceneError(_placed(of, points) or f"mesh: {error}") from None
     regions = tuple(one.region for one in table.tissue)
     places = tuple((name, tuple(place.tolist())) for name, place in points.items())
     name = PurePath(table.file).name
@@ -112,13 +111,16 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
     return replace(of, mesh=replace(of.mesh, regions=found))
 
 
-def _placed(message: str, names: Sequence[str]) -> str:
-    """A fault of the reduction with the key of its point, if it has one."""
-    what, _, rest = message.partition(": ")
-    number = what.removeprefix("point ")
-    if what.startswith("point ") and number.isdigit() and int(number) < len(names):
-        return f"mesh.point[{number}].position_mm: {rest}"
-    return f"mesh: {message}"
+def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
+    """The fault of the first point that is outside of a mesh, None if there is none."""
+    outside = surface(of.mesh)
+    for i, place in enumerate(points.values()):
+        try:
+            points_of(of.mesh, outside, place[None])
+        except MeshError:
+            found = np.round(1e3 * place, 3).tolist()
+            return f"mesh.point[{i}].position_mm: expected a place inside the mesh or on its surface, found {found}"
+    return None
 
 
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
