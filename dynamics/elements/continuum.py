@@ -37,7 +37,7 @@ NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
 tetrahedra bend well enough, and the factor is three times smaller."""
 
-SMOOTH = (0.1, 0.25)
+SMOOTH = (0.15, 0.3)
 """Lengths over which short and slow surface forces are smooth, by the extent [1]; choice."""
 
 FIELDS = (60, 20)
@@ -46,7 +46,7 @@ FIELDS = (60, 20)
 SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
 
-LEFT_OUT = 1e-5
+LEFT_OUT = 1e-2
 """Share of the points' mean square displacement under surface forces that the modes may leave out [1]; numerical."""
 
 DEPENDENT = 1e-5

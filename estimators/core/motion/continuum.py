@@ -20,7 +20,7 @@ Exponents = NDArray[np.complex128]
 APART = 1e-3
 """Least difference of the two roots of a mode, and least distance of a force's rate from them [1/s]; numerical."""
 
-LEFT_OUT = 1e-6
+LEFT_OUT = 1e-4
 """Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
 
 FIXED = 1e-6
