@@ -37,7 +37,7 @@ NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
 tetrahedra bend well enough, and the factor is three times smaller."""
 
-SMOOTH = (0.1, 0.25)
+SMOOTH = (0.15, 0.3)
 """Lengths over which short and slow surface forces are smooth, by the extent [1]; choice."""
 
 FIELDS = (60, 20)
@@ -46,8 +46,11 @@ FIELDS = (60, 20)
 SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
 
-LEFT_OUT = 1e-5
-"""Share of the mean square displacement under surface forces that the modes may leave out [1]; numerical."""
+LEFT_OUT = 1e-2
+"""Share of the points' mean square displacement under surface forces that the modes may leave out [1]; numerical."""
+
+DEPENDENT = 1e-5
+"""Size of a direction of the modes, by the largest, below which it depends on the others [1]; numerical."""
 
 FREE = 0.2
 """Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
@@ -160,12 +163,12 @@ def _continuum(
         own[:, 0] = masses  # all of it, as gravity's turn
     forces = [np.kron(own, np.eye(3)) for own in fields]
     moved = factor.solve(forces[0])  # long fields are sums of short ones
-    V, rates = _modes(nodes, masses, K, moved)
+    weights = csr_array(named.weights[:, free])
+    rows = _by_axis(weights)
+    V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved))
     total = float(masses.sum())
     by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
-    weights = csr_array(named.weights[:, free])
-    rows = _by_axis(weights)
     at_points = factor.solve(np.asarray(rows.T.todense()))
     compliance = np.asarray(rows @ at_points)
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
@@ -235,18 +238,26 @@ def _smooth(places: Floats, length: float, count: int) -> Floats:
     return found
 
 
-def _modes(nodes: Floats, masses: Floats, K: csc_array, responses: Floats) -> tuple[Floats, Floats]:
-    """Modes (3 n, r) of the responses and of affine motions, and the squares of their angular frequencies [1/s²]."""
+def _modes(
+    nodes: Floats, masses: Floats, K: csc_array, held: bool, responses: Floats, at_points: Floats
+) -> tuple[Floats, Floats]:
+    """Modes (3 n, r), and the squares of their angular frequencies [1/s²].
+
+    Of the responses those that the points show, and, where nothing holds the body, affine motions.
+    at_points: the responses at the points, (3 k, n_responses)
+    """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
-    moved = root * responses
-    values, turned = np.linalg.eigh(moved.T @ moved)
-    kept = np.cumsum(values) > LEFT_OUT * values.sum()
-    own = moved @ (turned[:, kept] / np.sqrt(values[kept]))
-    affine = root * np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
-    basis = np.linalg.qr(np.hstack([own, affine]))[0] / root
-    reduced = basis.T @ (K @ basis)
-    rates, vectors = eigh(0.5 * (reduced + reduced.T))
-    return basis @ vectors, np.maximum(rates, 0.0) / masses.sum()
+    _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
+    shown = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
+    basis = responses @ right[shown].T
+    if not held:
+        affine = np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
+        basis = np.hstack([basis, affine])
+    vectors, sizes, _ = np.linalg.svd(root * basis / np.linalg.norm(root * basis, axis=0), full_matrices=False)
+    own = vectors[:, sizes > DEPENDENT * sizes[0]] / root
+    reduced = own.T @ (K @ own)
+    rates, turn = eigh(0.5 * (reduced + reduced.T))
+    return own @ turn, np.maximum(rates, 0.0) / masses.sum()
 
 
 def _by_tissue(

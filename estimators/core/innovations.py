@@ -78,7 +78,7 @@ def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
 
 def inverse_roots(S: Floats) -> Floats:
     """Inverses of the lower Cholesky factors of positive definite matrices (k, m, m)."""
-    roots = np.linalg.cholesky(S)
+    roots = np.asarray(np.linalg.cholesky(S), dtype=float)
     for root in roots:
         root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is Fortran's: nothing is copied to get there
     return roots

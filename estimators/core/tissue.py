@@ -75,8 +75,15 @@ class TissueProcess:
         if network.continuum is not None:
             self.motion = ContinuumMotion(network, self.disturbances, uncertainty)
         else:
-            own = {"led": led, "uncertainty": uncertainty, "elements": elements, "sigma_points": sigma_points}
-            self.motion = NetworkMotion(network, marked, self.disturbances, **own)
+            self.motion = NetworkMotion(
+                network,
+                marked,
+                self.disturbances,
+                led=led,
+                uncertainty=uncertainty,
+                elements=elements,
+                sigma_points=sigma_points,
+            )
         self._by_points = self.motion if sigma_points and isinstance(self.motion, NetworkMotion) else None
         self.extent_m = self.motion.extent_m
         field = self.discrepancy.field(network.positions[network.free], network.positions[network.fixed])

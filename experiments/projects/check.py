@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import vision
 from dynamics import SAME_STEP, Oscillations, oscillations, rest_shape, stable_step
 from estimators import MarkMeasurement, TargetEstimate, resting_bound
-from estimators.core.motion.network import LONGEST_S as LONGEST_STEP_S
+from estimators.core.motion import network as springs
 from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.formats.marks.rows import MarkRow
@@ -122,7 +122,7 @@ def checked(
         rest=rest,
         motion=oscillations(network, rest),
         stable_s=stable_step(network),
-        step_s=interval_s / np.ceil(interval_s / LONGEST_STEP_S - SAME_STEP),
+        step_s=interval_s / np.ceil(interval_s / springs.LONGEST_S - SAME_STEP),
         interval_s=interval_s,
         seen=seen,
         unfound=unfound,

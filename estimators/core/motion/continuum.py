@@ -7,6 +7,7 @@ sums of exponentials, so a step of any length is exact.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from dynamics.elements import Span
@@ -14,16 +15,12 @@ from estimators.arrays import Floats
 from estimators.core.disturbances import Disturbances
 from estimators.core.motion.model import SOURCES, Along
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
-"""Of the quadrature over a step, on (-1, 1)."""
-
-LONGEST_S = 1.0 / 60.0
-"""Longest step of the quadrature [s]; numerical."""
+Exponents = NDArray[np.complex128]
 
 APART = 1e-3
 """Least difference of the two roots of a mode, and least distance of a force's rate from them [1/s]; numerical."""
 
-LEFT_OUT = 1e-6
+LEFT_OUT = 1e-4
 """Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
 
 FIXED = 1e-6
@@ -103,7 +100,7 @@ class ContinuumMotion:
         """The motion from a state (2 n + n_f,) over dt [s]: it is linear."""
         motion, fading = self._motion(dt)
         mean = np.concatenate([motion @ state, fading * state[len(motion) :]])
-        by_constants = self._moved_by_constants(state, mean, motion, dt)
+        by_constants = self._moved_by_constants(state, mean, dt)
         return Along(mean, motion, fading, self._noises(dt, len(state)), by_constants)
 
     def _impulse(self, t: Floats) -> tuple[Floats, Floats]:
@@ -112,16 +109,17 @@ class ContinuumMotion:
         grown = np.exp(one * t), np.exp(other * t)
         return ((grown[0] - grown[1]) / (one - other)).real, ((one * grown[0] - other * grown[1]) / (one - other)).real
 
-    def _pushed(self, t: Floats, rate: float) -> tuple[Floats, Floats]:
-        """Displacement [s²] and velocity [s] of each mode at times t (k,) under exp(-rate t), (n_modes, k) each."""
-        one, other = self._roots[..., None]
+    def _pushed(self, rate: float) -> tuple[Exponents, Exponents, Exponents]:
+        """Displacement [s²] and velocity [s] of each mode under exp(-rate t), as sums of three exponentials of t.
+
+        Their factors and rates [1/s], (3, n_modes) each: sum_p factor_p exp(rate_p t)
+        """
+        one, other = self._roots
         a = np.where(np.minimum(np.abs(one + rate), np.abs(other + rate)) < APART, rate + 2.0 * APART, rate)
-        fading, x, v = np.exp(-a * t), 0.0, 0.0
-        for root, sign in ((one, 1.0), (other, -1.0)):
-            share = sign / ((one - other) * (root + a))
-            x = x + share * (np.exp(root * t) - fading)
-            v = v + share * (root * np.exp(root * t) + a * fading)
-        return np.asarray(x).real, np.asarray(v).real
+        shares = np.stack([1.0 / ((one - other) * (one + a)), -1.0 / ((one - other) * (other + a))])
+        moved = np.stack([*shares, -shares.sum(axis=0)])
+        rates = np.stack([one, other, -a.astype(complex)])
+        return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
         """Derivative of coordinates and velocities by the state before, (2 n, 2 n + n_f), and fading of forces."""
@@ -135,12 +133,13 @@ class ContinuumMotion:
         motion[x, x], motion[x, n + x] = by_v[:, 0] + damping * by_x[:, 0], by_x[:, 0]
         motion[n + x, x], motion[n + x, n + x] = -rates * by_x[:, 0], by_v[:, 0]
         for own, rate in self._kinds():
-            moved, speed = self._pushed(end, rate)
-            motion[1:n, 2 * n + own] = moved * self._basis[:, own]
-            motion[n + 1 : 2 * n, 2 * n + own] = speed * self._basis[:, own]
+            moved, speed, rates_of = self._pushed(rate)
+            grown = np.exp(rates_of * dt)
+            for factors, rows in ((moved, slice(1, n)), (speed, slice(n + 1, 2 * n))):
+                motion[rows, 2 * n + own] = (factors * grown).sum(axis=0).real[:, None] * self._basis[:, own]
         return motion, np.exp(-dt / self.fading_s)
 
-    def _kinds(self) -> list[tuple[np.ndarray, float]]:
+    def _kinds(self) -> list[tuple[NDArray[np.int64], float]]:
         """States of the forces of each source, and the rate at which they fade [1/s]."""
         kinds = [np.flatnonzero(self.driving == source) for source in np.unique(self.driving)]
         return [(own, 1.0 / float(self.fading_s[own[0]])) for own in kinds]
@@ -148,36 +147,39 @@ class ContinuumMotion:
     def _noises(self, dt: float, n_state: int) -> Floats:
         """Of `SOURCES` but the last two at unit variance, (4, n_state, n_state): answers to noise of every age."""
         n = 1 + self._roots.shape[1]
-        steps = max(1, int(np.ceil(dt / LONGEST_S)))
-        h = dt / steps
-        ages = (h * (np.arange(steps)[:, None] + 0.5 * (1.0 + NODES))).ravel()
-        weights = np.tile(0.5 * h * WEIGHTS, steps)
         noises = np.zeros((len(SOURCES) - 2, n_state, n_state))
-        x, v, white = np.arange(1, n), n + np.arange(1, n), self.span.white[1:] ** 2
-        moved, speed = self._impulse(ages)
-        for rows, columns, cov in ((x, x, moved**2), (x, v, moved * speed), (v, x, moved * speed), (v, v, speed**2)):
-            noises[0, rows, columns] = white * (cov @ weights)
+        x, v = np.arange(1, n), n + np.arange(1, n)
+        one, other = self._roots
+        moved = np.stack([1.0, -1.0] / (one - other)[:, None], axis=1)  # by an impulse
+        rates = np.stack([one, other])
+        grown = _grown(rates[:, None] + rates, dt) * self.span.white[1:] ** 2
+        for a, rows in ((moved, x), (rates * moved, v)):
+            for b, columns in ((moved, x), (rates * moved, v)):
+                noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
         for own, rate in self._kinds():
-            noise, basis, faded = noises[self.driving[own[0]]], self._basis[:, own], np.exp(-rate * ages)
-            answers, square = self._pushed(ages, rate), basis @ basis.T
-            force, weighing = 2 * n + own, 2.0 * rate * weights
+            noise, basis = noises[self.driving[own[0]]], self._basis[:, own]
+            *answers, rates = self._pushed(rate)
+            square, force = 2.0 * rate * (basis @ basis.T), 2 * n + own
+            grown = _grown(rates[:, None, :, None] + rates[:, None, :], dt)
+            faded = _grown(rates - rate, dt)
             for a, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
                 for b, columns in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                    noise[rows, columns] = (a * weighing) @ b.T * square
-                noise[rows, force] = ((a * weighing) @ faded)[:, None] * basis
+                    noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown).real * square
+                noise[rows, force] = 2.0 * rate * (a * faded).sum(axis=0).real[:, None] * basis
                 noise[force, rows] = noise[rows, force].T
             noise[force, force] = -np.expm1(-2.0 * rate * dt)
         return noises
 
-    def _moved_by_constants(self, start: Floats, end: Floats, motion: Floats, dt: float) -> Floats:
-        """Effect of each constant that is off by one standard deviation, (2 n, n_constants), by the trapezium rule."""
-        n = len(motion) // 2
+    def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
+        """Effect of each constant that is off by one standard deviation, (2 n, n_constants): forces at their mean."""
+        n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, 0 if self._constants is None else len(self._constants)))
         if self._constants is None:
             return columns
-        columns[n + 1 :] = 0.5 * dt * (self._constants @ start[1:n]).T
-        columns = motion[:, : 2 * n] @ columns
-        columns[n + 1 :] += 0.5 * dt * (self._constants @ end[1:n]).T
+        pushes = 0.5 * (self._constants @ (start[1:n] + end[1:n])).T
+        *answers, rates = self._pushed(0.0)
+        for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+            columns[rows] = (factors * np.exp(rates * dt)).sum(axis=0).real[:, None] * pushes
         return columns
 
 
@@ -189,3 +191,10 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
     _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
     return np.asarray(push @ right[kept].T)
+
+
+def _grown(rates: Exponents, dt: float) -> Exponents:
+    """Integral of exp(rate t) from 0 to dt [s]."""
+    apart = np.abs(rates) > APART**2
+    safe = np.where(apart, rates, 1.0)
+    return np.where(apart, np.expm1(safe * dt) / safe, dt)

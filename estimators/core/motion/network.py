@@ -105,7 +105,9 @@ class NetworkMotion:
         sd = {name: max(own[name], self.raised * least[name]) for name in pushes}
         forces = np.hstack([sd[name] * masses[:, None] * push for name, push in pushes.items()])
         places, each = self._network.positions[free], np.eye(dim)
-        shapes = smooth_shapes(assembly, places, masses, np.kron(forces, each), GROWING, LEFT_OUT * self.extent_m)
+        shapes = smooth_shapes(
+            assembly, places, masses, np.asarray(np.kron(forces, each)), GROWING, LEFT_OUT * self.extent_m
+        )
         if shapes.shape[1] > FEWER * len(free):
             return Span.whole(np.repeat(masses, dim))
         return Span.of_shapes(shapes, masses, dim)

@@ -48,14 +48,18 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         if not node.fixed and i not in attached:
             raise SceneError(f"network.node[{i}]: expected one or more springs to {shown(node.name)}, found none")
     try:
+        of_nodes, of_springs = _constants(table.node, NODE_KEYS), _constants(table.spring, SPRING_KEYS)
         network = MassSpringNetwork(
             names=tuple(indices),
             positions=1e-3 * np.array([node.position_mm for node in table.node]),
             masses=np.array([node.mass_kg or 0.0 for node in table.node]),
             fixed=np.array([node.fixed for node in table.node]),
+            drag=of_nodes["drag"],
+            friction=of_nodes["friction"],
             springs=np.array(springs, dtype=np.int64),
-            **_constants(table.node, NODE_KEYS),
-            **_constants(table.spring, SPRING_KEYS),
+            stiffness=of_springs["stiffness"],
+            rest_lengths=of_springs["rest_lengths"],
+            damping=of_springs["damping"],
             gravity=np.array(table.gravity_m_s2),
         )
     except NetworkError as error:

@@ -1,0 +1,63 @@
+"""A breast of tetrahedra: a half ellipsoid on a chest wall, gland in a core of fat. Any number of elements.
+
+x right, y up, z away from the chest wall, at z = 0. Every number below defines this phantom; none is a setting.
+"""
+
+from __future__ import annotations
+
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.arrays import Floats
+from dynamics.mesh import TetMesh, Tissue, surface
+
+SEMI_AXES_M = (0.065, 0.065, 0.055)
+"""Half width, half height, depth."""
+
+ROUND = 0.8
+"""How far the grid of a box is rounded towards an ellipsoid [1]: all of it would flatten elements at its edges."""
+
+CORE = 0.6
+"""Extent of the gland by that of the breast [1]."""
+
+TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
+"""By the number of the region; of the order of what is measured in compression [samani2007]."""
+
+TARGET = (0.2, 0.15, 0.45)
+"""Place of the target, by the semi-axes."""
+
+
+def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.int64]]:
+    """The mesh of so many cells across and deep, and its nodes on the chest wall, (n_fixed,).
+
+    It has (across + 1)² (deep + 1) nodes, and six tetrahedra a cell.
+    """
+    counts = np.array([across, across, deep])
+    axes = [np.linspace(-1.0, 1.0, across + 1)] * 2 + [np.linspace(0.0, 1.0, deep + 1)]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    far, length = np.abs(grid).max(axis=1), np.maximum(np.linalg.norm(grid, axis=1), 1e-12)
+    nodes = grid * (1.0 - ROUND + ROUND * far / length)[:, None]
+    index = np.arange(len(grid)).reshape(counts + 1)
+    cells = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
+    elements = []
+    for order in permutations(range(3)):
+        steps = [np.zeros(3, dtype=int), *np.eye(3, dtype=int)[list(order)]]
+        corners = np.cumsum(steps, axis=0)
+        own = index[tuple(np.moveaxis(cells + corners[:, None], -1, 0))].T
+        elements.append(own if np.linalg.det(np.eye(3)[list(order)]) > 0.0 else own[:, [0, 2, 1, 3]])
+    tetrahedra = np.concatenate(elements)
+    is_gland = np.linalg.norm(nodes[tetrahedra].mean(axis=1), axis=1) < CORE
+    return TetMesh(nodes * SEMI_AXES_M, tetrahedra, is_gland.astype(int)), np.flatnonzero(grid[:, 2] == 0.0)
+
+
+def breast_points(mesh: TetMesh, fixed: NDArray[np.int64], n_marks: int = 40) -> dict[str, Floats]:
+    """Places [m] of marks far from each other on its skin, `M1` and so on, and of a `target` inside."""
+    on_skin = mesh.nodes[np.setdiff1d(surface(mesh).nodes, fixed)]
+    chosen, away = [int(on_skin[:, 2].argmax())], np.full(len(on_skin), np.inf)
+    while len(chosen) < n_marks:
+        away = np.minimum(away, np.linalg.norm(on_skin - on_skin[chosen[-1]], axis=1))
+        chosen.append(int(away.argmax()))
+    marks = {f"M{k}": on_skin[i] for k, i in enumerate(chosen, start=1)}
+    return marks | {"target": np.array(TARGET) * SEMI_AXES_M}

@@ -1,0 +1,79 @@
+"""What an estimate costs by the size of the mesh: breasts of 1,000 to 14,000 nodes, 40 marks.
+
+A row a mesh: `nodes`, `elements`, `marks`; `prepare_s`: from the mesh to the first frame; `cached_s`: the same where
+the continuum is on disk; `ms_per_estimate`: median of frames in which the body is bent, at 30 a second; `memory_mb`:
+the most that the process had. Each in a process of its own.
+"""
+
+from __future__ import annotations
+
+import pickle
+import resource
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from dynamics.elements import continuum_network
+from dynamics.phantoms import TISSUES, breast_mesh, breast_points
+from estimators import MarkMeasurement, TissueFilter
+from experiments.studies.bench_recording import FRAME_S, median_ms, seconds_of
+
+CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
+"""Of the meshes, across and deep."""
+
+N_MARKS, SD_M, N_FRAMES = 40, 5e-4, 60
+BENT_M, BENT_HZ = 5e-3, 0.5
+"""Largest displacement of a mark, and how often."""
+
+Row = dict[str, float]
+
+
+def scaling() -> list[Row]:
+    """A row for each mesh, each from a process of its own."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as alone:
+        return [alone.submit(row, *cells).result() for cells in CELLS]
+
+
+def row(across: int, deep: int) -> Row:
+    """The row of a mesh of so many cells."""
+    mesh, fixed = breast_mesh(across, deep)
+    points = breast_points(mesh, fixed, N_MARKS)
+    began = time.perf_counter()
+    network = continuum_network(mesh, TISSUES, fixed, points)
+    tissue = _started(network)
+    prepare_s = time.perf_counter() - began
+    saved = pickle.dumps(network)
+    return {
+        "nodes": len(mesh.nodes),
+        "elements": len(mesh.elements),
+        "marks": N_MARKS,
+        "ms_per_estimate": median_ms([seconds_of(lambda k=k: _frame(tissue, k)) for k in range(1, N_FRAMES)]),
+        "prepare_s": prepare_s,
+        "cached_s": seconds_of(lambda: _started(pickle.loads(saved))),
+        "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        / (2**20 if sys.platform == "darwin" else 2**10),
+    }
+
+
+def _started(network: MassSpringNetwork) -> TissueFilter:
+    """A filter after the first frame."""
+    tissue = TissueFilter(network, "target", [name for name in network.names if name.startswith("M")])
+    _frame(tissue, 0)
+    return tissue
+
+
+def _frame(tissue: TissueFilter, k: int) -> None:
+    network, rng = tissue.network, np.random.default_rng(k)
+    shape = network.continuum.shapes[:, 0].reshape(-1, 3)  # type: ignore[union-attr]
+    shift = BENT_M * np.sin(2.0 * np.pi * BENT_HZ * k * FRAME_S) / np.abs(shape).max() * shape
+    marks = [
+        MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
+        for name, place in zip(network.names, network.positions[network.free] + shift, strict=False)
+        if name.startswith("M")
+    ]
+    tissue.predict(k * FRAME_S)
+    tissue.update(marks)
