@@ -29,8 +29,8 @@ class ProjectMesh:
 def mesh_content(of: ProjectMesh) -> bytes:
     """The content of a mesh file; the same mesh gives the same bytes."""
     mesh, file = of.mesh, io.BytesIO()
-    whole = {"elements": mesh.elements, "regions": mesh.regions, "wall": of.wall}
-    np.savez_compressed(file, nodes_m=mesh.nodes, **{key: value.astype(np.int32) for key, value in whole.items()})
+    elements, regions, wall = (whole.astype(np.int32) for whole in (mesh.elements, mesh.regions, of.wall))
+    np.savez_compressed(file, nodes_m=mesh.nodes, elements=elements, regions=regions, wall=wall)
     return file.getvalue()
 
 

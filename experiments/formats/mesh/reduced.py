@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import dynamics.mesh
 from dynamics import MassSpringNetwork
@@ -28,7 +29,11 @@ DIGEST = hashlib.sha256().digest_size
 
 
 def reduced(
-    of: ProjectMesh, tissues: Sequence[Tissue], fixed: Floats, points: Mapping[str, Floats], key: Mapping[str, object]
+    of: ProjectMesh,
+    tissues: Sequence[Tissue],
+    fixed: NDArray[np.int64],
+    points: Mapping[str, Floats],
+    key: Mapping[str, object],
 ) -> MassSpringNetwork:
     """The network of named points of a mesh, of the cache if it is there; raises MeshError.
 
@@ -65,7 +70,7 @@ def _content(network: MassSpringNetwork) -> bytes:
     arrays = {f.name: np.asarray(getattr(network, f.name)) for f in fields(network) if f.init and f.name != "continuum"}
     solid = {f"continuum.{f.name}": np.asarray(getattr(network.continuum, f.name)) for f in fields(network.continuum)}
     file = io.BytesIO()
-    np.savez(file, **arrays, **solid)
+    np.savez(file, allow_pickle=False, **arrays, **solid)
     content = file.getvalue()
     return hashlib.sha256(content).digest() + content
 
