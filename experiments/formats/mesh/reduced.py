@@ -6,43 +6,33 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import dynamics.mesh
 from dynamics import MassSpringNetwork
-from dynamics.elements import continuum_network
 from dynamics.mesh import Tissue
 from dynamics.network import Continuum
-from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.mesh.project_file import ProjectMesh
 from experiments.formats.outputs import write_whole
 from experiments.log import LOG
 
 DIGEST = hashlib.sha256().digest_size
 
 
-def reduced(
-    of: ProjectMesh,
-    tissues: Sequence[Tissue],
-    fixed: NDArray[np.int64],
-    points: Mapping[str, Floats],
-    key: Mapping[str, object],
-) -> MassSpringNetwork:
-    """The network of named points of a mesh, of the cache if it is there; raises MeshError.
+def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) -> MassSpringNetwork:
+    """The network of a mesh, of the cache if it is there, else as made.
 
     key: that determines it, beside the program: what JSON can write
     """
     path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
     if (kept := _read(path)) is not None:
         return kept
-    network = continuum_network(of.mesh, tissues, fixed, points)
+    network = make()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, _content(network))

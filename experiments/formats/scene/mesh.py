@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePath
 
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import points_of
+from dynamics.elements import continuum_network, points_of
 from dynamics.mesh import MeshError, Tissue, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
@@ -61,17 +61,12 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
-    of = mesh_of(content, path)
     check_own_names("mesh.tissue", [tissue.name for tissue in table.tissue])
     check_own_names("mesh.point", [point.name for point in table.point])
     for i, point in enumerate(table.point):
         check_name(f"mesh.point[{i}].name", point.name)
         if point.name.startswith("wall "):
             raise SceneError(f"mesh.point[{i}].name: expected another than those of anchors, found {shown(point.name)}")
-    try:
-        fixed = np.empty(0, dtype=np.int64) if table.fixed is None else held(of, table.fixed)
-    except ValueError as error:
-        raise SceneError(f"mesh.fixed: {error}") from None
     tissues = tuple(
         Tissue(one.name, 1e3 * one.young_kpa, one.poisson, one.density_kg_m3, one.damping_s) for one in table.tissue
     )
@@ -83,14 +78,26 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
         "tissues": tissue_key(tissues),
         "points": [[point.name, point.position_mm] for point in table.point],
     }
-    try:
-        network = reduced(_numbered(of, table), tissues, fixed, points, key)
-    except MeshError as error:
-        raise SceneError(_placed(of, points) or f"mesh: {error}") from None
+    network = reduced(key, lambda: _made(mesh_of(content, path), table, tissues, points))
     regions = tuple(one.region for one in table.tissue)
     places = tuple((name, tuple(place.tolist())) for name, place in points.items())
     name = PurePath(table.file).name
     return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
+
+
+def _made(
+    of: ProjectMesh, table: MeshTable, tissues: Sequence[Tissue], points: Mapping[str, Floats]
+) -> MassSpringNetwork:
+    """The network of the points; raises SceneError."""
+    own = _numbered(of, table)
+    try:
+        fixed = np.empty(0, dtype=np.int64) if table.fixed is None else held(of, table.fixed)
+    except ValueError as error:
+        raise SceneError(f"mesh.fixed: {error}") from None
+    try:
+        return continuum_network(own.mesh, tissues, fixed, points)
+    except MeshError as error:
+        raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 
 
 def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from dynamics import MassSpringNetwork
+from dynamics.elements import continuum_network
 from dynamics.mesh import Tissue
 from experiments.errors import InputError
-from experiments.formats.mesh import reduced as module
 from experiments.formats.mesh.body import tetrahedra
 from experiments.formats.mesh.held import held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content, mesh_of
@@ -83,23 +83,30 @@ def test_other_walls_are_one_line(fixed: str, found: str) -> None:
         held(MESH, fixed)
 
 
-def network(key: str = "box") -> MassSpringNetwork:
-    return reduced(MESH, [TISSUE], held(MESH, "x < 5"), POINTS, {"mesh": key})
+class Reduced:
+    """The network of a key; calls: number of reductions."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, key: str = "box") -> MassSpringNetwork:
+        return reduced({"mesh": key}, self._make)
+
+    def _make(self) -> MassSpringNetwork:
+        self.calls += 1
+        return continuum_network(MESH.mesh, [TISSUE], held(MESH, "x < 5"), POINTS)
 
 
 @pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
-    """One entry for each reduction, with a cache of its own."""
+def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Reduced:
+    """The network of a key, with a cache of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    calls: list[int] = []
-    own = module.continuum_network
-    monkeypatch.setattr(module, "continuum_network", lambda *args: (calls.append(1), own(*args))[1])
-    return calls
+    return Reduced()
 
 
-def test_the_cache_has_the_same_network(made: list[int]) -> None:
-    first, second = network(), network()
-    assert len(made) == 1
+def test_the_cache_has_the_same_network(made: Reduced) -> None:
+    first, second = made(), made()
+    assert made.calls == 1
     assert second.names == first.names
     np.testing.assert_array_equal(second.positions, first.positions)
     assert first.continuum is not None
@@ -107,21 +114,21 @@ def test_the_cache_has_the_same_network(made: list[int]) -> None:
     assert second.continuum.tissues == ("fat",)
     for field in ("shapes", "rates", "damping", "by_tissue", "short", "slow", "stiffness", "dashpots", "left_out_m"):
         np.testing.assert_array_equal(getattr(second.continuum, field), getattr(first.continuum, field))
-    network("another")
-    assert len(made) == 2
+    made("another")
+    assert made.calls == 2
 
 
-def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: list[int], tmp_path: Path) -> None:
-    network()
+def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: Reduced, tmp_path: Path) -> None:
+    made()
     (file,) = tmp_path.rglob("*.npz")
     file.write_bytes(file.read_bytes()[:-9])
-    network()
-    network()
-    assert len(made) == 2
+    made()
+    made()
+    assert made.calls == 2
 
 
-def test_without_a_cache_it_is_made_each_time(made: list[int], tmp_path: Path) -> None:
+def test_without_a_cache_it_is_made_each_time(made: Reduced, tmp_path: Path) -> None:
     (tmp_path / "softaim").write_text("a file, and no folder", encoding="utf-8")
-    network()
-    network()
-    assert len(made) == 2
+    made()
+    made()
+    assert made.calls == 2
