@@ -23,6 +23,9 @@ READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": 
 READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
 """Cells that a mesh may have, with their nodes; points and lines are left out, a quadrilateral is two triangles."""
 
+HEADER = 600
+"""Bytes of a VTK file that have its header: lines of 256 characters at most."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
@@ -62,8 +65,14 @@ def read_source(path: Path) -> Source:
     if not path.is_file():
         raise InputError.at(path, "a file", "a folder" if path.is_dir() else "none")
     try:
+        with path.open("rb") as file:
+            is_poly = path.suffix.lower() == ".vtk" and b"DATASET POLYDATA" in file.read(HEADER)
+        if is_poly:
+            raise InputError.at(path, "an unstructured grid; a surface as STL or PLY", "POLYDATA")
         with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), np.errstate(all="ignore"):
             mesh = import_module(f"meshio.{READERS[path.suffix.lower()]}").read(str(path))
+    except InputError:
+        raise
     except OSError as error:
         raise InputError.refused(path, "a file that can be read", error) from error
     except Exception as error:  # of a parser, which raises what it meets

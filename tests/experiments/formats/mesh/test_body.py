@@ -126,6 +126,11 @@ def test_other_cells_are_one_line(tmp_path: Path) -> None:
         ("body.stp", "", "expected one of .vtk, .vtu, .msh, .stl, .obj, .ply, found .stp"),
         ("none.vtk", None, "expected a file, found none"),
         ("body.vtk", "no mesh\n", "expected a mesh of VTK, found "),
+        (
+            "body.vtk",
+            "# vtk DataFile Version 5.1\nx\nASCII\nDATASET POLYDATA\n",
+            "expected an unstructured grid; a surface",
+        ),
         ("body.vtu", "<VTKFile", "expected a mesh of VTU, found "),
         ("body.msh", "", "expected a mesh of GMSH, found "),
         ("body.obj", "v 0 0 0\n", "expected tetrahedra, or triangles of a closed surface, found none"),
