@@ -144,13 +144,15 @@ def test_files_that_are_no_mesh_are_one_line(tmp_path: Path, name: str, content:
 
 
 @pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".vtu"])
-def test_a_surface_is_filled(tmp_path: Path, ending: str, capfd) -> None:
-    """With elements of 8 mm the sphere has its volume to 6 %, and its nodes lie within 2 mm of it."""
+def test_a_surface_is_filled(tmp_path: Path, ending: str, capfd, monkeypatch) -> None:
+    """With elements of 8 mm the sphere has its volume to 6 %, and its nodes lie within 2 mm of it; no file is left."""
+    monkeypatch.chdir(tmp_path)
     nodes, faces = sphere(30.0, 3)
     path = written(tmp_path / f"ball{ending}", nodes, {"triangle": faces[:, ::-1]})
     capfd.readouterr()
     mesh = read_body(path, "mm", 0.008).mesh
     assert capfd.readouterr() == ("", "")
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
     assert mesh.volumes.sum() == pytest.approx(4.0 / 3.0 * np.pi * 0.03**3, rel=0.06)
     assert np.abs(np.linalg.norm(mesh.nodes[surface(mesh).nodes], axis=1) - 0.03).max() < 0.002
     edges = np.linalg.norm(np.diff(mesh.nodes[mesh.elements[:, [[0, 1], [0, 2], [0, 3]]]], axis=2), axis=3)
