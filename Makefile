@@ -39,7 +39,7 @@ architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing fro
 	$(BIN)/python -m experiments.studies.architecture
 
 docs: $(READY)  ## the documentation site, in site/; warnings are errors
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,docs]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh,docs]'
 	rm -rf site docs/generated
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . site
 
@@ -49,7 +49,7 @@ wheel: $(READY)  ## the wheel, in dist/, and whether all that belongs in it is t
 	$(BIN)/python -m tests.wheel dist/*.whl
 
 mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mutants]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
@@ -61,5 +61,5 @@ clean:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export]'
+	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh]'
 	@touch $(READY)

@@ -10,6 +10,7 @@ EXTRAS = {
     "live": ("starlette", "uvicorn", "websockets"),
     "cluster": ("dask", "distributed", "pyarrow"),
     "export": ("mcap",),
+    "mesh": ("meshio", "pytetwild"),
 }
 """Packages by extra, as pyproject.toml has them."""
 

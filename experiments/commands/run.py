@@ -173,11 +173,11 @@ class Run:
         kept: constants that the step did not change
         """
         from experiments.formats.provenance import content_digest
-        from experiments.formats.scene.scene import scene_text, with_step
+        from experiments.formats.scene.scene import mesh_beside, scene_text, with_step
         from experiments.version import version
 
         self._scene = with_step(scene, step, version(), content_digest(recording), kept)
-        self.write_files({path: scene_text(self._scene)}, [recording, *inputs])
+        self.write_files({path: scene_text(self._scene), **mesh_beside(self._scene, path)}, [recording, *inputs])
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
         """Write files together, with the provenance of the first of them beside it. Raises InputError."""

@@ -51,7 +51,11 @@ FORCES = NeedleForces()
 
 def force_reach_m(network: MassSpringNetwork) -> float:
     """Width of the kernel by which nodes share a needle's force [m]: chosen in the study; it cannot be observed."""
-    return 0.3 * float(np.median(network.rest_lengths))
+    lengths = network.rest_lengths
+    if not len(lengths):  # points of a continuum: the nearest other one in place of a spring
+        places = network.positions
+        lengths = np.sort(np.linalg.norm(places[:, None] - places, axis=2), axis=1)[:, 1]
+    return 0.3 * float(np.median(lengths))
 
 
 class LesionTable(Strict):

@@ -57,6 +57,8 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
     """The scene with rest lengths corrected so that it rests as in the recording; raises InputError."""
     network = recording.scene.network
+    if network.continuum is not None:
+        raise InputError.at("--at-rest", "a network of springs", "a mesh, which rests as drawn")
     positions, variances = network.positions.copy(), []
     for i in network.free:
         node = network.names[i]

@@ -19,10 +19,10 @@ import numpy as np
 import vision
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.outputs import check_apart, write_whole
+from experiments.formats.outputs import check_apart, write_together
 from experiments.formats.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
 from experiments.formats.recording import read_frames, write_frames_csv
-from experiments.formats.scene.scene import Scene, write_scene
+from experiments.formats.scene.scene import Scene, mesh_beside, write_scene
 from experiments.pipeline.events import report_source_events
 from experiments.pipeline.frame_sources import check_size, open_source
 from experiments.plain import counted
@@ -218,7 +218,8 @@ def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
 
 def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> None:
     if scene_path is not None:
-        write_whole(path, scene_path.read_bytes())
+        beside = {} if scene is None else mesh_beside(scene, path)
+        write_together({**beside, path: scene_path.read_bytes()})
     elif scene is not None:
         write_scene(scene, path)
 

@@ -46,7 +46,23 @@ KEYS = {
 }
 """Comment after the first occurrence of a key of scene.toml."""
 
+MESH_KEYS = {
+    "file": "tetrahedra at rest, by softaim new",
+    "sha256": "of that file",
+    "fixed": 'the nodes that are held, "y < 6" in mm, "region 3" or "wall"; left out: none',
+    "region": "number of the tissue in the file",
+    "young_kpa": "Young's modulus: softaim identify finds a factor for each tissue",
+    "poisson": "Poisson's ratio, up to 0.495",
+    "density_kg_m3": "mass by volume",
+    "damping_s": "damping by stiffness",
+    "position_mm": "of a mark on the surface, or of the target inside, at rest",
+}
+"""The same in a scene of a mesh."""
+
 TABLES = {
+    "[mesh]": "The tissue: a mesh of tetrahedra.",
+    "[[mesh.tissue]]": "Its tissues; docs/meshes.md has their constants with sources.",
+    "[[mesh.point]]": "Its points, as nodes of marks and target.",
     "[network]": "The tissue: point masses, and springs with dashpots between them.",
     "[[mark]]": "Coloured spots, at most one on each node.",
     "[target]": "The hidden target point of the needle.",
@@ -59,7 +75,7 @@ TABLES = {
 
 def commented(lines: list[str]) -> list[str]:
     """Lines of a scene file, with the meaning of each key at its first occurrence."""
-    tables, keys = dict(TABLES), dict(KEYS)
+    tables, keys = dict(TABLES), KEYS | (MESH_KEYS if "[mesh]" in lines else {})
     found = []
     for line in lines:
         if line in tables:
@@ -166,7 +182,23 @@ def steps_page(of: Template) -> str:
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
         "real": REAL_FILM if film else REAL_MARKS,
     }
-    return _filled(STEPS, words)
+    return _filled(STEPS if of.assumed.mesh is None else _of_mesh(STEPS), words)
+
+
+def _of_mesh(text: str) -> str:
+    """The page of steps for a mesh, which rests as drawn: without the step that finds the rest shape."""
+    head, _, tail = text.partition("## 3. ")
+    words = {
+        TRUTH_OF_SPRINGS: TRUTH_OF_MESH,
+        "the network, its marks": "the mesh `mesh.npz`, its tissues, its marks",
+        "Stiffness, dashpots, drag and friction come from": "The stiffness of each tissue comes from",
+        "--scene rest.toml": "--scene scene.toml",
+        **{f"## {k}. ": f"## {k - 1}. " for k in range(4, 8)},
+    }
+    page = head + tail[tail.index("## 4. ") :]
+    for old, new in words.items():
+        page = page.replace(old, new)
+    return page
 
 
 def _filled(text: str, words: Mapping[str, str]) -> str:
@@ -193,7 +225,17 @@ With a real body, recordings of a tracker replace step 2: folders with `scene.to
 ultrasound; in `rec` only those on the outside.
 """
 
-STEPS = """\
+TRUTH_OF_SPRINGS = """\
+The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
+some 20 %, and each spring by a few per cent more. So it does not rest as drawn, like real tissue.
+"""
+
+TRUTH_OF_MESH = """\
+The constants of `truth/` differ from those of `scene.toml`: the stiffness of each tissue by some 10 %, its damping by
+some 20 %. Both rest as drawn.
+"""
+
+STEPS = f"""\
 # <title>: from nothing to advice
 
 Type these lines in this folder, in this order. They take some minutes in all, and each prints its result.
@@ -206,9 +248,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 | `truth/all_marks.toml` | the same, all marks measured: for calibration |
 | `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of three simulated recordings |
 
-The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
-some 20 %, and each spring by a few per cent more. So it does not rest as drawn, like real tissue.
-
+{TRUTH_OF_SPRINGS}
 ## 1. Check the scene
 
 ```sh

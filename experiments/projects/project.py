@@ -10,7 +10,9 @@ import numpy as np
 from dynamics import NetworkError, breast_phantom, planar_phantom
 from dynamics.phantoms.breast import YOUNG_PA
 from experiments.errors import InputError
-from experiments.formats.outputs import write_whole
+from experiments.formats.outputs import write_together, write_whole
+from experiments.formats.scene.scene import mesh_beside
+from experiments.projects.mesh_body import MeshChoice, mesh_template
 from experiments.projects.mesh_file import read_mesh
 from experiments.projects.pages import UNTUNED, needle_page, scenario_page, scene_page, steps_page
 from experiments.projects.template import Template, template
@@ -38,30 +40,34 @@ def project(
     young_kpa: float | None = None,
     nodes: Path | None = None,
     springs: Path | None = None,
+    mesh: MeshChoice | None = None,
     seed: int = 0,
 ) -> Template:
     """The template of a project of this kind; raises InputError for choices that do not belong to it.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
-    nodes, springs: files of a mesh; seed: of the simulated tissue's constants
+    nodes, springs: files of a mesh of springs; mesh: a body of tetrahedra; seed: of the simulated tissue's constants
     """
     belongs = {
         "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),
         "--young-kpa": (young_kpa, kind in (Kind.BREAST, Kind.MESH)),
         "--nodes": (nodes, kind is Kind.MESH),
         "--springs": (springs, kind is Kind.MESH),
+        "--mesh": (None if mesh is None else mesh.path, kind is Kind.MESH),
     }
     for option, (value, known) in belongs.items():
         if value is not None and not known:
             raise InputError.at(f"--kind {kind}", f"no {option}", str(value))
     young = YOUNG_PA if young_kpa is None else 1e3 * young_kpa
     try:
+        if mesh is not None:
+            return mesh_template(mesh, young_pa=young if young_kpa is not None else None, seed=seed)
         if kind is Kind.MESH:
             if nodes is None:
-                raise InputError.at(f"--kind {kind}", "--nodes NODES.csv", "none")
-            mesh = read_mesh(nodes, springs, young)
-            way = np.array(UP if mesh.phantom.network.dim == 2 else FROM_THE_FRONT)
-            return template(f"A mesh from {nodes.name}", mesh.phantom, mesh.hues, way, seed=seed)
+                raise InputError.at(f"--kind {kind}", "--mesh FILE or --nodes NODES.csv", "none")
+            joined = read_mesh(nodes, springs, young)
+            way = np.array(UP if joined.phantom.network.dim == 2 else FROM_THE_FRONT)
+            return template(f"A mesh from {nodes.name}", joined.phantom, joined.hues, way, seed=seed)
         n_masses = N_MASSES[kind] if masses is None else masses
         if kind is Kind.PLANE:
             phantom, way = planar_phantom(n_masses), np.array(UP)
@@ -86,7 +92,8 @@ def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
     }
     (folder / "truth").mkdir()
     for name, (scene, heading, after) in scenes.items():
-        write_whole(folder / name, scene_page(scene, heading, after=after))
+        path = folder / name
+        write_together({**mesh_beside(scene, path), path: scene_page(scene, heading, after=after)})
     recordings = {
         "still.toml": ("At rest, every mark seen", "truth/all_marks.toml", STILL_S, False),
         "calibration.toml": ("With pushes, every mark seen", "truth/all_marks.toml", CALIBRATION_S, True),

@@ -93,11 +93,14 @@ def _scene(done: SceneCheck) -> str:
     where = "in the plane" if network.dim == 2 else "in space"
     measured = done.scene.measured_nodes
     masses, anchors = counted(len(network.free), "mass", "masses"), counted(int(network.fixed.sum()), "anchor")
-    springs, marks = counted(len(network.springs), "spring"), counted(len(measured), "measured mark")
-    return (
-        f"{masses}, {anchors} and {springs} {where}; target {target.node}, a ball of {1e3 * target.radius_m:g} mm;"
-        f" {marks} on {_names(measured)}"
-    )
+    marks = counted(len(measured), "measured mark")
+    body = f"{masses}, {anchors} and {counted(len(network.springs), 'spring')} {where}"
+    if network.continuum is not None:
+        points, tissues = (
+            counted(len(of), what) for of, what in ((network.free, "point"), (network.continuum.tissues, "tissue"))
+        )
+        body = f"{points} of a mesh of {tissues}, {1e3 * network.continuum.mass:.4g} g"
+    return f"{body}; target {target.node}, a ball of {1e3 * target.radius_m:g} mm; {marks} on {_names(measured)}"
 
 
 def _rest(done: SceneCheck) -> str:

@@ -68,6 +68,7 @@ class Template:
     assumed: the user's scene; it rests as drawn
     truth: the scene of the simulated tissue, drawn at its rest: other constants, the same marks and target
     entry_m, direction: where a needle enters the tissue, and its direction to the pushed target, each (dim,)
+    notes: what the user should know
     """
 
     title: str
@@ -75,6 +76,7 @@ class Template:
     truth: Scene
     entry_m: Floats
     direction: Floats
+    notes: tuple[str, ...] = ()
 
     @property
     def truth_all_seen(self) -> Scene:
@@ -101,11 +103,11 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)
     entry = start + reach * out
     return Template(
-        title, assumed, replace(assumed, network=actual), entry, _aimed(network, phantom.target, entry, -out)
+        title, assumed, replace(assumed, network=actual), entry, aimed(network, phantom.target, entry, -out)
     )
 
 
-def _aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
+def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
     """The direction from an entry [m], (dim,), to the target pushed by the needle, (dim,)."""
     start, push = network.positions[network.index(target)], NeedlePush(network, target, FORCES.planned(network))
     for _ in range(AIMING):

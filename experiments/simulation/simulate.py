@@ -322,7 +322,7 @@ def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
     """
     done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)
-    if own is None or any(camera.file is not None for camera in read_toml(own, SceneFile).camera):
+    if own is None or scene.mesh or any(camera.file is not None for camera in read_toml(own, SceneFile).camera):
         write_scene(done, path)
     else:
         added = step_lines(done.steps[len(scene.steps) :])

@@ -10,6 +10,8 @@ import typer
 from experiments.commands.options import Force
 from experiments.commands.run import Answer, Run
 
+OF_MESH = ("--unit", "--size-mm", "--fixed", "--marks", "--target", "--target-sd-mm", "--field", "--region")
+
 
 def new(
     run: Run,
@@ -26,19 +28,70 @@ def new(
     ] = None,
     nodes: Annotated[
         Path | None,
-        typer.Option("--nodes", help="Nodes of a mesh: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."),
+        typer.Option("--nodes", help="Nodes of a mesh of springs: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."),
     ] = None,
     springs: Annotated[
         Path | None, typer.Option("--springs", help="Springs of a mesh: from,to[,stiffness_N_m,damping_N_s_m,group].")
+    ] = None,
+    mesh: Annotated[
+        Path | None,
+        typer.Option(
+            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; by the extra mesh."
+        ),
+    ] = None,
+    unit: Annotated[
+        Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: unit of the file; required.")
+    ] = None,
+    size_mm: Annotated[
+        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edges of the elements, a coarser body.")
+    ] = None,
+    fixed: Annotated[
+        str | None,
+        typer.Option("--fixed", help='With --mesh: where it is held, "y<6" [mm], "faces 2", "region 1"; required.'),
+    ] = None,
+    marks: Annotated[
+        str | None,
+        typer.Option("--marks", help="With --mesh: number of marks, or name,x_mm,y_mm,z_mm in a file; default 40."),
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option("--target", help="With --mesh, x,y,z: the target [mm]; default: in the middle.")
+    ] = None,
+    target_sd_mm: Annotated[
+        float | None,
+        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: error of the target's place, an axis; default 0."),
+    ] = None,
+    field: Annotated[
+        str | None,
+        typer.Option("--field", help="With --mesh: share of gland, 0 to 1; with --region the labels of tissues."),
+    ] = None,
+    region: Annotated[
+        list[str] | None,
+        typer.Option("--region", help="With --mesh, LABEL=TISSUE: fat, gland, fibrous, skin, fascia, muscle; repeat."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the differences of the simulated tissue.")] = 0,
     force: Force = False,
 ) -> Answer:
     """Make a project: a scene to adapt, simulated tissue for practice, a needle, and a page of steps."""
+    from experiments.projects.mesh_body import N_MARKS, MeshChoice
     from experiments.projects.project import Kind, project, write_project
 
-    made = project(Kind(kind), masses=masses, young_kpa=young_kpa, nodes=nodes, springs=springs, seed=seed)
-    with run.folder(folder, force=force, inputs=[nodes, springs]) as work:
+    run.only_with("--mesh", *OF_MESH)
+    run.not_with("--mesh", "--nodes", "--springs")
+    choice = None
+    if mesh is not None:
+        choice = MeshChoice(
+            mesh,
+            unit,
+            size_mm,
+            fixed,
+            str(N_MARKS) if marks is None else marks,
+            target,
+            target_sd_mm,
+            field,
+            tuple(region or ()),
+        )
+    made = project(Kind(kind), masses=masses, young_kpa=young_kpa, nodes=nodes, springs=springs, mesh=choice, seed=seed)
+    with run.folder(folder, force=force, inputs=[nodes, springs, mesh]) as work:
         write_project(made, work, seed=seed)
 
     def show() -> None:

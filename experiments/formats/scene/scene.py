@@ -10,10 +10,11 @@ from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, para
 from estimators import FilterSettings
 from experiments.errors import InputError, shown
 from experiments.formats.camera_yaml import POSE, LensFile
-from experiments.formats.outputs import write_whole
+from experiments.formats.outputs import write_together
 from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
+from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
 from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
 from experiments.formats.scene.rest import check_rest
@@ -35,6 +36,7 @@ class Scene:
     steps: what was done on it, in order
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose: their pictures cannot be used
+    mesh: that the network is of, None for springs
     """
 
     network: MassSpringNetwork
@@ -47,6 +49,7 @@ class Scene:
     steps: tuple[Step, ...] = ()
     reference: Reference = field(default_factory=Reference)
     lenses: tuple[LensFile, ...] = ()
+    mesh: SceneMesh | None = None
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -148,7 +151,7 @@ def usable_scene(path: Path, *, rests: bool = True) -> Scene:
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:
     """The scene of a file's tables; raises InputError."""
     try:
-        network = network_of(file.network)
+        mesh, network = _body(file, path.parent)
         cameras = [_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)]
         return Scene(
             network=network,
@@ -158,12 +161,27 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
             lenses=tuple(camera for camera in cameras if isinstance(camera, LensFile)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
-            spring_groups=spring_groups(file.network),
+            spring_groups=() if file.network is None else spring_groups(file.network),
             steps=tuple(step_of(table) for table in file.provenance),
             reference=reference_of(file.reference),
+            mesh=mesh,
         )
     except (SceneError, NetworkError) as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNetwork]:
+    """The network of a file, and the mesh that it is of."""
+    if file.network is not None:
+        return None, network_of(file.network)
+    if file.mesh is None:
+        raise SceneError("network: expected this key, or mesh in its place, found none")
+    path = folder / file.mesh.file
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError.refused(path, "the file of the scene's mesh", error) from None
+    return mesh_network(content, path, file.mesh)
 
 
 def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
@@ -176,8 +194,17 @@ def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
 
 
 def write_scene(scene: Scene, path: FilePath) -> None:
-    """Write a scene as `scene.toml`, completely or not at all; raises InputError."""
-    write_whole(Path(path), scene_text(scene))
+    """Write a scene as `scene.toml`, with its mesh beside it, completely or not at all; raises InputError."""
+    write_together({**mesh_beside(scene, Path(path)), Path(path): scene_text(scene)})
+
+
+def mesh_beside(scene: Scene, path: Path) -> dict[Path, bytes]:
+    """The file of a scene's mesh beside that of the scene, to be written with it; empty if it is there, or has none."""
+    if scene.mesh is None:
+        return {}
+    file = path.parent / scene.mesh.file
+    is_there = file.is_file() and file.read_bytes() == scene.mesh.content
+    return {} if is_there else {file: scene.mesh.content}
 
 
 def scene_text(scene: Scene) -> str:
@@ -192,7 +219,7 @@ def scene_digest(scene: Scene) -> str:
 
 def network_digest(scene: Scene) -> str:
     """SHA-256 of the network alone."""
-    return digest(network_lines(scene.network, scene.spring_groups))
+    return digest(_body_lines(scene))
 
 
 def with_step(
@@ -206,9 +233,15 @@ def with_step(
     return replace(scene, steps=(*scene.steps, done))
 
 
+def _body_lines(scene: Scene) -> list[str]:
+    if scene.mesh is not None:
+        return mesh_lines(scene.mesh, scene.network)
+    return network_lines(scene.network, scene.spring_groups)
+
+
 def _content(scene: Scene) -> list[str]:
     network = scene.network
-    lines = [f"version = {VERSION}", "", *network_lines(network, scene.spring_groups)]
+    lines = [f"version = {VERSION}", "", *_body_lines(scene)]
     for mark in scene.marks:
         lines += mark_lines(mark)
     lines += target_lines(scene.target)

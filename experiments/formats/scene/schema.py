@@ -68,6 +68,37 @@ class NetworkTable(Strict):
     spring: list[SpringTable]
 
 
+class MeshTissueTable(Strict):
+    """`[[mesh.tissue]]`: of the elements with this number of a region."""
+
+    name: Name
+    region: int
+    young_kpa: Positive
+    poisson: Annotated[float, Field(ge=0, le=0.495)]
+    density_kg_m3: Positive
+    damping_s: NotNegative
+
+
+class MeshPointTable(Strict):
+    """`[[mesh.point]]`: a place of a mark on the surface, or of the target inside."""
+
+    name: Name
+    position_mm: Three
+
+
+class MeshTable(Strict):
+    """`[mesh]`: a body of tetrahedra in place of a network.
+
+    fixed: the nodes that are held, see `held`
+    """
+
+    file: Name
+    sha256: Name | None = None
+    fixed: Name | None = None
+    tissue: Annotated[list[MeshTissueTable], Field(min_length=1)]
+    point: Annotated[list[MeshPointTable], Field(min_length=1)]
+
+
 Hue = Annotated[float, Field(ge=0, lt=360)]
 
 
@@ -233,7 +264,8 @@ class SceneFile(Strict):
     """The content of `scene.toml`, version 1."""
 
     version: int
-    network: NetworkTable
+    network: NetworkTable | None = None
+    mesh: MeshTable | None = None
     uncertainty: UncertaintyTable | None = None
     filter: FilterTable | None = None
     mark: list[MarkTable] = Field(default_factory=list)
@@ -241,3 +273,11 @@ class SceneFile(Strict):
     reference: ReferenceTable | None = None
     camera: list[CameraTable] = Field(default_factory=list)
     provenance: list[ProvenanceTable] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_body(self) -> SceneFile:
+        if self.network is None and self.mesh is None:
+            raise ValueError("network: expected this key, or mesh in its place, found none")
+        if self.network is not None and self.mesh is not None:
+            raise ValueError("mesh: expected network or mesh, found both")
+        return self

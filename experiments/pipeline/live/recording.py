@@ -13,7 +13,7 @@ from experiments.errors import InputError
 from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
 from experiments.formats.outputs import write_whole
 from experiments.formats.pictures import MARKS
-from experiments.formats.scene.scene import Scene, scene_text
+from experiments.formats.scene.scene import Scene, write_scene
 from experiments.log import LOG
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, Done, mark_values
 from experiments.pipeline.live.marks.receiver import MarksFrame
@@ -38,7 +38,7 @@ class LiveRecording:
         self._scene = scene
         try:
             folder.mkdir(parents=True)
-            write_whole(folder / "scene.toml", scene_text(scene))
+            write_scene(scene, folder / "scene.toml")
             if needle is not None:
                 write_whole(folder / "needle.toml", needle)
         except OSError as error:

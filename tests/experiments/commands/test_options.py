@@ -11,6 +11,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 import typer
@@ -19,6 +20,7 @@ from experiments.commands.app import app
 from experiments.formats.scene.scene import Scene, read_scene, scene_text
 from tests.experiments.command import softaim
 from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree
+from tests.experiments.formats.mesh.shapes import box
 from tests.experiments.rows import rows
 
 OF_ALL = {"--json", "--verbose", "--help"}
@@ -30,6 +32,12 @@ new out | --masses 4 | out/scene.toml
 new out --kind breast | --young-kpa 9 | out/scene.toml
 new out --kind mesh | --nodes nodes.csv | code
 new out --kind mesh --nodes nodes.csv | --springs springs.csv | out/scene.toml
+new out --kind mesh | --mesh body.vtu --unit mm --fixed x<1 --marks 4 | code
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --size-mm 12 | out/mesh.npz
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --target 12,8,9 | out/scene.toml
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --target-sd-mm 2 | out/scene.toml
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --field share | out/scene.toml
+new out --kind mesh --mesh body.vtu --unit mm --fixed x<1 --marks 4 | --region 1=muscle | out/scene.toml
 new out | --seed 3 | out/truth/scene.toml
 new notes | --force | code
 check scene.toml | --out out | write_picture
@@ -225,6 +233,10 @@ def files(good: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copytree(good, folder)
     (folder / "nodes.csv").write_text(NODES, encoding="utf-8")
     (folder / "springs.csv").write_text(SPRINGS, encoding="utf-8")
+    nodes, elements = box((3, 3, 3), 10.0)
+    labels = {"label": [np.ones(len(elements), dtype=int)]}
+    share = {"share": nodes[:, 0] / 30.0}
+    meshio.write_points_cells(folder / "body.vtu", nodes, {"tetra": elements}, point_data=share, cell_data=labels)
     (folder / "several.csv").write_text(SEVERAL, encoding="utf-8")
     (folder / "taken.igs.mha").write_text("mine", encoding="utf-8")
     text = (folder / "scene.toml").read_text(encoding="utf-8")
@@ -256,6 +268,7 @@ def seen(
     capsys: pytest.CaptureFixture[str],
 ) -> Any:
     """A call to where the good files are."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path.parent / "cache"))
 
     def call(words: str) -> Seen:
         if words in known:

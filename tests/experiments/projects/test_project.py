@@ -169,7 +169,7 @@ def test_the_same_seed_gives_the_same_files_and_another_other_tissue(tmp_path: P
     [
         (["--kind", "plane", "--young-kpa", "3"], "--kind plane: expected no --young-kpa, found 3"),
         (["--kind", "plane", "--nodes", "n.csv"], "--kind plane: expected no --nodes, found n.csv"),
-        (["--kind", "mesh"], "--kind mesh: expected --nodes NODES.csv, found none"),
+        (["--kind", "mesh"], "--kind mesh: expected --mesh FILE or --nodes NODES.csv, found none"),
         (["--kind", "mesh", "--masses", "4"], "--kind mesh: expected no --masses, found 4"),
         (["--masses", "3"], "--kind plane: masses: expected 4 to 60 of a planar phantom, found 3"),
         (["--kind", "breast", "--young-kpa", "0.5"], "expected to rest where it was seen with a change below 50 %"),

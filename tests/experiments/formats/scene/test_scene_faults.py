@@ -26,7 +26,7 @@ version = 1 | version = 1.0 | version: expected 1, found 1.0
 version = 1 |  | version: expected 1, found none
 mass_kg = 0.25 | mass = 1.0 | network.node[1].mass: expected one of name, position_mm, mass_kg, drag_N_s_m,
     friction_N, fixed, found an unknown key
-[target] | [aim] | aim: expected one of version, network, uncertainty, filter, mark, target, reference, camera,
+[target] | [aim] | aim: expected one of version, network, mesh, uncertainty, filter, mark, target, reference, camera,
     provenance, found
 stiffness_N_m = 80.0\n |  | network.spring[0].stiffness_N_m: expected this key, found none
 mass_kg = 0.25\n |  | network.node[1].mass_kg: expected this key for a free node, found none

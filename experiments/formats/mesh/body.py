@@ -1,0 +1,156 @@
+"""Bodies of tetrahedra from mesh files: unit, elements and surface checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from dynamics.mesh import MeshError, TetMesh, surface
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.mesh.closed import checked_surface
+from experiments.formats.mesh.filled import filled
+from experiments.formats.mesh.source import Cells, Source, read_source
+
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+"""Metres in a unit of length."""
+
+SMALLEST_M, LARGEST_M = 0.02, 1.0
+"""Extent of a body along its longest axis [m]; choice: a phantom of 20 mm and a trunk of 1 m are inside, while
+neighbouring units differ by 10 or more."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A body of one tissue, with the fields of its file.
+
+    fields: numbers at the nodes, (n,), by name
+    cell_fields: numbers of the elements, (m,), by name
+    faces: of the outside, with the fields of triangles in the file, NaN where it has none
+    """
+
+    mesh: TetMesh
+    fields: Mapping[str, Floats]
+    cell_fields: Mapping[str, Floats]
+    faces: Cells
+
+
+def read_body(path: Path, unit: str | None, size_m: float | None = None) -> Body:
+    """The body of a mesh file; raises InputError for the first fault.
+
+    unit: of the file, a key of `UNITS`; size_m: edges of new elements [m], which replace those of the file
+    """
+    source = read_source(path)
+    if not len(source.tetrahedra) and not len(source.triangles):
+        raise InputError.at(path, "tetrahedra, or triangles of a closed surface", "none")
+    scale = _metres(source, unit)
+    body = _volume(source, scale) if len(source.tetrahedra) else _from_surface(source, scale, size_m)
+    return _coarser(path, body, size_m) if size_m is not None and len(source.tetrahedra) else body
+
+
+def _metres(source: Source, unit: str | None) -> float:
+    """Metres in the file's unit; InputError if it was not stated, or is not that of a body of tissue."""
+    used = np.unique((source.tetrahedra if len(source.tetrahedra) else source.triangles).nodes)
+    points = source.points[used]
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        first = int(used[np.flatnonzero(~finite)[0]])
+        raise InputError.at(source.path, "finite coordinates", f"{(~finite).sum()} without, the first node {first}")
+    extent = float(np.ptp(points, axis=0).max())
+    if unit is None:
+        each = ", ".join(f"{_length(extent * metres)} in {name}" for name, metres in UNITS.items())
+        raise InputError.at("--unit", f"the unit of {source.path.name}, {', '.join(UNITS)}", f"none; it is {each}")
+    if not SMALLEST_M <= extent * UNITS[unit] <= LARGEST_M:
+        raise InputError.at(
+            source.path,
+            f"a body of {_length(SMALLEST_M)} to {_length(LARGEST_M)}",
+            f"{_length(extent * UNITS[unit])} by --unit {unit}",
+        )
+    return UNITS[unit]
+
+
+def _length(metres: float) -> str:
+    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"
+
+
+def _volume(source: Source, scale: float) -> Body:
+    """The tetrahedra of a file, without nodes of no element."""
+    used, place = np.unique(source.tetrahedra.nodes, return_inverse=True)
+    mesh = tetrahedra(source.path, scale * source.points[used], place.reshape(-1, 4))
+    row = np.full(len(source.points), -1)
+    row[used] = np.arange(len(used))
+    return Body(
+        mesh,
+        {name: values[used] for name, values in source.fields.items()},
+        source.tetrahedra.fields,
+        _outside(mesh, row[source.triangles.nodes], source.triangles.fields),
+    )
+
+
+def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Floats]) -> Cells:
+    """The outer faces of a mesh with the fields of those that the file lists; NaN for others."""
+    faces, n = surface(mesh).faces, len(mesh.nodes)
+    keys, given = (
+        (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))
+    )
+    order = np.argsort(keys)
+    at = order[np.minimum(np.searchsorted(keys, given, sorter=order), len(keys) - 1)]
+    found = keys[at] == given
+    outer = {name: np.full(len(faces), np.nan) for name in fields}
+    for name, values in fields.items():
+        outer[name][at[found]] = values[found]
+    return Cells(faces, outer)
+
+
+def tetrahedra(path: Path, nodes: Floats, elements: NDArray[np.int64]) -> TetMesh:
+    """The mesh of nodes [m] and elements; if all elements are flipped, that is the file's order, and is changed.
+
+    Raises InputError for a mesh that cannot be used.
+    """
+    if (np.linalg.det(nodes[elements[:, 1:]] - nodes[elements[:, :1]]) < 0.0).all():
+        elements = elements[:, [0, 2, 1, 3]]
+    try:
+        return TetMesh(nodes, elements)
+    except MeshError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
+    nodes, faces = checked_surface(source.path, scale * source.points, source.triangles.nodes)
+    mesh = tetrahedra(source.path, *filled(source.path, nodes, faces, size_m))
+    return Body(mesh, {}, {}, Cells(surface(mesh).faces))
+
+
+def _coarser(path: Path, body: Body, size_m: float) -> Body:
+    """The body in elements with edges of this size [m].
+
+    A field takes the mean over the nodes nearer to a new node than to others, or the nearest value if there is none;
+    labels take that of the nearest element or face.
+    """
+    outside = surface(body.mesh)
+    corners, place = np.unique(outside.faces, return_inverse=True)
+    mesh = tetrahedra(path, *filled(path, body.mesh.nodes[corners], place.reshape(-1, 3), size_m))
+    of_new = cKDTree(mesh.nodes).query(body.mesh.nodes)[1]
+    nearest = cKDTree(body.mesh.nodes).query(mesh.nodes)[1]
+    count = np.bincount(of_new, minlength=len(mesh.nodes))
+    fields = {
+        name: np.where(
+            count > 0, np.bincount(of_new, values, minlength=len(count)) / np.maximum(count, 1), values[nearest]
+        )
+        for name, values in body.fields.items()
+    }
+    old, new = (one.nodes[one.elements].mean(axis=1) for one in (body.mesh, mesh))
+    of_element = cKDTree(old).query(new)[1]
+    faces = surface(mesh).faces
+    of_face = cKDTree(body.mesh.nodes[body.faces.nodes].mean(axis=1)).query(mesh.nodes[faces].mean(axis=1))[1]
+    return Body(
+        mesh,
+        fields,
+        {name: values[of_element] for name, values in body.cell_fields.items()},
+        Cells(faces, {name: values[of_face] for name, values in body.faces.fields.items()}),
+    )

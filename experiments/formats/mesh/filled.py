@@ -1,0 +1,68 @@
+"""Closed surfaces filled with tetrahedra by fTetWild [hu2020]."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.extras import require
+
+EDGES = 20
+"""Edges of elements along the diagonal of a body whose size is not stated; the default of fTetWild."""
+
+LEAST_EDGES, MOST_EDGES = 3.0, 200.0
+"""Edges along the diagonal: with fewer the body has no inside, with more the mesh has millions of nodes; choice."""
+
+ENVELOPE = 0.1
+"""Distance of the new surface from the given one, at most, by the edge of an element [1]; choice: below the error of
+elements of that size."""
+
+GRID = 0.4
+"""Cells whose points are joined before the filling, by the edge of an element [1]; choice: a surface of 4,340 triangles
+is filled in 5 s in place of 40 s, with the same volume to 0.1 %."""
+
+
+def filled(
+    path: Path, nodes: Floats, faces: NDArray[np.int64], size_m: float | None
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Nodes [m] and tetrahedra inside a closed surface; raises InputError.
+
+    size_m: edges of the elements; by default a twentieth of the diagonal
+    """
+    require(str(path), "mesh")
+    import pytetwild
+
+    diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
+    size = diagonal / EDGES if size_m is None else size_m
+    if not diagonal / MOST_EDGES <= size <= diagonal / LEAST_EDGES:
+        least, most = (1e3 * diagonal / edges for edges in (MOST_EDGES, LEAST_EDGES))
+        raise InputError.at("--size-mm", f"{least:.2g} to {most:.3g} mm for {path.name}", f"{1e3 * size:.3g} mm")
+    joined, kept = _joined(nodes, faces, GRID * size)
+    points, elements = pytetwild.tetrahedralize(
+        joined,
+        kept.astype(np.int32),
+        edge_length_abs=size,
+        epsilon=ENVELOPE * size / diagonal,
+        quiet=True,
+    )
+    if not len(elements):
+        raise InputError.at(path, "a surface that tetrahedra can fill", "none by fTetWild")
+    used, place = np.unique(elements, return_inverse=True)
+    return np.asarray(points, dtype=float)[used], place.reshape(-1, 4)
+
+
+def _joined(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
+    """The surface with the points of each cell of a grid joined in their mean; triangles without area are left out.
+
+    Triangles are in the order of their cells: fTetWild is ten times slower when neighbours are far apart in the list.
+    """
+    cells = np.unique(np.floor(nodes / side_m).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
+    means = np.stack([np.bincount(cells, axis) for axis in nodes.T], axis=1) / np.bincount(cells)[:, None]
+    corners = cells[faces]
+    corners = corners[(corners != corners[:, [1, 2, 0]]).all(axis=1)]
+    first = np.unique(np.sort(corners, axis=1), axis=0, return_index=True)[1]
+    return means, corners[first]

@@ -1,0 +1,39 @@
+"""The nodes of a mesh that are held: beyond a plane, of a region, or of a labelled wall."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.errors import shown
+from experiments.formats.mesh.project_file import ProjectMesh
+
+PLANE = re.compile(r"([xyz])\s*([<>])\s*(-?\d+(?:\.\d*)?)")
+REGION = re.compile(r"region\s+(-?\d+)")
+WALL = "wall"
+
+FORMS = '"y < 6" [mm], "region 3" or "wall"'
+"""What `fixed` may be, for messages."""
+
+
+def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
+    """The nodes that `fixed` names, (k,) int; ValueError, `expected …, found …`, for none or all of them."""
+    mesh = of.mesh
+    if plane := PLANE.fullmatch(fixed.strip()):
+        along = 1e3 * mesh.nodes[:, "xyz".index(plane[1])]
+        nodes = np.flatnonzero(along < float(plane[3]) if plane[2] == "<" else along > float(plane[3]))
+    elif region := REGION.fullmatch(fixed.strip()):
+        nodes = np.unique(mesh.elements[mesh.regions == int(region[1])])
+    elif fixed.strip() == WALL:
+        nodes = np.asarray(of.wall)
+    else:
+        raise ValueError(f"expected {FORMS}, found {shown(fixed)}")
+    if not 3 <= len(nodes) < len(mesh.nodes):
+        extents = ", ".join(
+            f"{axis} is {low:.4g} to {high:.4g} mm"
+            for axis, low, high in zip("xyz", 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0), strict=True)
+        )
+        raise ValueError(f"expected 3 nodes or more, and not all, found {len(nodes)} of {len(mesh.nodes)}; {extents}")
+    return nodes

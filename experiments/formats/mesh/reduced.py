@@ -1,0 +1,104 @@
+"""Networks of meshes, kept in the user's cache, because their reduction takes seconds to minutes."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import dynamics.mesh
+from dynamics import MassSpringNetwork
+from dynamics.elements import continuum_network
+from dynamics.mesh import Tissue
+from dynamics.network import Continuum
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.mesh.project_file import ProjectMesh
+from experiments.formats.outputs import write_whole
+from experiments.log import LOG
+
+DIGEST = hashlib.sha256().digest_size
+
+
+def reduced(
+    of: ProjectMesh,
+    tissues: Sequence[Tissue],
+    fixed: NDArray[np.int64],
+    points: Mapping[str, Floats],
+    key: Mapping[str, object],
+) -> MassSpringNetwork:
+    """The network of named points of a mesh, of the cache if it is there; raises MeshError.
+
+    key: that determines it, beside the program: what JSON can write
+    """
+    path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
+    if (kept := _read(path)) is not None:
+        return kept
+    network = continuum_network(of.mesh, tissues, fixed, points)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, _content(network))
+    except (OSError, InputError) as error:
+        LOG.info("the reduced mesh is not kept: %s", error)
+    return network
+
+
+def _cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache") / "softaim" / "meshes"
+
+
+@cache
+def _program() -> str:
+    """SHA-256 of the code that reduces a mesh."""
+    root = Path(dynamics.mesh.__file__).parents[1]
+    files = sorted([*(root / "mesh").glob("*.py"), *(root / "elements").glob("*.py"), *(root / "network").glob("*.py")])
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def _content(network: MassSpringNetwork) -> bytes:
+    """Its digest, then its arrays."""
+    if network.continuum is None:
+        raise ValueError("network: expected a continuum, found none")
+    arrays = {f.name: np.asarray(getattr(network, f.name)) for f in fields(network) if f.init and f.name != "continuum"}
+    solid = {f"continuum.{f.name}": np.asarray(getattr(network.continuum, f.name)) for f in fields(network.continuum)}
+    file = io.BytesIO()
+    np.savez(file, allow_pickle=False, **arrays, **solid)
+    content = file.getvalue()
+    return hashlib.sha256(content).digest() + content
+
+
+def _read(path: Path) -> MassSpringNetwork | None:
+    """The network of a file of the cache; None if there is none, or it is not whole."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
+        LOG.info("%s is not whole: it is made again", path)
+        return None
+    with np.load(io.BytesIO(content[DIGEST:]), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    solid = {name.removeprefix("continuum."): value for name, value in arrays.items() if name.startswith("continuum.")}
+    own = {name: value for name, value in arrays.items() if "." not in name}
+    continuum = Continuum(
+        **{
+            **solid,
+            "tissues": tuple(solid["tissues"].tolist()),
+            "mass": float(solid["mass"]),
+            "extent_m": float(solid["extent_m"]),
+        }
+    )
+    return MassSpringNetwork(**{**own, "names": tuple(own["names"].tolist()), "continuum": continuum})
+
+
+def tissue_key(tissues: Sequence[Tissue]) -> list[dict[str, object]]:
+    """Tissues as a key of the cache."""
+    return [asdict(tissue) for tissue in tissues]

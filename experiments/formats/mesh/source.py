@@ -1,0 +1,113 @@
+"""Mesh files of other programs, read by meshio, in the file's own unit and order."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.extras import require
+
+READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": "obj", ".ply": "ply"}
+"""Modules of meshio by the end of a file's name."""
+
+READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
+"""Cells that a mesh may have, with their nodes; points and lines are left out, a quadrilateral is two triangles."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cells:
+    """Cells of one kind.
+
+    nodes: of each, (m, 3) or (m, 4)
+    fields: numbers of each, (m,), by name
+    """
+
+    nodes: NDArray[np.int64]
+    fields: Mapping[str, Floats] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """The content of a mesh file.
+
+    points: (n, 3) in the file's unit; triangles, tetrahedra: their nodes count from 0
+    fields: numbers at the points, (n,), by name
+    """
+
+    path: Path
+    points: Floats
+    triangles: Cells
+    tetrahedra: Cells
+    fields: Mapping[str, Floats]
+
+
+def read_source(path: Path) -> Source:
+    """The content of a mesh file; raises InputError for one that cannot be read, and for other kinds of cells."""
+    require(str(path), "mesh")
+    if path.suffix.lower() not in READERS:
+        raise InputError.at(path, f"one of {', '.join(READERS)}", path.suffix or "no such ending")
+    if not path.is_file():
+        raise InputError.at(path, "a file", "a folder" if path.is_dir() else "none")
+    try:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()), np.errstate(all="ignore"):
+            mesh = import_module(f"meshio.{READERS[path.suffix.lower()]}").read(str(path))
+    except OSError as error:
+        raise InputError.refused(path, "a file that can be read", error) from error
+    except Exception as error:  # of a parser, which raises what it meets
+        fault = shown(str(error) or type(error).__name__)[1:-1]
+        raise InputError.at(path, f"a mesh of {READERS[path.suffix.lower()].upper()}", fault) from None
+    points = np.asarray(mesh.points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError.at(path, "points in space", f"numbers of shape {points.shape}")
+    for block in mesh.cells:
+        if block.type not in READ:
+            raise InputError.at(path, "linear tetrahedra, or triangles of a surface", f"{len(block.data)} {block.type}")
+    triangles, tetrahedra = _cells(mesh, ("triangle", "quad")), _cells(mesh, ("tetra",))
+    for cells in (triangles, tetrahedra):
+        if len(cells) and not 0 <= cells.nodes.min() <= cells.nodes.max() < len(points):
+            raise InputError.at(
+                path, f"nodes 0 to {len(points) - 1} in cells", f"{cells.nodes.min()} to {cells.nodes.max()}"
+            )
+    return Source(path, points, triangles, tetrahedra, _numbers(mesh.point_data, len(points)))
+
+
+def _cells(mesh: Any, kinds: Sequence[str]) -> Cells:
+    """The cells of these kinds in the order of the file, a quadrilateral as two triangles."""
+    nodes: list[NDArray[np.int64]] = []
+    fields: dict[str, list[Floats]] = {name: [] for name in mesh.cell_data}
+    for which, block in enumerate(mesh.cells):
+        if block.type not in kinds or not len(block.data):
+            continue
+        corners, twice = np.asarray(block.data, dtype=np.int64), block.type == "quad"
+        nodes.append(corners[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3) if twice else corners)
+        for name, parts in mesh.cell_data.items():
+            part = np.asarray(parts[which])
+            fields[name].append(np.repeat(part, 2, axis=0) if twice else part)
+    if not nodes:
+        return Cells(np.empty((0, 4 if kinds == ("tetra",) else 3), dtype=np.int64))
+    joined = {name: np.concatenate(parts) for name, parts in fields.items() if len({p.shape[1:] for p in parts}) == 1}
+    return Cells(np.concatenate(nodes), _numbers(joined, sum(map(len, nodes))))
+
+
+def _numbers(fields: Mapping[str, Any], n: int) -> dict[str, Floats]:
+    """Those fields that are one number for each of n points or cells; vectors and texts are left out."""
+    kept = {}
+    for name, values in fields.items():
+        array = np.asarray(values)
+        flat = array.reshape(n, -1) if array.size else array
+        if array.dtype.kind in "iufb" and flat.ndim == 2 and flat.shape[1] == 1:
+            kept[name] = flat[:, 0].astype(float)
+    return kept

@@ -1,0 +1,142 @@
+"""The mesh of a scene file: read from `[mesh]` as a network of its points, and written to it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePath
+
+import numpy as np
+
+from dynamics import MassSpringNetwork
+from dynamics.elements import points_of
+from dynamics.mesh import MeshError, Tissue, surface
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.formats.mesh.held import held
+from experiments.formats.mesh.project_file import ProjectMesh, mesh_of
+from experiments.formats.mesh.reduced import reduced, tissue_key
+from experiments.formats.scene.network import check_name
+from experiments.formats.scene.schema import MeshTable, SceneError, check_own_names
+from experiments.formats.toml_file import key_lines
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneMesh:
+    """The mesh of a scene.
+
+    file: its name, beside the scene's file; content: of that file
+    fixed: the nodes that are held, as `held` reads it; None: none
+    tissues: with the numbers of their regions, (n_tissues,)
+    points: names and places [m] of marks and target
+    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): that of a scaled network has its factors
+    """
+
+    file: str
+    content: bytes
+    fixed: str | None
+    tissues: tuple[Tissue, ...]
+    regions: tuple[int, ...]
+    points: tuple[tuple[str, tuple[float, ...]], ...]
+    stiffness: Floats
+
+    def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
+        """The tissues with the stiffness that they have in a network of this mesh, as identification scales it."""
+        factors = _traces(network) / self.stiffness
+        return tuple(
+            replace(tissue, young_pa=tissue.young_pa * factor)
+            for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)
+        )
+
+
+def _traces(network: MassSpringNetwork) -> Floats:
+    if network.continuum is None:
+        raise SceneError("mesh: expected a network of its points, found one without")
+    return np.trace(network.continuum.by_tissue, axis1=1, axis2=2)
+
+
+def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
+    """The mesh of a table, from the content of its file, and its network; raises SceneError, `mesh…: …`, InputError."""
+    sha256 = hashlib.sha256(content).hexdigest()
+    if table.sha256 is not None and table.sha256 != sha256:
+        raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
+    of = mesh_of(content, path)
+    check_own_names("mesh.tissue", [tissue.name for tissue in table.tissue])
+    check_own_names("mesh.point", [point.name for point in table.point])
+    for i, point in enumerate(table.point):
+        check_name(f"mesh.point[{i}].name", point.name)
+        if point.name.startswith("wall "):
+            raise SceneError(f"mesh.point[{i}].name: expected another than those of anchors, found {shown(point.name)}")
+    try:
+        fixed = np.empty(0, dtype=np.int64) if table.fixed is None else held(of, table.fixed)
+    except ValueError as error:
+        raise SceneError(f"mesh.fixed: {error}") from None
+    tissues = tuple(
+        Tissue(one.name, 1e3 * one.young_kpa, one.poisson, one.density_kg_m3, one.damping_s) for one in table.tissue
+    )
+    points = {point.name: 1e-3 * np.array(point.position_mm) for point in table.point}
+    key = {
+        "mesh": sha256,
+        "fixed": table.fixed,
+        "regions": [one.region for one in table.tissue],
+        "tissues": tissue_key(tissues),
+        "points": [[point.name, point.position_mm] for point in table.point],
+    }
+    try:
+        network = reduced(_numbered(of, table), tissues, fixed, points, key)
+    except MeshError as error:
+        raise SceneError(_placed(of, points) or f"mesh: {error}") from None
+    regions = tuple(one.region for one in table.tissue)
+    places = tuple((name, tuple(place.tolist())) for name, place in points.items())
+    name = PurePath(table.file).name
+    return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
+
+
+def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
+    """The mesh with its regions numbered as the tissues are listed; SceneError for a region without one."""
+    numbers = [tissue.region for tissue in table.tissue]
+    for i, number in enumerate(numbers):
+        if numbers.index(number) < i:
+            first = f"mesh.tissue[{numbers.index(number)}]"
+            raise SceneError(f"mesh.tissue[{i}].region: expected a region of its own, found that of {first}")
+        if not (of.mesh.regions == number).any():
+            has = ", ".join(map(str, np.unique(of.mesh.regions)))
+            raise SceneError(f"mesh.tissue[{i}].region: expected a region of the mesh, {has}, found {number}")
+    found = np.full(len(of.mesh.regions), -1)
+    for i, number in enumerate(numbers):
+        found[of.mesh.regions == number] = i
+    if (found < 0).any():
+        raise SceneError(f"mesh.tissue: expected one of region {of.mesh.regions[found.argmin()]}, found none")
+    return replace(of, mesh=replace(of.mesh, regions=found))
+
+
+def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
+    """The fault of the first point that is outside of a mesh, None if there is none."""
+    outside = surface(of.mesh)
+    for i, place in enumerate(points.values()):
+        try:
+            points_of(of.mesh, outside, place[None])
+        except MeshError:
+            found = np.round(1e3 * place, 3).tolist()
+            return f"mesh.point[{i}].position_mm: expected a place inside the mesh or on its surface, found {found}"
+    return None
+
+
+def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
+    """`[mesh]` of a scene file, line by line, with the stiffness of a network of this mesh."""
+    sha256 = hashlib.sha256(mesh.content).hexdigest()
+    lines = ["[mesh]", *key_lines({"file": mesh.file, "sha256": sha256, "fixed": mesh.fixed})]
+    for tissue, region in zip(mesh.tissues_of(network), mesh.regions, strict=True):
+        keys = {
+            "young_kpa": 1e-3 * tissue.young_pa,
+            "poisson": tissue.poisson,
+            "density_kg_m3": tissue.density_kg_m3,
+            "damping_s": tissue.damping_s,
+        }
+        named = [*key_lines({"name": tissue.name}), f"region = {region}"]
+        lines += ["", "[[mesh.tissue]]", *named, *key_lines(keys)]
+    for name, place in mesh.points:
+        position = (np.round(1e3 * np.array(place), 9) + 0.0).tolist()
+        lines += ["", "[[mesh.point]]", *key_lines({"name": name, "position_mm": position})]
+    return lines

@@ -1,0 +1,108 @@
+"""The tissues of a mesh: of one kind, by the labels of a file, or by a field from fat to gland."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics.mesh import Tissue
+from dynamics.mesh.tissues import DAMPING_S, POISSON, TISSUES
+from dynamics.phantoms.breast import YOUNG_PA
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.formats.mesh.body import Body
+
+CLASSES = 4
+"""Tissues between fat and gland into which a field is divided; choice: the stiffness of each is identified, and marks
+on the surface determine few."""
+
+GROUPS = "gmsh:physical"
+"""The field of labels of Gmsh."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tissues:
+    """Tissues, and the number of its tissue for each element, (m,) int."""
+
+    tissues: tuple[Tissue, ...]
+    regions: NDArray[np.int64]
+
+
+def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
+    """The tissues of a body; raises InputError.
+
+    field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue
+    """
+    if regions or field is not None:
+        if young_pa is not None:
+            raise InputError.at("--young-kpa", "one tissue, without --region and --field", "them")
+        return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")
+    density = 0.5 * (TISSUES["fat"].density_kg_m3 + TISSUES["gland"].density_kg_m3)
+    one = Tissue("tissue", YOUNG_PA if young_pa is None else young_pa, POISSON, density, DAMPING_S)
+    return Tissues((one,), np.zeros(len(body.mesh.elements), dtype=np.int64))
+
+
+def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str]) -> Tissues:
+    names = [name for name, values in body.cell_fields.items() if (values == np.round(values)).all()]
+    chosen = field or (GROUPS if GROUPS in names else names[0] if len(names) == 1 else None)
+    if chosen not in names:
+        has = f"{', '.join(names) or 'none'}"
+        raise InputError.at(
+            "--field",
+            f"a field of whole numbers of the elements of {path.name}",
+            f"{shown(field) if field else 'none'}; it has {has}",
+        )
+    labels = body.cell_fields[chosen].astype(np.int64)
+    has = np.unique(labels).tolist()
+    tissues: dict[str, Tissue] = {}
+    found = np.full(len(labels), -1)
+    for text in regions:
+        label, _, name = text.partition("=")
+        if name not in TISSUES:
+            raise InputError.at("--region", f"LABEL=TISSUE with one of {', '.join(TISSUES)}", shown(text))
+        if label not in map(str, has):
+            raise InputError.at("--region", f"a label of {chosen}, {', '.join(map(str, has))}", shown(text))
+        tissues.setdefault(name, TISSUES[name])
+        found[labels == int(label)] = list(tissues).index(name)
+    if (found < 0).any():
+        raise InputError.at("--region", f"a tissue for label {labels[found.argmin()]} of {chosen}", "none")
+    return Tissues(tuple(tissues.values()), found)
+
+
+def _mixed(body: Body, path: Path, field: str) -> Tissues:
+    """Mixtures of fat and gland by a field of their share, moduli and densities in proportion."""
+    share = _share(body, path, field)
+    number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
+    kept, regions = np.unique(number, return_inverse=True)
+    fat, gland = TISSUES["fat"], TISSUES["gland"]
+    tissues = []
+    for k in kept.tolist():
+        part = (k + 0.5) / CLASSES
+        tissues.append(
+            Tissue(
+                f"gland {100 * k // CLASSES}-{100 * (k + 1) // CLASSES}",
+                (1.0 - part) * fat.young_pa + part * gland.young_pa,
+                POISSON,
+                (1.0 - part) * fat.density_kg_m3 + part * gland.density_kg_m3,
+                DAMPING_S,
+            )
+        )
+    return Tissues(tuple(tissues), regions.ravel())
+
+
+def _share(body: Body, path: Path, field: str) -> Floats:
+    """The share of gland in each element, (m,)."""
+    if field in body.cell_fields:
+        share = body.cell_fields[field]
+    elif field in body.fields:
+        share = body.fields[field][body.mesh.elements].mean(axis=1)
+    else:
+        has = ", ".join([*body.fields, *body.cell_fields]) or "none"
+        raise InputError.at("--field", f"a field of {path.name}, {has}", shown(field))
+    if not (np.isfinite(share).all() and share.min() >= -1e-6 and share.max() <= 1.0 + 1e-6):
+        raise InputError.at("--field", f"{field} from 0, fat, to 1, gland", f"{share.min():g} to {share.max():g}")
+    return np.clip(share, 0.0, 1.0)

@@ -1,0 +1,127 @@
+"""The mesh of a scene: the same bytes for the same mesh, the nodes that are held, and the cache of its network."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dynamics import MassSpringNetwork
+from dynamics.mesh import Tissue
+from experiments.errors import InputError
+from experiments.formats.mesh import reduced as module
+from experiments.formats.mesh.body import tetrahedra
+from experiments.formats.mesh.held import held
+from experiments.formats.mesh.project_file import ProjectMesh, mesh_content, mesh_of
+from experiments.formats.mesh.reduced import reduced
+from tests.experiments.formats.mesh.shapes import box
+
+NODES, ELEMENTS = box((4, 3, 3), 0.01)
+MESH = ProjectMesh(tetrahedra(Path("box"), NODES, ELEMENTS), np.arange(4))
+TISSUE = Tissue("fat", 5e3, 0.4, 1000.0, 0.01)
+POINTS = {"M1": np.array([0.04, 0.015, 0.015]), "T": np.array([0.022, 0.013, 0.014])}
+
+
+def test_a_file_has_the_mesh_and_the_same_mesh_the_same_bytes() -> None:
+    content = mesh_content(MESH)
+    assert content == mesh_content(MESH)
+    read = mesh_of(content, Path("mesh.npz"))
+    np.testing.assert_array_equal(read.mesh.nodes, NODES)
+    np.testing.assert_array_equal(read.mesh.elements, MESH.mesh.elements)
+    np.testing.assert_array_equal(read.wall, MESH.wall)
+
+
+def saved(**arrays) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
+
+
+GOOD = {"nodes_m": NODES, "elements": ELEMENTS, "regions": np.zeros(1, dtype=int), "wall": np.arange(3)}
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        (b"no file", "expected the mesh of softaim new, found "),
+        (saved(nodes_m=NODES), "expected an array elements of the mesh of softaim new, found none"),
+        (saved(**{**GOOD, "regions": np.array(["a"])}), "expected an array regions of the mesh"),
+        (saved(**{**GOOD, "wall": np.array([400])}), "expected wall of nodes 0 to 79, found others"),
+        (saved(**{**GOOD, "elements": ELEMENTS[:, [0, 2, 1, 3]]}), "elements: expected no flipped elements"),
+        (saved(**{**GOOD, "nodes_m": np.array([{}], dtype=object)}), "expected the mesh of softaim new, found "),
+    ],
+)
+def test_faults_of_a_file_are_one_line(content: bytes, expected: str) -> None:
+    with pytest.raises(InputError, match=rf"^mesh.npz: {expected}[^\n]*$"):
+        mesh_of(content, Path("mesh.npz"))
+
+
+@pytest.mark.parametrize(
+    ("fixed", "nodes"),
+    [
+        ("x < 5", np.flatnonzero(NODES[:, 0] < 0.005)),
+        ("z>25.0", np.flatnonzero(NODES[:, 2] > 0.025)),
+        ("region 0", None),
+        ("wall", np.arange(4)),
+    ],
+)
+def test_held_nodes(fixed: str, nodes: np.ndarray | None) -> None:
+    if nodes is None:
+        with pytest.raises(
+            ValueError, match=r"^expected 3 nodes or more, and not all, found 80 of 80; x is 0 to 40 mm"
+        ):
+            held(MESH, fixed)
+        return
+    np.testing.assert_array_equal(held(MESH, fixed), nodes)
+
+
+@pytest.mark.parametrize(
+    ("fixed", "found"), [("y < -1", "found 0 of 80"), ("y = 3", 'found "y = 3"'), ("", 'found ""')]
+)
+def test_other_walls_are_one_line(fixed: str, found: str) -> None:
+    with pytest.raises(ValueError, match=found):
+        held(MESH, fixed)
+
+
+def network(key: str = "box") -> MassSpringNetwork:
+    return reduced(MESH, [TISSUE], held(MESH, "x < 5"), POINTS, {"mesh": key})
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[int]:
+    """One entry for each reduction, with a cache of its own."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    calls: list[int] = []
+    own = module.continuum_network
+    monkeypatch.setattr(module, "continuum_network", lambda *args: (calls.append(1), own(*args))[1])
+    return calls
+
+
+def test_the_cache_has_the_same_network(made: list[int]) -> None:
+    first, second = network(), network()
+    assert len(made) == 1
+    assert second.names == first.names
+    np.testing.assert_array_equal(second.positions, first.positions)
+    assert first.continuum is not None
+    assert second.continuum is not None
+    assert second.continuum.tissues == ("fat",)
+    for field in ("shapes", "rates", "damping", "by_tissue", "short", "slow", "stiffness", "dashpots", "left_out_m"):
+        np.testing.assert_array_equal(getattr(second.continuum, field), getattr(first.continuum, field))
+    network("another")
+    assert len(made) == 2
+
+
+def test_a_file_of_the_cache_that_is_not_whole_is_made_again(made: list[int], tmp_path: Path) -> None:
+    network()
+    (file,) = tmp_path.rglob("*.npz")
+    file.write_bytes(file.read_bytes()[:-9])
+    network()
+    network()
+    assert len(made) == 2
+
+
+def test_without_a_cache_it_is_made_each_time(made: list[int], tmp_path: Path) -> None:
+    (tmp_path / "softaim").write_text("a file, and no folder", encoding="utf-8")
+    network()
+    network()
+    assert len(made) == 2

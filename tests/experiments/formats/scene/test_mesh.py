@@ -1,0 +1,178 @@
+"""Scenes of a mesh: read as a network of its points, written back with their mesh, and one line for each fault."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.errors import InputError
+from experiments.formats.mesh.body import tetrahedra
+from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
+from experiments.formats.scene.scene import network_digest, read_scene, scene_digest, usable_scene, write_scene
+from tests.experiments.formats.mesh.shapes import box
+
+NODES, ELEMENTS = box((4, 3, 3), 0.01)
+
+SCENE = """\
+version = 1
+
+[mesh]
+file = "mesh.npz"
+fixed = "x < 5"
+
+[[mesh.tissue]]
+name = "fat"
+region = 4
+young_kpa = 3.25
+poisson = 0.4
+density_kg_m3 = 911.0
+damping_s = 0.01
+
+[[mesh.tissue]]
+name = "gland"
+region = 7
+young_kpa = 6.5
+poisson = 0.4
+density_kg_m3 = 1041.0
+damping_s = 0.02
+
+[[mesh.point]]
+name = "M1"
+position_mm = [40.0, 12.0, 13.0]
+
+[[mesh.point]]
+name = "M2"
+position_mm = [22.0, 30.0, 17.0]
+
+[[mesh.point]]
+name = "T"
+position_mm = [23.0, 14.0, 12.0]
+
+[[mark]]
+node = "M1"
+hue_deg = 0.0
+diameter_mm = 2.0
+
+[[mark]]
+node = "M2"
+hue_deg = 120.0
+diameter_mm = 2.0
+
+[target]
+node = "T"
+radius_mm = 5.0
+position_sd_mm = 2.0
+"""
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+
+def folder(path: Path, text: str = SCENE) -> Path:
+    regions = np.where(NODES[ELEMENTS].mean(axis=1)[:, 0] < 0.02, 4, 7)
+    mesh = replace(tetrahedra(path, NODES, ELEMENTS), regions=regions)
+    (path / "mesh.npz").write_bytes(mesh_content(ProjectMesh(mesh, np.empty(0, dtype=np.int64))))
+    (path / "scene.toml").write_text(text, encoding="utf-8")
+    return path / "scene.toml"
+
+
+def test_points_are_the_free_nodes_and_the_wall_is_fixed(tmp_path: Path) -> None:
+    scene = usable_scene(folder(tmp_path))
+    network = scene.network
+    assert [network.names[i] for i in network.free] == ["M1", "M2", "T"]
+    np.testing.assert_allclose(network.positions[network.index("T")], [0.023, 0.014, 0.012], atol=1e-9)
+    np.testing.assert_allclose(network.positions[network.index("M1")], [0.04, 0.012, 0.013], atol=1e-9)
+    assert network.fixed.sum() >= 3
+    assert (network.positions[network.fixed, 0] == 0.0).all()
+    assert network.continuum is not None
+    assert network.continuum.tissues == ("fat", "gland")
+    # half of the layer at the wall is held
+    assert network.continuum.mass == pytest.approx(13.5e-6 * 911.0 + 18e-6 * 1041.0, rel=1e-9)
+    assert scene.measured_nodes == ("M1", "M2")
+    assert scene.target.position_sd_m == 0.002
+
+
+def test_it_is_written_with_its_mesh_and_means_the_same(tmp_path: Path) -> None:
+    scene = read_scene(folder(tmp_path))
+    (tmp_path / "other").mkdir()
+    write_scene(scene, tmp_path / "other" / "again.toml")
+    again = read_scene(tmp_path / "other" / "again.toml")
+    assert (tmp_path / "other" / "mesh.npz").read_bytes() == (tmp_path / "mesh.npz").read_bytes()
+    assert scene_digest(again) == scene_digest(scene)
+    np.testing.assert_array_equal(again.network.positions, scene.network.positions)
+    write_scene(again, tmp_path / "other" / "third.toml")
+    texts = [(tmp_path / "other" / f"{name}.toml").read_text(encoding="utf-8") for name in ("again", "third")]
+    assert texts[0] == texts[1]
+
+
+def test_a_scaled_tissue_is_written_with_its_stiffness(tmp_path: Path) -> None:
+    """As identification scales it: 1.5 times as stiff a gland is one of 9.75 kPa."""
+    scene = read_scene(folder(tmp_path))
+    assert scene.network.continuum is not None
+    stiffer = replace(scene.network, continuum=scene.network.continuum.scaled(np.array([1.0, 1.5])))
+    changed = replace(scene, network=stiffer)
+    assert network_digest(changed) != network_digest(scene)
+    write_scene(changed, tmp_path / "changed.toml")
+    again = read_scene(tmp_path / "changed.toml")
+    assert again.mesh is not None
+    np.testing.assert_allclose([tissue.young_pa for tissue in again.mesh.tissues], [3250.0, 9750.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            'file = "mesh.npz"',
+            'file = "none.npz"',
+            "^{folder}/none.npz: expected the file of the scene's mesh, found no",
+        ),
+        (
+            'file = "mesh.npz"',
+            'file = "mesh.npz"\nsha256 = "0"',
+            "^{folder}/mesh.npz: expected the mesh of SHA-256 0…, as",
+        ),
+        ('"x < 5"', '"x < -5"', "mesh.fixed: expected 3 nodes or more, and not all, found 0 of 80; x is 0 to 40 mm"),
+        (
+            "region = 7",
+            "region = 4",
+            r"mesh.tissue\[1\].region: expected a region of its own, found that of mesh.tissue\[0\]",
+        ),
+        ("region = 7", "region = 8", r"mesh.tissue\[1\].region: expected a region of the mesh, 4, 7, found 8"),
+        ("region = 7", "region = 7.5", r"mesh.tissue\[1\].region: expected a whole number, found 7.5"),
+        ('name = "gland"', 'name = "fat"', r"mesh.tissue\[1\].name: expected a name of its own"),
+        ("poisson = 0.4", "poisson = 0.5", r"mesh.tissue\[0\].poisson: expected 0.495 or less, found 0.5"),
+        ('name = "M2"', 'name = "M1"', r"mesh.point\[1\].name: expected a name of its own"),
+        ('name = "M2"', 'name = "wall 2"', r"mesh.point\[1\].name: expected another than those of anchors"),
+        ("[23.0, 14.0, 12.0]", "[23.0, 44.0, 12.0]", r"mesh.point\[2\].position_mm: expected a place inside the mesh"),
+        ('[target]\nnode = "T"', '[target]\nnode = "U"', 'target.node: no node named "U"'),
+        (
+            "[mesh]",
+            "[network]\ngravity_m_s2 = [0.0, 0.0]\nnode = []\nspring = []\n\n[mesh]",
+            "mesh: expected network or mesh, found both",
+        ),
+    ],
+)
+def test_faults_are_one_line(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    assert old in SCENE
+    path = folder(tmp_path, SCENE.replace(old, new, 1))
+    with pytest.raises(InputError) as fault:
+        read_scene(path)
+    line = str(fault.value)
+    assert "\n" not in line
+    assert re.search(expected.replace("{folder}", str(tmp_path)), line), line
+
+
+def test_a_region_without_a_tissue_is_one_line(tmp_path: Path) -> None:
+    start, end = SCENE.index('[[mesh.tissue]]\nname = "gland"'), SCENE.index("[[mesh.point]]")
+    with pytest.raises(InputError, match=r"mesh.tissue: expected one of region 7, found none$"):
+        read_scene(folder(tmp_path, SCENE[:start] + SCENE[end:]))
+
+
+def test_without_a_body_it_is_one_line(tmp_path: Path) -> None:
+    text = SCENE[: SCENE.index("[mesh]")] + SCENE[SCENE.index("[target]") :]
+    with pytest.raises(InputError, match=r"network: expected this key, or mesh in its place, found none$"):
+        read_scene(folder(tmp_path, text))

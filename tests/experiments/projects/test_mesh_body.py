@@ -1,0 +1,182 @@
+"""`softaim new --mesh`: tissues, wall, marks and target of a box of 40 x 30 x 30 mm, and one line for each fault."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+from dynamics.mesh.tissues import TISSUES
+from experiments.formats.needle_file import read_needle
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene, read_scene, usable_scene
+from experiments.projects.template import GROUP_SD
+from tests.experiments.command import softaim
+from tests.experiments.formats.mesh.shapes import box
+from tests.experiments.projects.test_project import commands_of
+from tests.test_words import findings
+
+NODES, ELEMENTS = box((8, 6, 6), 5.0)
+WALL = ("--unit", "mm", "--fixed", "x<1")
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory) -> Path:
+    """The box with a field, labels of its elements, and labelled faces at y = 0."""
+    path = tmp_path_factory.mktemp("body") / "body.vtu"
+    faces = np.array([element[[0, 1, 2, 0, 1, 3, 0, 2, 3, 1, 2, 3]].reshape(4, 3) for element in ELEMENTS]).reshape(
+        -1, 3
+    )
+    side = faces[(NODES[faces][:, :, 1] == 0.0).all(axis=1)]
+    labels = np.where(NODES[ELEMENTS].mean(axis=1)[:, 2] < 15.0, 1, 2)
+    meshio.write_points_cells(
+        path,
+        NODES,
+        [("triangle", side), ("tetra", ELEMENTS)],
+        point_data={"glandularity": NODES[:, 0] / 40.0, "height": NODES[:, 1]},
+        cell_data={"label": [np.full(len(side), 5), labels]},
+    )
+    return path
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+def made(folder: Path, body: Path, *words: object) -> Scene:
+    assert softaim("new", folder, "--kind", "mesh", "--mesh", body, *WALL, *words) == 0
+    return read_scene(folder / "scene.toml")
+
+
+def test_marks_lie_apart_on_the_free_surface_and_the_target_inside(tmp_path: Path, body: Path, capsys) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 8)
+    assert "441 nodes, 1728 tetrahedra, 36 ml from body.vtu" in capsys.readouterr().out
+    places = np.array([scene.network.positions[scene.network.index(node)] for node in scene.measured_nodes])
+    assert len(places) == 8
+    outside = (places == 0.0) | np.isclose(places, [0.04, 0.03, 0.03], atol=1e-9)
+    assert outside.any(axis=1).all()
+    assert (places[:, 0] > 0.001).all()
+    apart = np.linalg.norm(places[:, None] - places, axis=2) + np.eye(8)
+    assert apart.min() > 0.015
+    assert [mark.hue_deg for mark in scene.marks[:7]] == [0.0, 120.0, 240.0, 60.0, 180.0, 300.0, 0.0]
+    target = scene.network.positions[scene.network.index(scene.target.node)]
+    assert np.linalg.norm(target - [0.02, 0.015, 0.015]) < 0.005
+    assert scene.target.node not in scene.measured_nodes
+    assert scene.target.position_sd_m == 0.0
+
+
+def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: Path, body: Path) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--region", "1=fat", "--region", "2=gland")
+    assert scene.mesh is not None
+    assert scene.mesh.tissues == (TISSUES["fat"], TISSUES["gland"])
+    truth = usable_scene(tmp_path / "made" / "truth" / "scene.toml")
+    assert truth.mesh is not None
+    np.testing.assert_array_equal(truth.network.positions, scene.network.positions)
+    for own, assumed in zip(truth.mesh.tissues, scene.mesh.tissues, strict=True):
+        assert 0.0 < abs(np.log(own.young_pa / assumed.young_pa)) < 3.5 * GROUP_SD["stiffness"]
+        assert 0.0 < abs(np.log(own.damping_s / assumed.damping_s)) < 3.5 * GROUP_SD["damping"]
+        assert own.density_kg_m3 == assumed.density_kg_m3
+
+
+def test_a_field_makes_four_mixtures(tmp_path: Path, body: Path) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity")
+    assert scene.mesh is not None
+    names = [tissue.name for tissue in scene.mesh.tissues]
+    assert names == ["gland 0-25", "gland 25-50", "gland 50-75", "gland 75-100"]
+    densities = [tissue.density_kg_m3 for tissue in scene.mesh.tissues]
+    np.testing.assert_allclose(densities, 911.0 + (np.arange(4) + 0.5) / 4.0 * 130.0)
+
+
+def test_labelled_faces_hold_it(tmp_path: Path, body: Path) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", "faces 5")
+    assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
+    assert scene.network.fixed.any()
+
+
+def test_marks_of_a_file_are_moved_onto_the_surface(tmp_path: Path, body: Path) -> None:
+    (tmp_path / "marks.csv").write_text("name,x_mm,y_mm,z_mm\nleft,41,12.5,11\nright,22,15,30.5\n", encoding="utf-8")
+    scene = made(
+        tmp_path / "made", body, "--marks", tmp_path / "marks.csv", "--target", "21,14,13", "--target-sd-mm", 2
+    )
+    places = {name: 1e3 * scene.network.positions[scene.network.index(name)] for name in ("left", "right", "T")}
+    np.testing.assert_allclose(places["left"], [40.0, 12.5, 11.0], atol=1e-3)
+    np.testing.assert_allclose(places["right"], [22.0, 15.0, 30.0], atol=1e-3)
+    np.testing.assert_allclose(places["T"], [21.0, 14.0, 13.0], atol=1e-3)
+    assert scene.target.position_sd_m == 0.002
+
+
+def test_its_files_are_read_and_explained(tmp_path: Path, body: Path) -> None:
+    folder = tmp_path / "made"
+    scene = made(folder, body, "--marks", 6, "--young-kpa", 4)
+    assert scene.mesh is not None
+    assert scene.mesh.tissues[0].young_pa == 4e3
+    plan = read_needle(folder / "needle.toml", scene.target.radius_m, 3)
+    target = scene.network.positions[scene.network.index("T")]
+    way = target - plan.insertion.entry
+    assert 0.0199 < np.linalg.norm(way) < 0.05
+    assert way @ plan.insertion.axis > 0.9 * np.linalg.norm(way)
+    for name in ("still.toml", "calibration.toml", "scenario.toml"):
+        read_scenario(str(folder / name))
+    for page in folder.rglob("*.toml"):
+        assert list(findings(page.read_text(encoding="utf-8"))) == [], page
+    assert not any("--at-rest" in command for command in commands_of(folder))
+    text = (folder / "scene.toml").read_text(encoding="utf-8")
+    for key in ("file", "fixed", "region", "young_kpa", "poisson", "density_kg_m3", "damping_s", "position_mm"):
+        first = next(line for line in text.splitlines() if line.startswith(f"{key} = "))
+        assert "#" in first, key
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--unit", "m"], "expected a body of 20 mm to 1 m, found 40 m by --unit m"),
+        (["--fixed", "x<-1"], "--fixed: expected 3 nodes or more, and not all, found 0 of 441; x is 0 to 40 mm"),
+        (["--fixed", "wall"], '--fixed: expected where the body is held, "y < 6" [mm], "region 3" or "faces 2", found'),
+        (["--fixed", "faces 9"], '--fixed: expected a label of faces in the file, found "9"; it has 5'),
+        (["--marks", "0"], "--marks: expected 1 to 217, or a file of marks, found 0"),
+        (["--marks", "none.csv"], "none.csv: expected a file, found none"),
+        (["--target", "60,10,10"], "--target: expected a place inside body.vtu, found 60,10,10 mm outside"),
+        (["--target", "6,10"], '--target: expected x,y,z [mm], found "6,10"'),
+        (["--field", "none"], '--field: expected a field of body.vtu, glandularity, height, label, found "none"'),
+        (["--field", "height"], "--field: expected height from 0, fat, to 1, gland, found 1.25 to 28.75"),
+        (["--region", "1=fat"], "--region: expected a tissue for label 2 of label, found none"),
+        (["--region", "3=fat"], '--region: expected a label of label, 1, 2, found "3=fat"'),
+        (
+            ["--region", "1=bone"],
+            "--region: expected LABEL=TISSUE with one of fat, gland, fibrous, skin, fascia, muscle",
+        ),
+        (["--field", "label", "--young-kpa", "4"], "--young-kpa: expected one tissue, without --region and --field"),
+        (["--size-mm", "30"], "--size-mm: expected 0.29 to 19.4 mm for body.vtu, found 30 mm"),
+        (["--nodes", "nodes.csv"], "--mesh: expected no --nodes beside it, found nodes.csv"),
+        (["--kind", "breast"], "--kind breast: expected no --mesh, found"),
+    ],
+)
+def test_faults_are_one_line(words: list[str], message: str, body: Path, tmp_path: Path, capsys) -> None:
+    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--mesh", body, *WALL, *words) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "made").exists()
+
+
+def test_without_unit_or_wall_it_asks(body: Path, tmp_path: Path, capsys) -> None:
+    call = ("new", tmp_path / "made", "--kind", "mesh", "--mesh", body)
+    assert softaim(*call, "--fixed", "x<1") == 2
+    assert "--unit: expected the unit of body.vtu, mm, cm, m, found none; it is 40 mm in mm" in capsys.readouterr().err
+    assert softaim(*call, "--unit", "mm") == 2
+    assert "found none; x is 0 to 40 mm, y is 0 to 30 mm, z is 0 to 30 mm" in capsys.readouterr().err
+    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--unit", "mm") == 2
+    assert "--unit: expected --mesh beside it, found none" in capsys.readouterr().err
+
+
+def test_a_recording_has_its_mesh(tmp_path: Path, body: Path) -> None:
+    folder = tmp_path / "made"
+    scene = made(folder, body, "--marks", 6)
+    text = (folder / "still.toml").read_text(encoding="utf-8").replace("duration_s = 2.0", "duration_s = 0.1")
+    (folder / "still.toml").write_text(text, encoding="utf-8")
+    assert softaim("simulate", folder / "still.toml", "--out", tmp_path / "still") == 0
+    recorded = usable_scene(tmp_path / "still" / "scene.toml")
+    assert recorded.network.names == scene.network.names
+    assert (tmp_path / "still" / "mesh.npz").read_bytes() == (folder / "mesh.npz").read_bytes()
+    assert softaim("identify", tmp_path / "still", "--at-rest", "--out", tmp_path / "rest.toml") == 2
