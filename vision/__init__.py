@@ -15,6 +15,7 @@ Names to start with:
     LostMark, Reason      why a mark was not found
     Distractor            what came into the picture in a mark's colour and is none
     PlaneCamera           between pixels and the plane
+    SpaceCamera, triangulated    between pixels and points in space, by one camera and by several
     Board, find_board, calibrate    camera calibration
     synthetic_run         frames of known truth
 """
@@ -30,14 +31,22 @@ from vision.cameras import (
     Lens,
     PlaneCamera,
     Pose,
+    Seen,
+    SpaceCamera,
+    Triangulated,
     View,
     board_text,
     calibrate,
     calibrate_together,
+    calibration_steps,
     find_board,
     fronto_parallel_camera,
+    nearest_to_rays,
+    plain_triangulation,
     posed_camera,
     rms,
+    triangulate,
+    triangulated,
 )
 from vision.detection import (
     Detection,
@@ -186,10 +195,12 @@ __all__ = [
     "SourceOf",
     "SourceSettings",
     "SourceWatchdog",
+    "SpaceCamera",
     "SyntheticCamera",
     "SyntheticFrame",
     "SyntheticMark",
     "SyntheticView",
+    "Triangulated",
     "VideoFileFrames",
     "VideoWriter",
     "View",
@@ -198,6 +209,7 @@ __all__ = [
     "board_text",
     "calibrate",
     "calibrate_together",
+    "calibration_steps",
     "compress",
     "count_frames",
     "count_numbered",
@@ -217,10 +229,12 @@ __all__ = [
     "join_segments",
     "learn_hue",
     "light_of",
+    "nearest_to_rays",
     "needle_layers",
     "open_source",
     "paper_camera",
     "plain_surface",
+    "plain_triangulation",
     "posed_camera",
     "quiet_opencv",
     "reflectance",
@@ -232,4 +246,6 @@ __all__ = [
     "stated_exposure_time",
     "synthetic_run",
     "tilted_view",
+    "triangulate",
+    "triangulated",
 ]
