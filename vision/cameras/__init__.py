@@ -17,6 +17,7 @@ from vision.cameras.triangulation import (
     calibration_steps,
     nearest_to_rays,
     plain_triangulation,
+    principal_steps,
     triangulate,
     triangulated,
 )
@@ -45,6 +46,7 @@ __all__ = [
     "nearest_to_rays",
     "plain_triangulation",
     "posed_camera",
+    "principal_steps",
     "rms",
     "triangulate",
     "triangulated",

@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose, by_calibration
 
-ALONG = np.array([0.25, 0.5, 0.75, 1.0])[:, None, None]
-"""Shares of the way from the middle of the picture to a place at which a lens must not fold; numerical."""
+RADII = np.linspace(0.02, 4.0, 200)
+"""Distances from the middle of the picture at which a lens is tested for a fold [half diagonals]; numerical."""
 
-FAR_PX = 1e5
+FAR_PX = 1e6
 """Distance from the middle of the picture that is beyond any picture [px]; numerical: polynomials do not overflow."""
 
 
@@ -42,6 +42,7 @@ class SpaceCamera:
     pose: Pose
     calibration_sd_px: float = 0.0
     calibration: Floats = field(default_factory=lambda: np.zeros((0, 15)))
+    fold_px: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.size_px) != 2 or min(self.size_px) < 1:
@@ -55,6 +56,7 @@ class SpaceCamera:
         calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
         calibration.setflags(write=False)
         object.__setattr__(self, "calibration", calibration)
+        object.__setattr__(self, "fold_px", _fold_px(self.lens, self.size_px))
 
     @property
     def centre_m(self) -> Floats:
@@ -75,12 +77,7 @@ class SpaceCamera:
         if not (depth > 0.0).all():
             behind = p[~(depth > 0.0)][0]
             raise ValueError(f"camera {self.name}: expected points before it, found {behind.tolist()}")
-        focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
-        ways = (ideal - self.lens.matrix[:2, 2]) / focal
-        # u = f x / z + c: du = f (dx - (x / z) dz) / z
-        by_point = (R[:2] - ways[:, :, None] * R[2]) * focal[:, None] / depth[:, None, None]
-        places, bent = self.lens.distorted(ideal)
-        return places, bent @ by_point
+        return self._bent(ideal, depth)
 
     def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
         """The rays of places in the picture [px], (n, 2): their origin [m], (3,), and unit directions, (n, 3)."""
@@ -91,16 +88,15 @@ class SpaceCamera:
 
     def in_view(self, points_m: ArrayLike) -> NDArray[np.bool_]:
         """Which points [m], (n, 3), are before the camera and in its picture, (n,)."""
+        return self.viewed(points_m)[0]
+
+    def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
+        """Which points are `in_view`, (n,), and what `seen` returns, NaN for those behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
-        before = depth > 0.0
-        middle = self.lens.matrix[:2, 2]
-        way = np.where(before[:, None], ideal - middle, 0.0).clip(-FAR_PX, FAR_PX)
-        # a lens folds where the determinant of its derivative changes sign
-        places, bent = self.lens.distorted((middle + ALONG * way).reshape(-1, 2))
-        unfolded = (np.linalg.det(bent).reshape(len(ALONG), -1) > 0.0).all(axis=0)
-        there = places.reshape(len(ALONG), -1, 2)[-1]
-        inside = ((there >= -0.5) & (there <= np.array(self.size_px) - 0.5)).all(axis=1)
-        return np.asarray(before & unfolded & inside)
+        away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
+        places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
+        inside = ((places >= -0.5) & (places <= np.array(self.size_px) - 0.5)).all(axis=1)
+        return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
         """The picture of a disc at a point [m], (3,), across its normal, (3,), as `Outline.shape_px`, (2, 2) [px]."""
@@ -123,9 +119,27 @@ class SpaceCamera:
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
+    def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
+        """Places [px], (n, 2), and their derivatives [px/m], (n, 2, 3), of ideal ones [px] at these depths [m]."""
+        focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
+        ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
+        # u = f x / z + c: du = f (dx - (x / z) dz) / z
+        by_point = (R[:2] - ways[:, :, None] * R[2]) * focal[:, None] / depths_m[:, None, None]
+        places, bent = self.lens.distorted(ideal_px)
+        return places, bent @ by_point
+
     def _ideal(self, points_m: Floats) -> tuple[Floats, Floats]:
         """Ideal places [px], (n, 2), and depths [m], (n,), of points [m]; NaN where the depth is 0 or less."""
         at = points_m @ self.pose.rotation.T + self.pose.translation_m
         depth = at[:, 2]
         ways = at[:, :2] / np.where(depth > 0.0, depth, np.nan)[:, None]
         return ways * self.lens.matrix[[0, 1], [0, 1]] + self.lens.matrix[:2, 2], depth
+
+
+def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
+    """Distance of ideal places from the middle up to which a lens does not fold the picture over itself [px]."""
+    radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]
+    folded = (np.linalg.det(bent).reshape(len(radii), -1) <= 0.0).any(axis=1)
+    return float(radii[np.argmax(folded)]) if folded.any() else float(radii[-1])

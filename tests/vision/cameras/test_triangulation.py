@@ -11,6 +11,7 @@ from vision import (
     calibration_steps,
     nearest_to_rays,
     plain_triangulation,
+    principal_steps,
     triangulate,
     triangulated,
 )
@@ -67,7 +68,7 @@ def test_it_beats_the_plain_triangulation_where_one_camera_is_worse() -> None:
 
 
 def test_one_camera_gives_a_place_on_its_ray() -> None:
-    camera, sd_px, expected = CAMERAS[0], 0.3, POINTS + [0.004, -0.003, 0.002]
+    camera, sd_px, expected = CAMERAS[0], 0.3, POINTS + np.array([0.004, -0.003, 0.002])
     seen = [Seen(camera, [3], camera.project(POINTS[[3]]), sd_px**2 * np.eye(2)[None], NONE)]
     found = triangulate(seen, expected[[3, 3, 3, 3]], 0.1)
     place, cov = found.positions[3], found.covs[3]
@@ -88,7 +89,7 @@ def test_one_camera_alone_needs_a_start() -> None:
 
 
 def test_errors_of_the_calibration_move_points_as_they_say() -> None:
-    rng, h = np.random.default_rng(2), 1e-3
+    rng, h = np.random.default_rng(2), 0.1
     calibration = 1e-3 * rng.normal(size=(2, 20, 15))
     cameras = [
         SpaceCamera(c.name, c.size_px, c.lens, c.pose, calibration=own)
@@ -142,3 +143,23 @@ def test_points_that_cannot_be_before_both_cameras_have_no_fit() -> None:
 def test_parallel_rays_have_no_nearest_point() -> None:
     with pytest.raises(ValueError, match="rays: expected two or more that are not parallel"):
         nearest_to_rays([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+
+
+def test_principal_directions_are_the_same_errors() -> None:
+    calibration = 1e-4 * np.random.default_rng(3).normal(size=(2, 40, 15)) * ([1e4] * 4 + [10.0] * 5 + [1.0] * 6)
+    cameras = [
+        SpaceCamera(c.name, c.size_px, c.lens, c.pose, calibration=own)
+        for c, own in zip(CAMERAS, calibration, strict=False)
+    ]
+    whole, few = calibration_steps(cameras), principal_steps(cameras, POINTS)
+    assert 5 < len(few[0]) == len(few[1]) < 30
+    assert principal_steps(cameras, POINTS, 1e3)[0].shape == (0, 15)
+    assert principal_steps(CAMERAS, POINTS)[0].shape == (0, 15)
+
+    def cov_px2(steps: list[np.ndarray]) -> np.ndarray:
+        effect = np.concatenate(
+            [c.moved_by(POINTS, own).reshape(-1, len(own)) for c, own in zip(cameras, steps, strict=True)]
+        )
+        return np.asarray(effect @ effect.T)
+
+    np.testing.assert_allclose(cov_px2(few), cov_px2(whole), atol=1e-2)
