@@ -40,7 +40,7 @@ from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
 from experiments.simulation.plane_film import write_film
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.simulation.space_film import times_of, write_space_films
+from experiments.simulation.space_film import all_times, times_of, write_space_films
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
@@ -266,7 +266,7 @@ def simulate(
         raise InputError.at(f"{scenario.scene}: camera", "one at most for a film (--no-film)", str(len(scene.cameras)))
     films = filmed and bool(scene.cameras or scene.space_cameras)
     times = times_of(scenario, exposures(scenario), len(scene.space_cameras) if films else 0)
-    times_s = np.unique(np.round(np.concatenate(times), 9)) if times else exposures(scenario)
+    times_s = all_times(times) if times else exposures(scenario)
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
         network, of_truth = true_network(scene.network, scenario, scenario.seed), TRUTH if films else 1.0

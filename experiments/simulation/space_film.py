@@ -25,6 +25,11 @@ def times_of(scenario: Scenario, exposures_s: Floats, n_cameras: int) -> list[Fl
     return [exposures_s + k * scenario.video.stagger_s for k in range(n_cameras)]
 
 
+def all_times(times_s: Sequence[Floats]) -> Floats:
+    """The times of all cameras in order, each once [s]."""
+    return np.unique(np.concatenate(times_s).astype(np.float64).round(9))
+
+
 def draw_in_space(
     scene: Scene,
     camera: SpaceCamera,

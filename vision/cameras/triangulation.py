@@ -52,8 +52,8 @@ class Triangulated:
 
     positions, covs: where [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
     shared: shift by one sd along each direction of the calibration [m], (n, 3, n_shared)
-    misfit: sum of squared normalised distances in the pictures, errors of the calibration included [1], (n,); for
-        points that n_views > 1 cameras see at most chi-square with 2 n_views - 3 degrees of freedom
+    misfit: sum of squared normalised distances in the pictures, less what the calibration explains [1], (n,);
+        chi-square with 2 n_views - 3 degrees of freedom for points that n_views > 1 cameras see
     n_views: number of cameras that see each, (n,)
     """
 
@@ -133,13 +133,19 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
         if lost.all() or np.abs(step).max(initial=0.0) < SETTLED_M:
             break
     moved, misfit = np.zeros((n, 3, n_shared)), np.where(lost, np.inf, 0.0)
-    for one, (away, JW) in zip(seen, views_of_it, strict=True):
-        whole = one.covs_px2
+    against, inner = np.zeros((n, n_shared)), np.tile(np.eye(n_shared), (n, 1, 1))
+    for one, (away, JW), W in zip(seen, views_of_it, weights, strict=True):
+        misfit[one.which] += np.einsum("ni,nij,nj->n", away, W, away)
         if n_shared:
             by = one.camera.moved_by(x[one.which], one.steps)
+            by_W = by.transpose(0, 2, 1) @ W
             moved[one.which] += JW @ by
-            whole = whole + by @ by.transpose(0, 2, 1)
-        misfit[one.which] += np.einsum("ni,ni->n", away, np.linalg.solve(whole, away[:, :, None])[:, :, 0])
+            against[one.which] += (by_W @ away[:, :, None])[:, :, 0]
+            inner[one.which] += by_W @ by
+    if n_shared:
+        # the least over position and calibration c of |z - J x - G c|² + |c|², by that over the position alone
+        inner -= moved.transpose(0, 2, 1) @ covs @ moved
+        misfit -= np.einsum("ni,ni->n", against, np.linalg.solve(inner, against[:, :, None])[:, :, 0])
     return Triangulated(x, 0.5 * (covs + covs.transpose(0, 2, 1)), covs @ moved, misfit, views)
 
 

@@ -29,7 +29,7 @@ TOGETHER_S = 1e-3
 """Pictures of several cameras whose times differ by no more are of one time [s]; choice: cameras with a common trigger
 differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
 
-SUFFIXES = tuple(Path(name).suffix for name in VIDEOS)
+SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,15 +69,12 @@ def films_in(folder: Path) -> dict[str, Path]:
     if (folder / MARKS).exists():
         return films
     for path in sorted(folder.glob("*.*")):
-        name = path.name.partition(".")[2]
-        if path.name.startswith("video.") and path.suffix in SUFFIXES:
-            name = name.removesuffix(path.suffix).removesuffix(".")
-        elif not (path.name.startswith(f"{FRAMES}.") and path.is_dir()):
+        named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)
+        if named is None:
             continue
-        if name and name != path.suffix[1:]:
-            if name in films:
-                raise InputError.at(folder, f"one film of camera {name}", f"{films[name].name} and {path.name}")
-            films[name] = path
+        if named[1] in films:
+            raise InputError.at(folder, f"one film of camera {named[1]}", f"{films[named[1]].name} and {path.name}")
+        films[named[1]] = path
     return films
 
 

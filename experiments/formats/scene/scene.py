@@ -63,7 +63,7 @@ class Scene:
         self.reference.check(self.network, self.cameras, self.marks)
 
     def _check_cameras(self) -> None:
-        check_own_names("camera", [camera.name for camera in (*self.cameras, *self.space_cameras)])
+        check_own_names("camera", [one.name for one in self.cameras] + [one.name for one in self.space_cameras])
         wrong = self.cameras if self.network.dim == 3 else self.space_cameras
         if wrong:
             kinds = ("a flat scene", "a network in space")
@@ -238,8 +238,10 @@ def _content(scene: Scene) -> list[str]:
         lines += long_list("directions", scene.uncertainty.directions)
     if keys := filter_table(scene.settings):
         lines += ["", "[filter]", *key_lines(keys)]
-    for camera in (*scene.cameras, *scene.space_cameras):
+    for camera in scene.cameras:
         lines += camera_lines(camera)
+    for in_space in scene.space_cameras:
+        lines += camera_lines(in_space)
     for lens in scene.lenses:
         lines += lens_lines(lens)
     return lines

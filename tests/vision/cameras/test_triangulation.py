@@ -118,6 +118,22 @@ def test_errors_of_the_calibration_move_points_as_they_say() -> None:
         np.testing.assert_allclose(shared[:, k], (ahead - back) / (2.0 * h), rtol=1e-3, atol=1e-7)
 
 
+def test_the_misfit_allows_for_the_calibration() -> None:
+    """Against the textbook: normalised residuals under the whole covariance R + G G', position fitted."""
+    rng, cameras = np.random.default_rng(4), CAMERAS[:2]
+    steps = [1e-3 * rng.normal(size=(4, 15)) for _ in cameras]
+    point = POINTS[0]
+    places = np.array([camera.project(point[None])[0] for camera in cameras]) + 0.3 * rng.normal(size=(2, 2))
+    J = np.concatenate([camera.seen(point[None])[1][0] for camera in cameras])
+    G = np.concatenate([c.moved_by(point[None], own)[0] for c, own in zip(cameras, steps, strict=True)])
+    S = np.linalg.inv(0.09 * np.eye(4) + G @ G.T)
+    z = (places - [camera.project(point[None])[0] for camera in cameras]).ravel()
+    rest = z - J @ np.linalg.solve(J.T @ S @ J, J.T @ S @ z)
+    found = triangulated(cameras, places, np.tile(0.09 * np.eye(2), (2, 1, 1)), steps)
+    assert found.misfit[0] == pytest.approx(rest @ S @ rest, rel=1e-2)
+    assert found.misfit[0] < 0.9 * triangulated(cameras, places, np.tile(0.09 * np.eye(2), (2, 1, 1))).misfit[0]
+
+
 def test_cameras_share_directions_where_they_were_calibrated_together() -> None:
     def steps_of(*sizes: int) -> list[tuple[int, ...]]:
         cameras = [
