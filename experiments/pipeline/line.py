@@ -175,7 +175,7 @@ class Line:
         began = time.perf_counter()
         self._predict(exposure.time_s)
         predicted = time.perf_counter()
-        marks = self.space.find(exposure, self.filter.expected, self.filter.expected_after_impulse)
+        marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
         found = time.perf_counter()
         sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
         return self._estimated(exposure.time_s, marks, found - predicted, predicted - began, sight)

@@ -37,9 +37,6 @@ marks are searched again [1]; choice: a hidden mark costs a search of the whole 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
 """Stages of the finders; without the slowest: a mark in another light is missed by one camera of several."""
 
-Predict = Callable[[str], tuple[Floats, Floats]]
-"""Predicted position of a node's mark [m], (3,), and its covariance [m²], (3, 3)."""
-
 
 class CameraSight:
     """Finds the marks in the pictures of one camera.
@@ -98,14 +95,19 @@ class SpaceSight:
         self.came: tuple[vision.Distractor, ...] = ()
         self.expected: dict[str, tuple[Floats, Floats]] = {}
 
-    def find(self, exposure: Exposure, predict: Predict, after_impulse: Predict) -> tuple[MarkMeasurement, ...]:
+    def find(
+        self,
+        exposure: Exposure,
+        predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
+        after_impulse: Callable[[str], tuple[Floats, Floats]],
+    ) -> tuple[MarkMeasurement, ...]:
         """The marks seen in the pictures of one time; raises InputError for a picture of another size.
 
-        predict, after_impulse: where each mark is expected, and after an impulse since it was last seen
+        predict: where the marks of nodes are expected [m], (n, 3), and the covariances [m²], (n, 3, 3)
+        after_impulse: the same of one node, after an impulse since it was last seen
         """
-        self.expected = {node: predict(node) for node in self.marks}
-        means = np.array([mean for mean, _ in self.expected.values()])
-        covs = np.array([cov for _, cov in self.expected.values()])
+        means, covs = predict(list(self.marks))
+        self.expected = dict(zip(self.marks, zip(means, covs, strict=True), strict=True))
         seen, self.lost, self.came = [], {}, ()
         for name, image in exposure.images.items():
             sight = self.cameras[name]

@@ -27,6 +27,7 @@ SHIFT_M = np.array([0.002, -0.001, 0.0015])
 """Of the body from where its marks are expected."""
 
 Predict = Callable[[str], tuple[Floats, Floats]]
+PredictAll = Callable[[Sequence[str]], tuple[Floats, Floats]]
 
 
 def pictures(
@@ -49,9 +50,13 @@ def pictures(
     )
 
 
-def expected_in(scene: Scene, sd_m: float = 0.003) -> Predict:
-    """Marks expected where they are drawn, with this error an axis [m]."""
-    return lambda node: (scene.network.positions[scene.network.index(node)], sd_m**2 * np.eye(3))
+def expected_in(scene: Scene, sd_m: float = 0.003) -> tuple[PredictAll, Predict]:
+    """Marks expected where they are drawn, with this error an axis [m]; the same after an impulse."""
+    x, index = scene.network.positions, scene.network.index
+    return (
+        lambda nodes: (x[[index(node) for node in nodes]], np.tile(sd_m**2 * np.eye(3), (len(nodes), 1, 1))),
+        lambda node: (x[index(node)], sd_m**2 * np.eye(3)),
+    )
 
 
 def place(scene: Scene, node: str) -> Floats:
@@ -62,7 +67,7 @@ def test_marks_that_both_cameras_see_are_where_they_are() -> None:
     scene, rng, nees = breast(), np.random.default_rng(0), []
     for _ in range(20):
         sight = SpaceSight(scene)
-        found = sight.find(pictures(scene, rng), expected_in(scene), expected_in(scene, 0.01))
+        found = sight.find(pictures(scene, rng), *expected_in(scene))
         assert len(found) >= 5
         for mark in found:
             away = mark.position - place(scene, mark.node)
@@ -76,7 +81,7 @@ def test_marks_that_both_cameras_see_are_where_they_are() -> None:
 def test_a_mark_that_one_camera_sees_has_no_depth() -> None:
     scene, rng = breast(), np.random.default_rng(1)
     sight = SpaceSight(scene)
-    found = {m.node: m for m in sight.find(pictures(scene, rng, by=["left"]), *[expected_in(scene)] * 2)}
+    found = {m.node: m for m in sight.find(pictures(scene, rng, by=["left"]), *expected_in(scene))}
     left = scene.space_cameras[0]
     for node in ("S1", "S2"):
         way = place(scene, node) - left.centre_m
@@ -92,7 +97,7 @@ def test_a_covered_mark_is_missing_until_it_is_seen_again() -> None:
     sight, predict = SpaceSight(scene, explain=True), expected_in(scene)
 
     def names(**keys: Sequence[str]) -> set[str]:
-        return {mark.node for mark in sight.find(pictures(scene, rng, **keys), predict, predict)}
+        return {mark.node for mark in sight.find(pictures(scene, rng, **keys), *predict)}
 
     assert "S1" in names()
     for _ in range(PATIENCE + AGAIN):
@@ -109,9 +114,9 @@ def test_a_camera_that_looks_away_sees_nothing() -> None:
     scene = replace(breast(), space_cameras=(breast().space_cameras[0], replace(away, name="away")))
     sight = SpaceSight(scene)
     seen = pictures(scene, np.random.default_rng(3), by=["left", "away"])
-    found = sight.find(seen, *[expected_in(scene)] * 2)
+    found = sight.find(seen, *expected_in(scene))
     assert len(found) >= 4
-    assert sight.find(Exposure(0.0, {"away": seen.images["away"]}), *[expected_in(scene)] * 2) == ()
+    assert sight.find(Exposure(0.0, {"away": seen.images["away"]}), *expected_in(scene)) == ()
     assert {one.reason for one in sight.lost.values()} == {Reason.OUTSIDE}
 
 
@@ -120,7 +125,7 @@ def test_two_cameras_that_disagree_give_no_mark() -> None:
     left, right = scene.space_cameras
     turned: SpaceCamera = replace(right, pose=right.pose.moved(np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])))
     sight = SpaceSight(replace(scene, space_cameras=(left, turned)))
-    found = sight.find(pictures(scene, np.random.default_rng(4)), *[expected_in(scene, 0.006)] * 2)
+    found = sight.find(pictures(scene, np.random.default_rng(4)), *expected_in(scene, 0.006))
     both = {"S1", "S2"}
     assert not both & {mark.node for mark in found}
     lost: dict[str, LostMark] = sight.lost
@@ -134,7 +139,7 @@ def test_a_stated_error_of_the_calibration_is_shared_and_explains_it() -> None:
     turned = replace(right, pose=right.pose.moved(step[0, 9:]), calibration=step)
     stated = replace(scene, space_cameras=(left, turned))
     assert stated.n_calibration == 1
-    found = SpaceSight(stated).find(pictures(scene, np.random.default_rng(4)), *[expected_in(scene, 0.006)] * 2)
+    found = SpaceSight(stated).find(pictures(scene, np.random.default_rng(4)), *expected_in(scene, 0.006))
     marks = {mark.node: mark for mark in found}
     assert {"S1", "S2"} <= marks.keys()
     for mark in marks.values():
@@ -147,7 +152,7 @@ def test_a_stated_error_of_the_calibration_is_shared_and_explains_it() -> None:
 def test_a_picture_of_another_size_is_refused() -> None:
     scene = breast()
     with pytest.raises(InputError, match=r"picture of camera left: expected \[640, 480\], found \[320, 240\]"):
-        SpaceSight(scene).find(Exposure(0.0, {"left": np.zeros((240, 320, 3), np.uint8)}), *[expected_in(scene)] * 2)
+        SpaceSight(scene).find(Exposure(0.0, {"left": np.zeros((240, 320, 3), np.uint8)}), *expected_in(scene))
 
 
 SCENARIO = """version = 1
