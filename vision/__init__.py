@@ -15,7 +15,6 @@ Names to start with:
     LostMark, Reason      why a mark was not found
     Distractor            what came into the picture in a mark's colour and is none
     PlaneCamera           between pixels and the plane
-    SpaceCamera, triangulated    between pixels and points in space, by one camera and by several
     Board, find_board, calibrate    camera calibration
     synthetic_run         frames of known truth
 """

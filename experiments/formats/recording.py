@@ -117,7 +117,7 @@ class Recording:
         """The frames from the first on; InputError if there are none, or they cannot be opened."""
         if self.source is None:
             found = "films of cameras in space" if self.films else f"{MARKS}, which has no frames to show"
-            raise InputError.at(self.folder, "a video or frames of one camera", found)
+            raise InputError.at(self.folder, "a video or frames", found)
         return open_pictures(self.source, self.exposures_s.tolist())
 
 

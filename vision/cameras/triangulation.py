@@ -22,8 +22,8 @@ SETTLED_M = 1e-6
 """A step below which a point stays where it is [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Effect of a direction of the calibration on the places of points that is left out, root mean square [px]; choice: a
-tenth of the error of a good mark, whose square adds a hundredth to its variance."""
+"""Effect of all directions of the calibration that are left out on the places of points, root mean square [px]; choice:
+a tenth of the error of a good mark, whose square adds a hundredth to its variance."""
 
 N_CALIBRATION = 15
 """Parameters of a camera's lens and pose."""
@@ -102,8 +102,8 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
     start_m: where to begin [m], (n, 3)
     start_sd_m: standard deviation of that, an axis, as a further measurement of each point [m]. One that is as large as
-        the body says nothing of points that two cameras see. Of a point that one camera sees it leaves a place on the
-        ray with the pixel's covariance across and this one along.
+        the body says nothing of points that two cameras see. A point that one camera sees is then a place on its ray,
+        with the pixel's covariance across and this one along.
 
     A point that would leave the space before one of its cameras has the misfit inf.
     Raises ValueError for points that fewer than two cameras see where start_sd_m is infinite.
@@ -175,8 +175,8 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
     """The directions of `calibration_steps` by their effect on the places of points [m], (n, 3), the largest first.
 
-    They are other independent directions of the same errors. Those that move no place by `least_px` [px] in root mean
-    square are left out: many cameras leave few directions that matter.
+    They are other independent directions of the same errors. The least that together move places by no more than
+    `least_px` [px] in root mean square are left out.
     """
     steps = calibration_steps(cameras)
     if not any(len(own) for own in steps):
@@ -190,5 +190,6 @@ def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: 
         return [own[:0] for own in steps]
     effect = np.concatenate(effects)
     _, sizes, turns = np.linalg.svd(effect, full_matrices=False)
-    kept = turns[sizes >= least_px * np.sqrt(len(effect) / 2.0)]
+    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # by the directions from each on
+    kept = turns[left_out > least_px**2 * len(effect) / 2.0]
     return [kept @ own for own in steps]

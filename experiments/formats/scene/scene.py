@@ -122,7 +122,7 @@ class Scene:
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """Directions in which the calibration of the cameras in space is uncertain, for each, (n_calibration, 15)."""
+        """Directions of the calibration of each camera in space, (n_calibration, 15) [px, 1, rad, m], one sd each."""
         return principal_steps(self.space_cameras, self.network.positions)
 
     @property

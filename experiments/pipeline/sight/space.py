@@ -22,9 +22,9 @@ from vision.arrays import Image
 from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
-LEAST_COSINE = 0.2
-"""Cosine of the angle between a mark's normal and a camera beyond which it is not searched; choice: 78 degrees, where a
-disc is a fifth as wide as long."""
+LEAST_COSINE = 0.3
+"""Cosine of the angle between a mark's normal and a camera beyond which it is not searched; choice: 73 degrees. A
+shape less than a quarter as wide as long is no mark for the detector."""
 
 MISFIT = 1e-4
 """Probability of the distance of a mark's rays below which two cameras see different things [1]; choice: the finder's
@@ -203,3 +203,24 @@ def check_size(camera: SpaceCamera, image: Image) -> None:
     if camera.size_px != (width, height):
         found = f"[{width}, {height}]"
         raise InputError.at(f"picture of camera {camera.name}", str(list(camera.size_px)), found)
+
+
+def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
+    """Shift of marks at places [m], (n, 3), by one sd along each direction of the cameras' calibration, (n, 3, k) [m].
+
+    As all cameras see them; a place that none sees is not shifted.
+    """
+    steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
+
+    def shifts(places_m: Floats) -> Floats:
+        p = np.asarray(places_m, dtype=np.float64).reshape(-1, 3)
+        seen = []
+        for camera, own in zip(scene.space_cameras, steps, strict=True):
+            inside, places_px, _ = camera.viewed(p)
+            rows = np.flatnonzero(inside)
+            if len(rows):
+                covs_px2 = np.tile(np.eye(2), (len(rows), 1, 1))
+                seen.append(vision.Seen(camera, rows.tolist(), places_px[rows], covs_px2, own))
+        return vision.triangulate(seen, p, extent_m).shared
+
+    return shifts

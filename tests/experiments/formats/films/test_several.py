@@ -54,7 +54,7 @@ def test_pictures_of_two_folders_come_in_order_of_time(tmp_path: Path) -> None:
         (0.11, {"right": 11}),
         (0.2, {"left": 2}),
     ]
-    with pytest.raises(InputError, match="expected a video or frames of one camera, found films of cameras in space"):
+    with pytest.raises(InputError, match="expected a video or frames, found films of cameras in space"):
         opened.open_frames()
 
 

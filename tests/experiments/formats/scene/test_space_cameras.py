@@ -5,14 +5,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from experiments.errors import InputError
+from experiments.formats.camera_file import write_camera_toml
 from experiments.formats.camera_yaml import LensFile
 from experiments.formats.scene.scene import SceneError, read_scene, scene_text, write_scene
 from experiments.formats.toml_file import toml_value
 from tests.experiments.formats.scene.test_cameras import LENSES, TABLE
 from tests.experiments.in_space import breast, two_cameras
-from vision import PlaneCamera, Pose, SpaceCamera, fronto_parallel_camera
+from tests.vision.cameras.test_rig import RIGHT, TO_RIGHT
+from tests.vision.drawn_boards import BOARD, SIZE_PX, noisy_views, poses
+from tests.vision.drawn_boards import LENS as LEFT
+from vision import (
+    CameraViews,
+    PlaneCamera,
+    Pose,
+    SpaceCamera,
+    calibrate_together,
+    fronto_parallel_camera,
+    triangulated,
+)
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.02, -0.03, 0.05]])
 
@@ -87,3 +100,24 @@ def test_two_cameras_have_two_names() -> None:
     camera: SpaceCamera = two_cameras()[0]
     with pytest.raises(SceneError, match=r"camera\[1\]\.name: expected a name of its own, found that of camera\[0\]"):
         replace(breast(), space_cameras=(camera, camera))
+
+
+def test_cameras_calibrated_together_are_those_of_the_scene(tmp_path: Path) -> None:
+    """The files of `softaim calibrate --camera left=... --camera right=...`, from corners with noise of 0.1 px."""
+    rng = np.random.default_rng(0)
+    at = poses(10, rng)
+    left = noisy_views(BOARD, LEFT, at, 0.1, rng)
+    right = noisy_views(BOARD, RIGHT, [TO_RIGHT.after(pose) for pose in at], 0.1, rng)
+    both = [CameraViews("left", SIZE_PX, tuple(left)), CameraViews("right", SIZE_PX, tuple(right))]
+    for done in calibrate_together(BOARD, both):
+        write_camera_toml(done, tmp_path / f"{done.name}.toml")
+    scene = read_scene(scene_with(tmp_path, 'file = "left.toml"', 'file = "right.toml"\ncalibration_sd_px = 0.1'))
+    assert [len(camera.calibration) for camera in scene.space_cameras] == [30, 30]
+    assert 2 < scene.n_calibration <= 30
+    true = [SpaceCamera("left", SIZE_PX, LEFT, at[-1]), SpaceCamera("right", SIZE_PX, RIGHT, TO_RIGHT.after(at[-1]))]
+    point = np.array([0.01, 0.02, 0.015])
+    places = np.array([camera.project(point[None])[0] for camera in true])
+    found = triangulated(scene.space_cameras, places, np.tile(1e-4 * np.eye(2), (2, 1, 1)), scene.calibration_steps)
+    away, cov = found.positions[0] - point, found.covs[0] + found.shared[0] @ found.shared[0].T
+    assert away @ np.linalg.solve(cov, away) < chi2.ppf(0.999, 3)
+    assert np.linalg.norm(away) < 0.002
