@@ -14,7 +14,7 @@ from experiments.formats.films.several import film_name
 from experiments.formats.recording import write_frames_csv
 from experiments.formats.scenario import Scenario
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.space_marks import facing, mark_shapes_px, outward
+from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
 from experiments.simulation.seen_marks import Truth
 from experiments.threads import ahead
 from vision import SpaceCamera
@@ -50,7 +50,7 @@ def draw_in_space(
     places = positions[[network.index(node) for node in nodes]].reshape(-1, 3)
     normals = outward(network, nodes)
     inside, places_px, J = camera.viewed(places)
-    shapes_px = mark_shapes_px(marks, camera, places, normals, J)
+    shapes_px = mark_shapes_px(marks, camera, places, across(normals), J)
     shown = np.flatnonzero(inside & facing(camera, places, normals, 0.0))
     nearest_last = shown[np.argsort(-np.linalg.norm(places[shown] - camera.centre_m, axis=1))]
     discs = [vision.Disc.of_shape(places_px[i], shapes_px[i], marks[i].hue_deg) for i in nearest_last.tolist()]

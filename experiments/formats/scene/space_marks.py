@@ -55,14 +55,14 @@ def across(normals: Floats) -> Floats:
 
 
 def mark_shapes_px(
-    marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, normals: Floats, by_place: Floats
+    marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, discs: Floats, by_place: Floats
 ) -> Floats:
     """Pictures of marks at these places [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses, of balls circles.
 
-    normals: (n, 3); by_place: derivatives of their places in the picture, (n, 2, 3) [px/m]
+    discs: `across` of their normals, (n, 3, 2); by_place: derivatives of their places in the picture, (n, 2, 3) [px/m]
     """
     are_balls = np.array([mark.ball for mark in marks])
-    # a ball is seen as a disc across the line of sight
-    facing_it = np.where(are_balls[:, None], camera.centre_m - places_m, normals)
+    if are_balls.any():  # a ball is seen as a disc across the line of sight
+        discs = np.where(are_balls[:, None, None], across(camera.centre_m - places_m), discs)
     radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
-    return np.asarray(radii_m[:, None, None] * (by_place @ across(facing_it)), dtype=np.float64)
+    return np.asarray(radii_m[:, None, None] * (by_place @ discs), dtype=np.float64)

@@ -15,7 +15,7 @@ from experiments.errors import InputError
 from experiments.formats.films.several import Exposure
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.space_marks import facing, mark_shapes_px, outward
+from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
 from experiments.pipeline.sight.plane import SIZE_SD
 from vision import LostMark, Reason, SpaceCamera
 from vision.arrays import Image
@@ -87,6 +87,7 @@ class SpaceSight:
         self._marks = list(self.marks.values())
         self._numbers = {node: i for i, node in enumerate(self.marks)}
         self._normals = outward(scene.network, list(self.marks))
+        self._discs = across(self._normals)
         self._extent_m = float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
         self._steps = dict(zip((c.name for c in scene.space_cameras), scene.calibration_steps, strict=True))
         self.cameras = {c.name: CameraSight(c, self.marks, explain=explain) for c in scene.space_cameras}
@@ -188,7 +189,7 @@ class SpaceSight:
         covs_px2: Floats,
     ) -> list[vision.Expected]:
         marks = [self._marks[i] for i in rows.tolist()]
-        shapes = mark_shapes_px(marks, camera, means, self._normals[rows], by_place)
+        shapes = mark_shapes_px(marks, camera, means, self._discs[rows], by_place)
         return [
             vision.Expected(
                 mark.node, places_px[k], covs_px2[k], mark.hue_deg, vision.Outline(shapes[k], SIZE_SD, mark.even)

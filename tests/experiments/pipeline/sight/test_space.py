@@ -19,7 +19,7 @@ from experiments.pipeline.sight.space import AGAIN, PATIENCE, SpaceSight
 from experiments.pipeline.track import track
 from experiments.simulation.simulate import simulate
 from experiments.simulation.space_film import draw_in_space
-from tests.experiments.in_space import breast
+from tests.experiments.in_space import breast, dome
 from tests.vision.cameras.test_space_camera import camera_at
 from vision import LostMark, Reason, SpaceCamera
 
@@ -153,6 +153,22 @@ def test_a_picture_of_another_size_is_refused() -> None:
     scene = breast()
     with pytest.raises(InputError, match=r"picture of camera left: expected \[640, 480\], found \[320, 240\]"):
         SpaceSight(scene).find(Exposure(0.0, {"left": np.zeros((240, 320, 3), np.uint8)}), *expected_in(scene))
+
+
+def test_sixty_marks_of_three_hues_keep_their_names() -> None:
+    """Moved by 3 mm, and each by 1 mm of its own; all that face a camera are found."""
+    scene, rng = dome(), np.random.default_rng(5)
+    sight = SpaceSight(scene, explain=True)
+    for _ in range(3):
+        own = rng.normal(0.0, 0.001, scene.network.positions.shape)
+        shift = np.array([0.002, 0.002, -0.001])
+        found = sight.find(pictures(scene, rng, moved_m=own + shift), *expected_in(scene))
+        assert len(found) >= 44
+        assert {one.reason for one in sight.lost.values()} == {Reason.AWAY}
+        for mark in found:
+            i = scene.network.index(mark.node)
+            away = mark.position - (scene.network.positions[i] + own[i] + shift)
+            assert away @ np.linalg.solve(mark.cov, away) < chi2.ppf(1.0 - 1e-6, 3), mark.node
 
 
 SCENARIO = """version = 1
