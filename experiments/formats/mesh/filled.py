@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import chdir
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +44,14 @@ def filled(
         least, most = (1e3 * diagonal / edges for edges in (MOST_EDGES, LEAST_EDGES))
         raise InputError.at("--size-mm", f"{least:.2g} to {most:.3g} mm for {path.name}", f"{1e3 * size:.3g} mm")
     joined, kept = _joined(nodes, faces, GRID * size)
-    points, elements = pytetwild.tetrahedralize(
-        joined,
-        kept.astype(np.int32),
-        edge_length_abs=size,
-        epsilon=ENVELOPE * size / diagonal,
-        quiet=True,
-    )
+    with TemporaryDirectory() as folder, chdir(folder):  # where fTetWild leaves its own files
+        points, elements = pytetwild.tetrahedralize(
+            joined,
+            kept.astype(np.int32),
+            edge_length_abs=size,
+            epsilon=ENVELOPE * size / diagonal,
+            quiet=True,
+        )
     if not len(elements):
         raise InputError.at(path, "a surface that tetrahedra can fill", "none by fTetWild")
     used, place = np.unique(elements, return_inverse=True)
