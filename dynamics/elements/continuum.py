@@ -19,14 +19,15 @@ from scipy.spatial.distance import cdist
 
 from dynamics.arrays import Floats
 from dynamics.mesh import (
+    INSIDE,
     MeshError,
     Surface,
     TetMesh,
     Tissue,
     lame,
-    locate,
     locate_on_surface,
     lumped_masses,
+    nearest_elements,
     patches,
     rest_stiffness,
     surface,
@@ -56,8 +57,9 @@ FREE = 0.2
 """Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
 numerical."""
 
-ON_SURFACE = 1e-3
-"""Distance from the surface below which a point lies on it, by the extent [1]; numerical."""
+NEAR = 0.02
+"""Distance outside the surface up to which a point is bound to it, by the extent [1]; choice: some millimetres, by
+which marks that were measured lie off a coarse surface."""
 
 WALL = 12
 """Nodes of the network that show where the body is held, at most."""
@@ -71,14 +73,18 @@ class Points(NamedTuple):
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points inside a mesh, or next to its surface: bound to the nearest place there. MeshError for one far outside."""
-    faces, on, away = locate_on_surface(mesh, outside.faces, places)
-    near = away <= ON_SURFACE * _extent(mesh.nodes)
-    inner = np.flatnonzero(~near)
-    elements, within = locate(mesh, places[inner])
+    """Points inside a mesh, or near its surface: bound to the nearest place there. MeshError for one far outside."""
+    elements, within = nearest_elements(mesh, places)
+    near = within.min(axis=1) < INSIDE
+    faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
+    for place, far in zip(places[near], away, strict=True):
+        if far > NEAR * _extent(mesh.nodes):
+            found = f"{np.round(1e3 * place, 3)} mm, {1e3 * far:.3g} mm outside"
+            raise MeshError(f"points: expected each inside the mesh or near its surface, found {found}")
+    inner, elements, within = np.flatnonzero(~near), elements[~near], within[~near]
     rows = [np.repeat(np.flatnonzero(near), 3), np.repeat(inner, 4)]
-    columns = [outside.faces[faces[near]].ravel(), mesh.elements[elements].ravel()]
-    entries = np.concatenate([on[near].ravel(), within.ravel()]), (np.concatenate(rows), np.concatenate(columns))
+    columns = [outside.faces[faces].ravel(), mesh.elements[elements].ravel()]
+    entries = np.concatenate([on.ravel(), within.ravel()]), (np.concatenate(rows), np.concatenate(columns))
     weights = csr_array(entries, shape=(len(places), len(mesh.nodes)))
     return Points(np.asarray(weights @ mesh.nodes), weights)
 

@@ -3,13 +3,14 @@
 What may enter: geometry at rest.
 """
 
-from dynamics.mesh.points import locate, locate_on_surface
+from dynamics.mesh.points import INSIDE, locate, locate_on_surface, nearest_elements
 from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
 from dynamics.mesh.surface import Surface, surface
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
 from dynamics.mesh.tissue import Tissue
 
 __all__ = [
+    "INSIDE",
     "MeshError",
     "Surface",
     "TetMesh",
@@ -18,6 +19,7 @@ __all__ = [
     "locate",
     "locate_on_surface",
     "lumped_masses",
+    "nearest_elements",
     "patches",
     "rest_stiffness",
     "surface",

@@ -17,14 +17,21 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
     points: at rest [m], (k, 3); MeshError for one outside.
     """
+    elements, weights = nearest_elements(mesh, points)
+    for k, (point, own) in enumerate(zip(points, weights, strict=True)):
+        if not own.min() >= INSIDE:
+            raise MeshError(f"point {k}: expected a place inside the mesh, found {np.round(point, 6)} m")
+    return elements, weights
+
+
+def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """As `locate`, but of a point outside the element that is left by the least weight, which is then negative."""
     centres = mesh.nodes[mesh.elements].mean(axis=1)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
     for k, point in enumerate(points):
         each = 0.25 + np.einsum("ead,ed->ea", mesh.gradients, point - centres)
         elements[k] = each.min(axis=1).argmax()
         weights[k] = each[elements[k]]
-        if not weights[k].min() >= INSIDE:
-            raise MeshError(f"point {k}: expected a place inside the mesh, found {np.round(point, 6)} m")
     return elements, weights
 
 

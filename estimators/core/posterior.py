@@ -212,10 +212,15 @@ class TissuePosterior:
         if shared is not None and calibration is not None:
             rows = rows.copy()
             rows[:, calibration] = shared
-        covs = rows @ self.filter.covs @ rows.T
-        possible = self.filter.weights >= min(POSSIBLE, float(self.filter.weights.max()))
-        widest = int(np.argmax(np.where(possible, covs.trace(axis1=1, axis2=2), -1.0)))
+        covs = {k: rows @ self.filter.covs[k] @ rows.T for k in self._possible}
+        widest = max(covs, key=lambda k: float(covs[k].trace()))
         return rows @ self.filter.means[widest], covs[widest]
+
+    @property
+    def _possible(self) -> list[int]:
+        """The modes that are possible, by number."""
+        weights = self.filter.weights
+        return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.
@@ -238,5 +243,11 @@ class TissuePosterior:
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
         """Places of free nodes [m], (n, dim), and their covariances [m²], as `expected` of each."""
-        found = [self.expected(node) for node in nodes]
-        return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
+        dim, possible = self.network.dim, self._possible
+        rows = np.vstack([self._maps[node] for node in nodes])
+        each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)
+        covs = np.array([(rows @ self.filter.covs[k]).reshape(len(nodes), dim, -1) @ each for k in possible])
+        widest = covs.trace(axis1=2, axis2=3).argmax(axis=0)
+        means = (self.filter.means[possible] @ rows.T).reshape(len(possible), len(nodes), dim)
+        one_each = np.arange(len(nodes))
+        return means[widest, one_each], covs[widest, one_each]

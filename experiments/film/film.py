@@ -37,7 +37,7 @@ class Film:
         self.folder, self.plan = folder, plan
         self.fps = rate_of(recording.exposures_s)
         scene = recording.scene
-        self.camera: PlaneCamera = scene.cameras[0] if recording.marks is None else ground_camera(scene)
+        self.camera: PlaneCamera = scene.cameras[0] if recording.source is not None else ground_camera(scene)
         self.worst = WorstFrames()
         self._writer: VideoWriter | None = None
 

@@ -54,7 +54,7 @@ MOST_NAMED = 40
 def ground_camera(scene: Scene) -> PlaneCamera:
     """A camera square to the plane that sees the network in the middle; InputError for one in space."""
     if scene.network.dim != 2:
-        raise InputError.at("--film", "a flat scene, or a recording with pictures", "marks.csv in space")
+        raise InputError.at("--film", "a flat scene", "one in space")
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
     size_m = np.maximum(high - low, 1e-3)
     mm_per_px = float((1e3 * size_m / (GROUND_SHARE * np.array(GROUND_PX))).max())

@@ -12,6 +12,16 @@ from numpy.typing import NDArray
 
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
+from experiments.formats.films.pictures import (
+    MARKS,
+    ONE_CAMERA,
+    SEGMENTS,
+    Pictures,
+    check_pictures,
+    open_pictures,
+    source_in,
+)
+from experiments.formats.films.several import CameraFilm, films_in, merged, read_films
 from experiments.formats.marks.drawing import first_marks_line
 from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import (
@@ -25,11 +35,10 @@ from experiments.formats.marks.rows import (
     cov_of,
 )
 from experiments.formats.marks.times import check_seconds, check_within
-from experiments.formats.pictures import MARKS, ONE_CAMERA, SEGMENTS, Pictures, count_pictures, open_pictures, source_in
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.formats.tables import Table, read_rows, read_table, write_table
 from experiments.log import LOG
-from vision import FilePath, SourceError
+from vision import FilePath
 
 SAME_TIME_S = 1e-9
 """Times that differ by less are equal: the resolution of files."""
@@ -85,7 +94,9 @@ class Recording:
 
     folder: where it is
     exposures_s: one for each frame, increasing [s], (n_frames,)
-    source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place
+    source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place,
+        and in space
+    films: of the cameras in space; exposures_s are then the times at which any of them exposed
     marks: for each frame the marks by another tracker; None with pictures
     truth: true positions of nodes, if known
     fixes: direct sightings of the target, in order of time
@@ -100,11 +111,13 @@ class Recording:
     truth: Truth | None
     fixes: tuple[Fix, ...]
     aside: str | None = None
+    films: tuple[CameraFilm, ...] = ()
 
     def open_frames(self) -> Pictures:
         """The frames from the first on; InputError if there are none, or they cannot be opened."""
         if self.source is None:
-            raise InputError.at(self.folder, "a video or frames", f"{MARKS}, which has no frames to show")
+            found = "films of cameras in space" if self.films else f"{MARKS}, which has no frames to show"
+            raise InputError.at(self.folder, "a video or frames", found)
         return open_pictures(self.source, self.exposures_s.tolist())
 
 
@@ -118,12 +131,17 @@ def read_recording(
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError.at(folder, "the folder of a recording", "a file" if folder.exists() else "none")
-    source = source_in(folder)
+    named = films_in(folder)
+    source = folder if named else source_in(folder)
     scene_path = folder / "scene.toml" if scene_path is None else Path(scene_path)
     scene = usable_scene(scene_path, rests=False)
     frames_csv = folder / "frames.csv"
     marks: tuple[tuple[MarkRow, ...], ...] | None = None
-    if source.name == MARKS:
+    films: tuple[CameraFilm, ...] = ()
+    if named:
+        films = read_films(folder, scene, scene_path, read_frames, advance)
+        exposures_s = merged(films)[0]
+    elif source.name == MARKS:
         exposures_s, marks = read_marks(source, scene, read_frames(frames_csv) if frames_csv.exists() else None)
     else:
         if len(scene.cameras) != 1:
@@ -134,17 +152,16 @@ def read_recording(
         folder=folder,
         scene=scene,
         exposures_s=exposures_s,
-        source=None if marks is not None else source,
+        source=None if marks is not None or films else source,
         marks=marks,
         truth=_read_truth(truth_csv, scene, exposures_s) if truth_csv.exists() else None,
         fixes=_read_fixes(fixes_csv, scene, exposures_s) if fixes_csv.exists() else (),
         aside=None if marks is None else first_marks_line(scene, marks),
+        films=films,
     )
-    if marks is None:
-        try:
-            _check_frames(recording, source, scene_path, advance)
-        except SourceError as error:
-            raise InputError(str(error)) from error
+    if recording.source is not None:
+        size_px = scene.cameras[0].size_px
+        check_pictures(source, exposures_s, frames_csv, size_px, f"{scene_path}: camera[0].size_px", advance)
     advance(1.0)
     if recording.aside is not None:
         LOG.warning("%s: %s", source, recording.aside)
@@ -154,28 +171,12 @@ def read_recording(
         "read %s: %d frames of %s, scene %s, truth of %s, %d fixes",
         folder,
         len(exposures_s),
-        source.name,
+        ", ".join(film.source.name for film in films) or source.name,
         scene_path,
         "nothing" if recording.truth is None else ", ".join(recording.truth.nodes),
         len(recording.fixes),
     )
     return recording
-
-
-def _check_frames(recording: Recording, source: Path, scene_path: Path, advance: Callable[[float], None]) -> None:
-    """Raise InputError now for faults that would otherwise appear at the end of a long run."""
-    n_rows = len(recording.exposures_s)
-    n_frames, what = count_pictures(source, advance)
-    # A killed recorder may have finished a piece without writing its rows.
-    if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
-        rows = f"a row for each of the {n_frames} {what}"
-        raise InputError.at(recording.folder / "frames.csv", rows, f"{n_rows} rows")
-    with recording.open_frames() as frames:
-        height, width = next(iter(frames)).image.shape[:2]
-    size_px = recording.scene.cameras[0].size_px
-    if size_px != (width, height):
-        expected = f"[{width}, {height}], as the pictures of {source.name} have"
-        raise InputError.at(f"{scene_path}: camera[0].size_px", expected, shown(list(size_px)))
 
 
 def read_frames(path: Path, *, torn: bool = False) -> Floats:

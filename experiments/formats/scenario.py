@@ -12,7 +12,7 @@ from pydantic import Field, create_model, model_validator
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
 from experiments.formats.scene.scene import usable_scene
-from experiments.formats.toml_file import Coordinates, Name, Positive, Strict, check_axes, read_toml
+from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, check_axes, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 STEPS = "STEPS.md"
@@ -140,12 +140,16 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """How the film is stored; for a scene also the light and the number of distractors in view."""
+    """How the film is stored; for a scene also the light and the number of distractors in view.
+
+    stagger_s: in space each camera exposes this much after the one before
+    """
 
     light: Light = "webcam"
     distractors: Distractors = 0
     codec: Literal["MJPG", "FFV1"] = "MJPG"
     quality: Annotated[int, Field(ge=1, le=100)] = 95
+    stagger_s: NotNegative = 0.0
 
 
 class Scenario(Strict):

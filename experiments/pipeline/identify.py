@@ -24,7 +24,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import is_identified
-from experiments.pipeline.line import Line
+from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame, marks_to_use
 from experiments.plain import counted
 
@@ -47,9 +47,8 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
     if recording.marks is not None:
         return list(marks_to_use(recording))
     frames = []
-    for frame, step in each_frame(Line(recording.scene, baseline=False), recording):
-        assert frame is not None
-        frames.append((frame.exposure_s, step.marks))
+    for _, step in each_frame(Line(recording.scene, baseline=False), recording):
+        frames.append((step.estimates[FILTER].time_s, step.marks))
         advance(len(frames) / len(recording.exposures_s))
     return frames
 

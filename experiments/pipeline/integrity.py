@@ -5,7 +5,7 @@ The error budget uses what a scene states, and defaults otherwise; the mathemati
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from estimators import (
 )
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
 """Share of the variance whose sources are listed [1]."""
@@ -57,11 +58,21 @@ def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USU
     """The balance of forces of a scene's body, with stated or default uncertainties of constants and camera."""
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
-    camera = scene.cameras[0] if scene.cameras else None
-    if camera is not None and _is_unscaled(scene):
-        camera = replace(camera, scale_sd=usual.scale)
     uncertainty = together if scene.uncertainty is None else scene.uncertainty
-    return StaticBalance(tissue, uncertainty, None if camera is None else camera.calibration_error)
+    return StaticBalance(tissue, uncertainty, _calibration_error(scene, usual))
+
+
+def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Floats], Floats] | None:
+    """Shift of marks at places by one sd along each direction of the calibration, stated or usual; None: no camera."""
+    if scene.space_cameras:
+        if not _is_unscaled(scene):
+            return calibration_shifts(scene)
+        middle = scene.network.positions.mean(axis=0)
+        return lambda places: usual.scale * (places.reshape(-1, 3) - middle)[:, :, None]
+    if not scene.cameras:
+        return None
+    camera = scene.cameras[0]
+    return (replace(camera, scale_sd=usual.scale) if _is_unscaled(scene) else camera).calibration_error
 
 
 def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
@@ -85,12 +96,10 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
         )
         masses = usual.mass * at_rest.to_forces(weights.reshape(-1, len(network.free)))
         found.append(_source("masses", masses, stated=False))
-    if scene.cameras:
-        camera, unscaled = scene.cameras[0], _is_unscaled(scene)
-        seen = replace(camera, scale_sd=usual.scale) if unscaled else camera
+    if (calibration_error := _calibration_error(scene, usual)) is not None:
         places = at_rest.rest[[network.index(node) for node in nodes]]
-        shifts = seen.calibration_error(places).reshape(len(nodes) * dim, -1)
-        found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not unscaled))
+        shifts = calibration_error(places).reshape(len(nodes) * dim, -1)
+        found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not _is_unscaled(scene)))
     if not scene.reference.marks:  # they move with the camera
         drift_m = scene.reference.drift_sd_m
         alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
@@ -141,7 +150,9 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the scale error of the scene's camera is not stated."""
+    """Whether the errors of the scene's camera, in space of all cameras, are not stated."""
+    if scene.space_cameras:
+        return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None
     return camera is not None and not camera.n_calibration and camera.scale_sd is None
 

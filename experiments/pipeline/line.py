@@ -27,10 +27,12 @@ from estimators import (
 )
 from experiments.arrays import Floats
 from experiments.errors import InputError
+from experiments.formats.films.several import Exposure
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.sight import ReferenceMarks, ReferenceSeen, looked_for, on_plane
+from experiments.pipeline.sight.plane import ReferenceMarks, ReferenceSeen, looked_for, on_plane
+from experiments.pipeline.sight.space import SpaceSight
 from vision import PlaneCamera
 
 OPEN_LOOP, FILTER = "open-loop", "filter"
@@ -113,7 +115,7 @@ class Line:
     explain: keep in each step what was searched and why it was not found; estimates do not change
     State: the filter, the names of its marks (identity), the filters that check it, the paper's open loop
     (baseline=False leaves it out), the marks' colours, the fixes still to come; with reference marks, the pose of the
-    camera or tracker.
+    camera or tracker; in space the sight of the cameras.
     """
 
     def __init__(
@@ -147,6 +149,7 @@ class Line:
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
+        self.space = SpaceSight(self.scene, explain=self._explain) if self.scene.space_cameras else None
 
     @property
     def camera(self) -> PlaneCamera:
@@ -165,6 +168,17 @@ class Line:
         sight = self._sight({one.name: one for one in self.finder.lost}, self.finder.came)
         step = self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
         return replace(step, reference=reference)
+
+    def see_all(self, exposure: Exposure) -> Step:
+        """Estimates at an exposure time from the pictures of cameras in space."""
+        assert self.space is not None
+        began = time.perf_counter()
+        self._predict(exposure.time_s)
+        predicted = time.perf_counter()
+        marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
+        found = time.perf_counter()
+        sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
+        return self._estimated(exposure.time_s, marks, found - predicted, predicted - began, sight)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from another tracker's marks."""
@@ -226,10 +240,11 @@ class Line:
         mean, cov = predict(node)
         if not self.scene.n_calibration:
             return mean, cov
-        by = self.reference
-        if by is None:
-            return predict(node, self.scene.cameras[0].calibration_error(mean[None])[0])
-        return predict(node, by.shared_at(mean))
+        if self.reference is not None:
+            return predict(node, self.reference.shared_at(mean))
+        if self.space is not None:
+            return mean, cov
+        return predict(node, self.scene.cameras[0].calibration_error(mean[None])[0])
 
     def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
         """The marks that the filter may use."""

@@ -19,8 +19,8 @@ import numpy as np
 import vision
 from experiments.arrays import Floats
 from experiments.errors import InputError
+from experiments.formats.films.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
 from experiments.formats.outputs import check_apart, write_together
-from experiments.formats.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, mesh_beside, write_scene
 from experiments.pipeline.events import report_source_events

@@ -16,6 +16,7 @@ from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
+from experiments.formats.films.several import exposures_of
 from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording
@@ -122,10 +123,15 @@ def track(
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
-    """The line's step for each frame of a recording, with the frame, None for given marks."""
+    """The line's step for each frame of a recording, with the frame, None for given marks and in space."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)
+        return
+    if recording.films:
+        with ahead(exposures_of(recording.films)) as exposures:
+            for exposure in exposures:
+                yield None, line.see_all(exposure)
         return
     with recording.open_frames() as film, ahead(film) as frames:
         for frame in frames:

@@ -26,7 +26,7 @@ from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, check_followed
-from experiments.simulation.simulate import draw
+from experiments.simulation.plane_film import draw
 
 FRAMES_PER_S = 30.0
 """Default frame rate without a recording or an option."""

@@ -5,12 +5,11 @@ Truth comes from SciPy's adaptive integrators, not from the steps that the filte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import vision
 from dynamics import (
@@ -34,13 +33,14 @@ from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
 from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
-from experiments.formats.scene.reference import Reference, reference_places
+from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
+from experiments.simulation.plane_film import write_film
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.threads import ahead
+from experiments.simulation.space_film import all_times, times_of, write_space_films
 from experiments.version import version
 
 TARGET_RADIUS_M = 0.005
@@ -212,12 +212,15 @@ def true_motion(
     scenario: Scenario,
     rng: np.random.Generator,
     advance: Callable[[float], None] = lambda _share: None,
+    *,
+    times_s: Floats | None = None,
 ) -> Truth:
-    """Positions of the scenario's nodes at its exposure times; a network without anchors is `supported`.
+    """Positions of the scenario's nodes at these times [s], (n,); a network without anchors is `supported`.
 
-    `advance` is called with the share done, in hundredths. Raises InputError.
+    times_s: default: the scenario's exposure times. `advance` is called with the share done, in hundredths. Raises
+    InputError.
     """
-    times = exposures(scenario)
+    times = exposures(scenario) if times_s is None else times_s
     start, forces = start_and_forces(network, scenario, rng)
     nothing, shown = np.zeros_like(start), 0
 
@@ -246,40 +249,6 @@ def true_motion(
     return Truth(times, unpack(states, network.dim)[0])
 
 
-def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
-    """Frames of the motion by the scenario's camera, (height, width, 3) BGR."""
-    camera = scene.cameras[0]
-    network = scene.network
-    lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
-    strays = vision.distractors(scenario.distractors, camera.size_px, rng, hues_of(scene))
-    everywhere = network.positions.copy()
-    for positions in truth.positions:
-        everywhere[network.free] = positions
-        yield draw(scene, everywhere, lighting, rng, strays=strays)
-
-
-def hues_of(scene: Scene) -> list[float]:
-    """The hues of the marks of a scene [degrees], each once."""
-    return list(dict.fromkeys(mark.hue_deg for mark in (*scene.marks, *scene.reference.looks)))
-
-
-def draw(
-    scene: Scene, positions: Floats, lighting: vision.Lighting, rng: np.random.Generator, *, strays: list[vision.Disc]
-) -> NDArray[np.uint8]:
-    """One frame of all nodes at these positions [m], (n_nodes, dim)."""
-    camera, network = scene.cameras[0], scene.network
-    places = camera.project(positions)
-    lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
-    discs = []
-    still = reference_places(scene.reference, network)
-    seen = [(mark, positions[network.index(mark.node)]) for mark in scene.marks]
-    for mark, place in [*seen, *((mark, still[mark.node]) for mark in scene.reference.looks)]:
-        half_px = 0.5e3 * mark.diameter_m / camera.mm_per_px(place)
-        across, down = np.diag(mark.shape_px(camera, place)) if mark.ball else half_px
-        discs.append(vision.Disc(camera.project(place[None])[0], (across, down), mark.hue_deg))
-    return vision.draw_frame(camera.size_px, [*strays, *discs], lighting, rng, lines=lines)
-
-
 def simulate(
     scenario: Scenario,
     out: Path,
@@ -295,23 +264,29 @@ def simulate(
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
         raise InputError.at(f"{scenario.scene}: camera", "one at most for a film (--no-film)", str(len(scene.cameras)))
-    films = filmed and bool(scene.cameras)
+    films = filmed and bool(scene.cameras or scene.space_cameras)
+    times = times_of(scenario, exposures(scenario), len(scene.space_cameras) if films else 0)
+    times_s = all_times(times) if times else exposures(scenario)
     with output_folder(out, force=force) as folder:
         rng = np.random.default_rng(scenario.seed)
         network, of_truth = true_network(scene.network, scenario, scenario.seed), TRUTH if films else 1.0
-        truth = true_motion(network, scenario, rng, lambda share: advance(of_truth * share))
+        truth = true_motion(network, scenario, rng, lambda share: advance(of_truth * share), times_s=times_s)
         _copy_scene(scenario, scene, folder / "scene.toml")
-        write_frames_csv(folder / "frames.csv", truth.times_s)
         names = [scene.network.names[i] for i in scene.network.free]
-        write_truth_csv(
-            folder / "truth.csv", truth.times_s, {name: truth.positions[:, k] for k, name in enumerate(names)}
-        )
+        write_truth_csv(folder / "truth.csv", times_s, {name: truth.positions[:, k] for k, name in enumerate(names)})
+
+        def filmed_share(share: float) -> None:
+            advance(TRUTH + (1.0 - TRUTH) * share)
+
+        if times:
+            write_space_films(scenario, scene, times, truth, folder, rng, filmed_share)
+            return
+        write_frames_csv(folder / "frames.csv", times_s)
         if films:
-            path, of_film = folder / "video.avi", 1.0 - TRUTH
-            _write_film(scenario, scene, truth, rng, path, lambda share: advance(TRUTH + of_film * share))
+            write_film(scenario, scene, truth, rng, folder / "video.avi", filmed_share)
         else:
             marks = seen_marks(scene, truth, scenario.seen, rng).marks
-            write_marks_csv(folder / "marks.csv", truth.times_s, marks or (), dim=scene.network.dim)
+            write_marks_csv(folder / "marks.csv", times_s, marks or (), dim=scene.network.dim)
             advance(1.0)
 
 
@@ -327,23 +302,3 @@ def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
     else:
         added = step_lines(done.steps[len(scene.steps) :])
         write_whole(path, "\n".join([read_text(own).rstrip("\n"), *added]) + "\n")
-
-
-def _write_film(
-    scenario: Scenario,
-    scene: Scene,
-    truth: Truth,
-    rng: np.random.Generator,
-    path: Path,
-    advance: Callable[[float], None],
-) -> None:
-    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the container's least; frames.csv has the times
-    stored = scenario.video
-    size_px = scene.cameras[0].size_px
-    with (
-        vision.VideoWriter(path, size_px, rate, codec=stored.codec, quality=stored.quality) as video,
-        ahead(film(scenario, scene, truth, rng)) as images,
-    ):
-        for k, image in enumerate(images):
-            video.write(image)
-            advance((k + 1) / len(truth.times_s))

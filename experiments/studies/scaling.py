@@ -12,6 +12,7 @@ import resource
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -51,7 +52,7 @@ def row(across: int, deep: int) -> Row:
         "nodes": len(mesh.nodes),
         "elements": len(mesh.elements),
         "marks": N_MARKS,
-        "ms_per_estimate": median_ms([seconds_of(lambda k=k: _frame(tissue, k)) for k in range(1, N_FRAMES)]),
+        "ms_per_estimate": median_ms([seconds_of(partial(_frame, tissue, k)) for k in range(1, N_FRAMES)]),
         "prepare_s": prepare_s,
         "cached_s": seconds_of(lambda: _started(pickle.loads(saved))),
         "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,4 +1,4 @@
-"""Lenses, poses, a camera before a plane, calibration from boards.
+"""Lenses, poses, cameras before a plane and in space, triangulation, calibration from boards.
 
 What may enter: another camera, lens or board.
 """
@@ -10,6 +10,17 @@ from vision.cameras.lens import Lens, Pose
 from vision.cameras.plane_camera import PlaneCamera, fronto_parallel_camera, posed_camera
 from vision.cameras.rig import CameraViews, calibrate_together
 from vision.cameras.settings import CalibrationSettings
+from vision.cameras.space_camera import SpaceCamera
+from vision.cameras.triangulation import (
+    Seen,
+    Triangulated,
+    calibration_steps,
+    nearest_to_rays,
+    plain_triangulation,
+    principal_steps,
+    triangulate,
+    triangulated,
+)
 
 __all__ = [
     "DICTIONARIES",
@@ -22,12 +33,21 @@ __all__ = [
     "Lens",
     "PlaneCamera",
     "Pose",
+    "Seen",
+    "SpaceCamera",
+    "Triangulated",
     "View",
     "board_text",
     "calibrate",
     "calibrate_together",
+    "calibration_steps",
     "find_board",
     "fronto_parallel_camera",
+    "nearest_to_rays",
+    "plain_triangulation",
     "posed_camera",
+    "principal_steps",
     "rms",
+    "triangulate",
+    "triangulated",
 ]

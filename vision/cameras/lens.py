@@ -104,3 +104,16 @@ class Lens:
                 / det[:, None]
             )
         raise ValueError("lens: expected places that its distortion reaches, found one beyond")
+
+
+def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
+    """Derivative of the places of points [m], (n, 3), by errors of lens and pose [px], (n, 2, 15).
+
+    In the order of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
+    """
+    turned, zero = points_m @ pose.rotation.T, np.zeros(3)
+    _, all_of_it = cv2.projectPoints(turned + pose.translation_m, zero, zero, lens.matrix, lens.distortion)
+    # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, further lens parameters
+    J = np.asarray(all_of_it, dtype=np.float64).reshape(len(points_m), 2, -1)[:, :, :15]
+    by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
+    return np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
 from vision.arrays import Floats
-from vision.cameras.lens import Lens, Pose
+from vision.cameras.lens import Lens, Pose, by_calibration
 
 DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
@@ -172,16 +171,7 @@ class PlaneCamera:
         """The same for lens and pose only; p: [m], (n, 2)."""
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
-        pose = self.pose
-        turned = p @ pose.rotation[:, :2].T
-        zero = np.zeros(3)
-        _, all_of_it = cv2.projectPoints(
-            turned + pose.translation_m, zero, zero, self.lens.matrix, self.lens.distortion
-        )
-        # its columns: rotation about the camera, translation, fx fy, cx cy, k1 k2 p1 p2 k3, further lens parameters
-        J = np.asarray(all_of_it, dtype=np.float64).reshape(len(p), 2, -1)[:, :, :15]
-        by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
-        by_px = np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
+        by_px = by_calibration(self.lens, self.pose, np.column_stack([p, np.zeros(len(p))]))
         to_plane = self._seen_from(self.project(p))[1]
         return np.asarray(to_plane @ by_px @ self.calibration.T, dtype=np.float64)
 

@@ -64,6 +64,10 @@ class Reason(StrEnum):
     """Marks of its hue are seen, all further away than the gate allows."""
     OUTSIDE = "outside the picture"
     """It is expected outside the picture."""
+    AWAY = "faces away from the camera"
+    """In space: its side of the body cannot be seen by a camera."""
+    APART = "in different places for two cameras"
+    """In space: seen by two or more cameras, but their rays do not meet."""
     FLOODED = "its hue is all over the picture"
     """A hue takes more of the picture than marks can."""
 

@@ -32,6 +32,7 @@ class Disc:
 
     center_px: its centre [px], shape (2,)
     axes_px: semi-axes along u and v [px]; they differ where pixels are not square
+    lean: shift along u of each of its rows by the row's distance below the centre [1], as of a disc seen obliquely
     hue_deg, saturation, value: its colour
     smear_px: how far it moves along u and v while the shutter is open [px]; center_px is the middle of that way
     """
@@ -42,6 +43,7 @@ class Disc:
     saturation: float = 0.85
     value: float = 0.75
     smear_px: tuple[float, float] = (0.0, 0.0)
+    lean: float = 0.0
 
     def __post_init__(self) -> None:
         center = np.array(self.center_px, dtype=np.float64)
@@ -50,6 +52,18 @@ class Disc:
         if not min(self.axes_px) > 0:
             raise ValueError(f"disc axes_px: expected more than 0, found {self.axes_px}")
         object.__setattr__(self, "center_px", center)
+
+    @classmethod
+    def of_shape(cls, center_px: Floats, shape_px: Floats, hue_deg: float) -> Disc:
+        """The disc center + shape_px @ unit disc, (2,) and (2, 2) [px], with the default colours of its hue."""
+        (a, b), (_, d) = shape_px @ shape_px.T
+        return cls(center_px, (float(np.sqrt(a - b * b / d)), float(np.sqrt(d))), hue_deg, lean=float(b / d))
+
+    @property
+    def reach_px(self) -> Floats:
+        """How far it reaches from its centre along u and v [px], (2,)."""
+        across, down = self.axes_px
+        return np.array([np.hypot(across, self.lean * down), down])
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +176,7 @@ def _draw_lines(frame: Picture, lines: Sequence[Line]) -> None:
 
 def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -> None:
     center = disc.center_px
-    reach = np.array(disc.axes_px) + np.abs(disc.smear_px) / 2.0 + BLUR_REACH * lighting.blur_sd_px + 1.5
+    reach = disc.reach_px + np.abs(disc.smear_px) / 2.0 + BLUR_REACH * lighting.blur_sd_px + 1.5
     low = np.floor(center - reach).astype(int)
     high = np.ceil(center + reach).astype(int) + 1
     height, width = light.shape
@@ -189,7 +203,8 @@ def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Pi
         moment = (k + 0.5) / n_moments - 0.5
         u0, v0 = disc.center_px + moment * np.array(disc.smear_px)
         half = disc.axes_px[0] * np.sqrt(np.maximum(0.0, 1.0 - ((v - v0) / disc.axes_px[1]) ** 2))[:, None]
-        chord = np.minimum(u + 0.5, u0 + half) - np.maximum(u - 0.5, u0 - half)
+        middle = u0 + disc.lean * (v - v0)[:, None]
+        chord = np.minimum(u + 0.5, middle + half) - np.maximum(u - 0.5, middle - half)
         total += np.maximum(chord, 0.0).reshape(-1, ROWS_PER_PIXEL, len(u)).mean(axis=1)
     return (total / n_moments).astype(np.float32)
 

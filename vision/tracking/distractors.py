@@ -89,7 +89,7 @@ class DistractorWatch:
             own = [(one, size) for one, size in zip(expected, sizes, strict=True) if one.hue_deg == hue_deg]
             level = self._levels.setdefault(hue_deg, _Level(deque(maxlen=self._settings.stands)))
             level.known += float(np.count_nonzero(counted[k])) - float(np.count_nonzero(before[k]))
-            if any(one.name not in found for one, _ in own):
+            if not own or any(one.name not in found for one, _ in own):
                 level.of_late.clear()
                 continue
             mark = pi * (min(size for _, size in own) / step) ** 2

@@ -30,7 +30,8 @@ def simulate(
     from experiments.simulation.simulate import simulate as write_recording
 
     read = read_scenario(scenario)
-    if "--film" in run.given and not scene_of(read).cameras:
+    given = scene_of(read)
+    if "--film" in run.given and not (given.cameras or given.space_cameras):
         raise InputError.at("--film", "a scene with a camera", "none")
     first = read.seed if seed is None else seed
     names = [""] if runs is None else [f"seed-{first + k}" for k in range(runs)]

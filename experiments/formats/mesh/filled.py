@@ -44,8 +44,7 @@ def filled(
         least, most = (1e3 * diagonal / edges for edges in (MOST_EDGES, LEAST_EDGES))
         raise InputError.at("--size-mm", f"{least:.2g} to {most:.3g} mm for {path.name}", f"{1e3 * size:.3g} mm")
     joined, kept = _joined(nodes, faces, GRID * size)
-    # it writes the surface that it tracked to the working folder
-    with TemporaryDirectory(prefix="softaim-") as folder, chdir(folder):
+    with TemporaryDirectory() as folder, chdir(folder):  # where fTetWild leaves its own files
         points, elements = pytetwild.tetrahedralize(
             joined,
             kept.astype(np.int32),

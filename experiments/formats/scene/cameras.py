@@ -14,41 +14,51 @@ from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, h
 from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
 from experiments.formats.toml_file import exactly, key_lines
-from vision import Lens, PlaneCamera, posed_camera
+from vision import Lens, PlaneCamera, Pose, SpaceCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 """Maps homogeneous points of the plane from metres to the millimetres of a scene file's homography."""
 
 
-def camera_of(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
+Camera = PlaneCamera | SpaceCamera | LensFile
+"""A camera of a flat scene, one of a scene in space, or a lens without a pose."""
+
+
+def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
     """The camera of a table, or its lens alone without a pose; a named file is searched in this folder.
 
-    Raises ValueError, `key: expected …, found …`, and InputError for that file.
+    dim: of the scene. Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """
-    camera = _of_file(table, folder) if table.file is not None else _of_keys(table)
+    if dim == 3:
+        for key in ("plane_to_px", "scale_sd"):
+            if getattr(table, key) is not None:
+                raise ValueError(f"{key}: expected a flat scene, found a network in space; give matrix and pose")
+    camera = _of_file(table, folder, dim) if table.file is not None else _of_keys(table, dim)
     if isinstance(camera, LensFile):
         return camera
+    if isinstance(camera, SpaceCamera):
+        return replace(camera, calibration_sd_px=table.calibration_sd_px)
     return replace(camera, calibration_sd_px=table.calibration_sd_px, scale_sd=table.scale_sd)
 
 
-def _of_file(table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
+def _of_file(table: CameraTable, folder: Path, dim: int) -> Camera:
     path = folder / str(table.file)
     lens = read_lens_file(path)
     if lens is not None:
-        return _placed(table, lens)
+        return _placed(table, lens, dim)
     if table.rotation is not None:
         raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's pose, found one")
     c = read_camera_toml(path)
-    return posed_camera(c.name, c.size_px, c.lens, c.pose, calibration=c.uncertainty)
+    return _posed(c.name, c.size_px, c.lens, c.pose, c.uncertainty, dim)
 
 
-def _of_keys(table: CameraTable) -> PlaneCamera | LensFile:
+def _of_keys(table: CameraTable, dim: int) -> Camera:
     assert table.name is not None
     assert table.size_px is not None
     size_px = (table.size_px[0], table.size_px[1])
     if table.matrix is not None:
         assert table.distortion is not None
-        return _placed(table, LensFile(checked_lens(table.matrix, table.distortion), size_px, table.name))
+        return _placed(table, LensFile(checked_lens(table.matrix, table.distortion), size_px, table.name), dim)
     homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
     try:
         return PlaneCamera(table.name, size_px, homography)
@@ -59,18 +69,26 @@ def _of_keys(table: CameraTable) -> PlaneCamera | LensFile:
         ) from None
 
 
-def _placed(table: CameraTable, lens: LensFile) -> PlaneCamera | LensFile:
+def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
     """The camera with this lens at the table's pose; the lens alone without a pose."""
     if table.rotation is None or table.translation_mm is None:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
     pose = checked_pose(table.rotation, table.translation_mm)
     try:
-        return posed_camera(lens.name or "camera", lens.size_px, lens.lens, pose, calibration=calibration)
+        return _posed(lens.name or "camera", lens.size_px, lens.lens, pose, calibration, dim)
     except ValueError:
         raise ValueError(
             f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"
         ) from None
+
+
+def _posed(
+    name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, calibration: Floats, dim: int
+) -> PlaneCamera | SpaceCamera:
+    if dim == 3:
+        return SpaceCamera(name, size_px, lens, pose, calibration=calibration)
+    return posed_camera(name, size_px, lens, pose, calibration=calibration)
 
 
 def lens_lines(lens: LensFile) -> list[str]:
@@ -79,7 +97,7 @@ def lens_lines(lens: LensFile) -> list[str]:
     return ["", "[[camera]]", *head, *key_lines(_lens_keys(lens.lens), exactly)]
 
 
-def camera_lines(camera: PlaneCamera) -> list[str]:
+def camera_lines(camera: PlaneCamera | SpaceCamera) -> list[str]:
     """`[[camera]]` of a scene file, line by line."""
     keys: dict[str, Any] = {}
     if camera.lens is None:
@@ -88,7 +106,9 @@ def camera_lines(camera: PlaneCamera) -> list[str]:
         pose = camera.pose
         keys = {**_lens_keys(camera.lens), "rotation": pose.rotation, "translation_mm": 1e3 * pose.translation_m}
         keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
-    keys |= {"scale_sd": camera.scale_sd, "calibration_sd_px": float(camera.calibration_sd_px)}
+    if isinstance(camera, PlaneCamera):
+        keys["scale_sd"] = camera.scale_sd
+    keys["calibration_sd_px"] = float(camera.calibration_sd_px)
     return ["", "[[camera]]", *head_lines(camera.name, camera.size_px), *key_lines(keys, exactly)]
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
+from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_together
-from experiments.formats.scene.cameras import camera_lines, camera_of, lens_lines
+from experiments.formats.scene.cameras import Camera, camera_lines, camera_of, lens_lines
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
@@ -22,7 +23,7 @@ from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile,
 from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
-from vision import FilePath, PlaneCamera
+from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,6 +38,7 @@ class Scene:
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose: their pictures cannot be used
     mesh: that the network is of, None for springs
+    space_cameras: those of a scene in space; `cameras` are of a flat one
     """
 
     network: MassSpringNetwork
@@ -50,6 +52,7 @@ class Scene:
     reference: Reference = field(default_factory=Reference)
     lenses: tuple[LensFile, ...] = ()
     mesh: SceneMesh | None = None
+    space_cameras: tuple[SpaceCamera, ...] = ()
 
     def __post_init__(self) -> None:
         for i, name in enumerate(self.network.names):
@@ -59,10 +62,16 @@ class Scene:
         self._check_free("target.node", self.target.node, "a hidden target")
         if self.target.offset_m:
             check_dim("target.offset_mm", self.target.offset_m, self.network.dim)
-        check_own_names("camera", [camera.name for camera in self.cameras])
+        self._check_cameras()
+        self.reference.check(self.network, self.cameras, self.marks)
+
+    def _check_cameras(self) -> None:
+        check_own_names("camera", [one.name for one in self.cameras] + [one.name for one in self.space_cameras])
+        wrong = self.cameras if self.network.dim == 3 else self.space_cameras
+        if wrong:
+            kinds = ("a flat scene", "a network in space")
+            raise SceneError(f"camera: expected {kinds[self.network.dim == 2]}, found {kinds[self.network.dim == 3]}")
         for i, camera in enumerate(self.cameras):
-            if self.network.dim != 2:
-                raise SceneError(f"camera[{i}].plane_to_px: expected a flat scene, found a network in space")
             for mark in self.marks:
                 try:
                     camera.project(self.network.positions[self.network.index(mark.node)][None])
@@ -71,7 +80,6 @@ class Scene:
                         f"camera[{i}].plane_to_px: expected every mark before the camera's horizon,"
                         f" found that of {shown(mark.node)} beyond"
                     ) from None
-        self.reference.check(self.network, self.cameras, self.marks)
 
     def _check_marks(self) -> None:
         nodes = [mark.node for mark in self.marks]
@@ -101,14 +109,24 @@ class Scene:
     def n_cameras(self) -> str:
         """The number of cameras for a message, with what lenses lack."""
         lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
-        return f"{len(self.cameras)}{lacking}"
+        return f"{len(self.cameras) + len(self.space_cameras)}{lacking}"
 
     @property
     def n_calibration(self) -> int:
-        """Number of directions in which the calibration of the first camera is uncertain, its pose's last."""
+        """Number of directions in which the calibration is uncertain, of the first camera or of all in space.
+
+        Those of the pose by reference marks are the last; with them only given marks are possible in space.
+        """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
+        if self.space_cameras and not self.reference.marks:
+            return len(self.calibration_steps[0])
         return (self.cameras[0].n_calibration if self.cameras else 0) + n_pose
+
+    @property
+    def calibration_steps(self) -> list[Floats]:
+        """Directions of the calibration of each camera in space, (n_calibration, 15) [px, 1, rad, m], one sd each."""
+        return principal_steps(self.space_cameras, self.network.positions)
 
     @property
     def mark_names(self) -> tuple[str, ...]:
@@ -152,13 +170,14 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
     """The scene of a file's tables; raises InputError."""
     try:
         mesh, network = _body(file, path.parent)
-        cameras = [_camera(i, camera, path.parent) for i, camera in enumerate(file.camera)]
+        cameras = [_camera(i, camera, path.parent, network.dim) for i, camera in enumerate(file.camera)]
         return Scene(
             network=network,
             marks=tuple(mark_of(table) for table in file.mark),
             target=target_of(file.target),
             cameras=tuple(camera for camera in cameras if isinstance(camera, PlaneCamera)),
             lenses=tuple(camera for camera in cameras if isinstance(camera, LensFile)),
+            space_cameras=tuple(camera for camera in cameras if isinstance(camera, SpaceCamera)),
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
             spring_groups=() if file.network is None else spring_groups(file.network),
@@ -184,9 +203,9 @@ def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNe
     return mesh_network(content, path, file.mesh)
 
 
-def _camera(i: int, table: CameraTable, folder: Path) -> PlaneCamera | LensFile:
+def _camera(i: int, table: CameraTable, folder: Path, dim: int) -> Camera:
     try:
-        return camera_of(table, folder)
+        return camera_of(table, folder, dim)
     except InputError:
         raise
     except ValueError as error:
@@ -254,6 +273,8 @@ def _content(scene: Scene) -> list[str]:
         lines += ["", "[filter]", *key_lines(keys)]
     for camera in scene.cameras:
         lines += camera_lines(camera)
+    for in_space in scene.space_cameras:
+        lines += camera_lines(in_space)
     for lens in scene.lenses:
         lines += lens_lines(lens)
     return lines

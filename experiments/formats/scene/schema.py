@@ -157,7 +157,7 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]` before a flat scene: a homography, or a lens and its pose, or the file that has both.
+    """`[[camera]]`: a homography, or a lens and its pose, or the file that has both; in space not a homography.
 
     A lens, or a file of ROS or OpenCV with one, may have no pose; such a file may have a pose beside it.
     """

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import vision
 from experiments.errors import InputError
+from experiments.formats.films.pictures import MARKS
 from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
 from experiments.formats.outputs import write_whole
-from experiments.formats.pictures import MARKS
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.log import LOG
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, Done, mark_values

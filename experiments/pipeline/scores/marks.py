@@ -29,6 +29,8 @@ LOOK_AT: Mapping[str, str] = {
     Reason.TAKEN: "marks of one hue that cover each other",
     Reason.FAR: "the model, and the scale of the camera",
     Reason.OUTSIDE: "where the camera looks, and its scale",
+    Reason.AWAY: "where the cameras stand",
+    Reason.APART: "the calibration of the cameras, and their times",
     Reason.FLOODED: "softaim hue",
     REFUSED: "the model: softaim identify, softaim tune",
     NO_ROW: "the other tracker",

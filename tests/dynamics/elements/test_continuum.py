@@ -143,7 +143,10 @@ def test_steps_follow_the_equations_of_motion(network, driven):
     [
         ({"tissues": (FAT,)}, "regions: expected 0 to 0, found 0 to 1"),
         ({"fixed": "all"}, "fixed: expected free nodes beside those that are held, found none"),
-        ({"points": {"far": np.array([0.1, 0.02, 0.02])}}, "point 0: expected a place inside the mesh, found"),
+        (
+            {"points": {"far": np.array([0.1, 0.02, 0.02])}},
+            r"points: expected each inside the mesh or near its surface, found \[100",
+        ),
     ],
 )
 def test_what_cannot_be_is_an_error(mesh, fixed, change, message):

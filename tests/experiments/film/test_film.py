@@ -142,5 +142,5 @@ def test_there_is_no_film_of_marks_in_space(tmp_path, capsys) -> None:
     (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,z_mm,sd_mm\n0.0,N2,0.0,0.0,40.0,1.0\n")
     assert softaim("track", folder, "--out", tmp_path / "out", "--film") == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said == "softaim: --film: expected a flat scene, or a recording with pictures, found marks.csv in space"
+    assert said == "softaim: --film: expected a flat scene, found one in space"
     assert not (tmp_path / "out").exists()

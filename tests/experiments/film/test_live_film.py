@@ -13,7 +13,8 @@ from experiments.film.live_film import WAITING, LiveFilm
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, Recorder, join
-from experiments.simulation.simulate import film, scene_of, true_motion
+from experiments.simulation.plane_film import film
+from experiments.simulation.simulate import scene_of, true_motion
 from tests.experiments.command import softaim
 from tests.experiments.rows import complaint
 from tests.experiments.webcam import coarse_webcam

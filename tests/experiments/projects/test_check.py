@@ -21,7 +21,7 @@ from experiments.formats.scene.target import Target
 from experiments.log import Kept
 from experiments.projects.check import checked
 from experiments.projects.report import check_lines, check_report, missing
-from experiments.simulation.simulate import draw
+from experiments.simulation.plane_film import draw
 from tests.experiments.command import softaim
 from vision import Lighting, VideoWriter, fronto_parallel_camera
 

@@ -15,7 +15,8 @@ from experiments.pipeline.live.session import PAUSED, Session
 from experiments.servers import publisher
 from experiments.servers.commands import read_command
 from experiments.servers.publisher import Shows, do, nis_band
-from experiments.simulation.simulate import draw, scene_of
+from experiments.simulation.plane_film import draw
+from experiments.simulation.simulate import scene_of
 from vision import Frame
 
 NEEDLE = Path("tests/experiments/needle.toml")

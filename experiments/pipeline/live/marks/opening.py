@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.errors import InputError
+from experiments.formats.films.pictures import MARKS, source_in
 from experiments.formats.marks.drawing import first_marks_line
-from experiments.formats.pictures import MARKS, source_in
 from experiments.formats.recording import read_frames, read_marks
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.log import LOG

@@ -12,7 +12,10 @@ from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity import USUAL, balance_of, error_budget, unstated, variance_shares
 from experiments.pipeline.line import Line
+from experiments.pipeline.sight.space import calibration_shifts
 from experiments.simulation.simulate import scene_of
+from tests.experiments.in_space import breast
+from vision import triangulated
 
 SMALL = 1e-3
 """Relative change by which slopes are taken: shifts of the target bend by as much."""
@@ -173,3 +176,29 @@ def test_constants_that_are_stated_are_those_of_the_balance(scene, tissue):
     assert found[0] is not None
     assert found[1] is not None
     np.testing.assert_allclose(found[0].cov, found[1].cov, rtol=1e-12)
+
+
+def test_the_calibration_of_cameras_in_space_is_in_the_budget() -> None:
+    """A camera further away by one standard deviation moves marks and target as the source says; usual: the scale."""
+    step = np.zeros((1, 15))
+    step[0, 14] = 1e-3
+    exact = breast()
+    stated = replace(exact, space_cameras=tuple(replace(one, calibration=step) for one in exact.space_cameras))
+    for scene, name in ((stated, "the camera's calibration"), (exact, "the camera's calibration (supposed)")):
+        filters = Line(scene, baseline=False).filter
+        (source,) = [one for one in error_budget(scene, filters) if one.name.startswith("the camera's")]
+        assert source.name == name
+        assert source.considered == (scene is stated)
+        assert 1e-5 < np.sqrt(source.variance) < 2e-3
+        assert balance_of(scene, filters) is not None
+    places = exact.network.positions[[exact.network.index(node) for node in exact.measured_nodes]]
+    shifts = calibration_shifts(stated)(places)
+    for place, shift in zip(places, shifts, strict=True):
+        aways = []
+        for k in range(2):  # each camera has an error of its own
+            seen_by = list(exact.space_cameras)
+            seen_by[k] = replace(seen_by[k], pose=seen_by[k].pose.moved(step[0, 9:]))
+            seen_px = np.array([camera.project(place[None])[0] for camera in seen_by])
+            found = triangulated(exact.space_cameras, seen_px, np.tile(np.eye(2), (2, 1, 1)))
+            aways.append(found.positions[0] - place)
+        np.testing.assert_allclose(shift @ shift.T, np.transpose(aways) @ aways, rtol=0.05, atol=1e-11)

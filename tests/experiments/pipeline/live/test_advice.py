@@ -19,7 +19,8 @@ from experiments.pipeline.integrity import UNTESTED
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import Session
-from experiments.simulation.simulate import draw, scene_of, simulate
+from experiments.simulation.plane_film import draw
+from experiments.simulation.simulate import scene_of, simulate
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at
 from tests.experiments.webcam import coarse_webcam

@@ -22,7 +22,8 @@ from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.live.recording import WAITING, LiveRecording
 from experiments.pipeline.live.replaying import Replayed, replay
 from experiments.pipeline.live.session import Session
-from experiments.simulation.simulate import draw, scene_of
+from experiments.simulation.plane_film import draw
+from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 

@@ -14,7 +14,8 @@ import vision
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
 from experiments.simulation.phantom_camera import PhantomCamera
-from experiments.simulation.simulate import draw, scene_of
+from experiments.simulation.plane_film import draw
+from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
 from vision import EventKind, Frame, SourceEvent
 

@@ -13,8 +13,9 @@ from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference, ReferenceMark, reference_places
 from experiments.pipeline.events import move_line
 from experiments.pipeline.line import FILTER, Line
+from experiments.simulation.plane_film import draw
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.simulation.simulate import draw, scene_of
+from experiments.simulation.simulate import scene_of
 from experiments.studies.faults.reference_marks import figures, run, scene_and_scenario
 
 LOOK = Mark("", 300.0, 0.03)

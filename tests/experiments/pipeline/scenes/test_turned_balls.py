@@ -7,7 +7,7 @@ from dynamics import MassSpringNetwork
 from experiments.film.taken import kinds_of
 from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.line import Line
-from experiments.simulation.simulate import draw
+from experiments.simulation.plane_film import draw
 from vision import Disc, Lighting, PlaneCamera, draw_frame
 
 FOCAL_PX, AWAY_M, TURN_RAD, RADIUS_M = 800.0, 1.0, np.radians(45.0), 0.02

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from experiments.errors import InputError
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
 from vision import (
     FolderFrames,
     SegmentFrames,
@@ -43,10 +44,15 @@ def source_in(folder: Path) -> Path:
     return source
 
 
+def is_folder(source: Path) -> bool:
+    """Whether pictures are the numbered files of a folder, `frames/` or `frames.NAME/` of a camera."""
+    return source.name == FRAMES or source.name.startswith(f"{FRAMES}.")
+
+
 def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
     """The frames with these exposure times [s]; InputError if they cannot be opened."""
     try:
-        if source.name == FRAMES:
+        if is_folder(source):
             return FolderFrames(source, exposures_s)
         return (SegmentFrames if source.name == SEGMENTS else VideoFileFrames)(source, exposures_s)
     except SourceError as error:
@@ -61,10 +67,37 @@ def count_pictures(source: Path, advance: Callable[[float], None] = lambda _shar
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
-    if source.name != FRAMES:
+    if not is_folder(source):
         return count_frames(source, advance), f"frames of {source.name}"
     n_frames = count_numbered(source)
     for k in range(n_frames):
         if not (source / f"{k:06d}.png").is_file():
             raise InputError.at(source / f"{k:06d}.png", f"a picture for frame {k}", "none")
-    return n_frames, f"pictures {FRAMES}/*.png"
+    return n_frames, f"pictures {source.name}/*.png"
+
+
+def check_pictures(
+    source: Path,
+    exposures_s: Floats,
+    times: Path,
+    size_px: tuple[int, int],
+    place: str,
+    advance: Callable[[float], None] = lambda _share: None,
+) -> None:
+    """Raise InputError now for faults that would otherwise appear at the end of a long run.
+
+    times: the file of the exposure times; size_px, place: of the camera's pictures, and the key that states it
+    """
+    try:
+        n_frames, what = count_pictures(source, advance)
+        n_rows = len(exposures_s)
+        # A killed recorder may have finished a piece without writing its rows.
+        if n_frames < n_rows or (n_frames > n_rows and source.name != SEGMENTS):
+            raise InputError.at(times, f"a row for each of the {n_frames} {what}", f"{n_rows} rows")
+        with open_pictures(source, exposures_s.tolist()) as frames:
+            height, width = next(iter(frames)).image.shape[:2]
+    except SourceError as error:
+        raise InputError(str(error)) from error
+    if size_px != (width, height):
+        expected = f"[{width}, {height}], as the pictures of {source.name} have"
+        raise InputError.at(place, expected, shown(list(size_px)))

@@ -1,0 +1,143 @@
+"""The films of several cameras in a recording of a scene in space, each with times of its own."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.arrays import Floats
+from experiments.errors import InputError, shown
+from experiments.formats.films.pictures import (
+    FRAMES,
+    MARKS,
+    VIDEOS,
+    Pictures,
+    check_pictures,
+    open_pictures,
+    source_in,
+)
+from experiments.formats.scene.scene import Scene
+from vision import Frame
+from vision.arrays import Image
+
+TOGETHER_S = 1e-3
+"""Pictures of several cameras whose times differ by no more are of one time [s]; choice: cameras with a common trigger
+differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
+
+SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraFilm:
+    """The film of one camera: its name, the film or folder of pictures, exposure times of its frames [s], (n,)."""
+
+    camera: str
+    source: Path
+    exposures_s: Floats
+
+    def open_frames(self) -> Pictures:
+        """The frames from the first on; InputError if they cannot be opened."""
+        return open_pictures(self.source, self.exposures_s.tolist())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exposure:
+    """Pictures of one time: that time [s], and by camera the picture, (height, width, 3) BGR."""
+
+    time_s: float
+    images: dict[str, Image]
+
+
+def film_name(camera: str, i: int) -> str:
+    """The part of a file's name for a camera; InputError for a name that cannot be one."""
+    if re.fullmatch(r"\w[\w .-]*", camera) is None:
+        raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
+    return camera
+
+
+def films_in(folder: Path) -> dict[str, Path]:
+    """Films and folders of pictures that name a camera, `video.NAME.avi` or `frames.NAME/`; InputError for two of one.
+
+    Empty where marks.csv takes their place.
+    """
+    films: dict[str, Path] = {}
+    if (folder / MARKS).exists():
+        return films
+    for path in sorted(folder.glob("*.*")):
+        named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)
+        if named is None:
+            continue
+        if named[1] in films:
+            raise InputError.at(folder, f"one film of camera {named[1]}", f"{films[named[1]].name} and {path.name}")
+        films[named[1]] = path
+    return films
+
+
+def read_films(
+    folder: Path,
+    scene: Scene,
+    scene_path: Path,
+    read_times: Callable[[Path], Floats],
+    advance: Callable[[float], None] = lambda _share: None,
+) -> tuple[CameraFilm, ...]:
+    """The films of a recording in the order of the scene's cameras; raises InputError.
+
+    read_times: reads the exposure times of a `frames.NAME.csv`
+    """
+    if scene.network.dim == 2:
+        source_in(folder)  # refuses more than one camera
+    if scene.reference.marks:
+        raise InputError.at(f"{scene_path}: reference.mark", "none with films of cameras in space", "some")
+    sources, names = films_in(folder), [camera.name for camera in scene.space_cameras]
+    for name, path in sources.items():
+        if name not in names:
+            expected = f"the name of a camera with lens and pose in the scene ({', '.join(names) or 'none'})"
+            raise InputError.at(path, expected, shown(name))
+    films: list[CameraFilm] = []
+    for i, camera in enumerate(scene.space_cameras):
+        if camera.name in sources:
+            times, done = folder / f"frames.{camera.name}.csv", len(films)
+            film = CameraFilm(camera.name, sources[camera.name], read_times(times))
+            check_pictures(
+                film.source,
+                film.exposures_s,
+                times,
+                camera.size_px,
+                f"{scene_path}: camera[{i}].size_px",
+                lambda share, k=done: advance((k + share) / len(sources)),  # type: ignore[misc]
+            )
+            films.append(film)
+    return tuple(films)
+
+
+def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
+    """Times at which any camera exposed [s], (n,), and the numbers of the films with a picture of each.
+
+    Pictures of several cameras within `TOGETHER_S` of the first are of one time, its own.
+    """
+    times = np.concatenate([film.exposures_s for film in films])
+    owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])
+    order = np.argsort(times, kind="stable")
+    begins: list[float] = []
+    groups: list[list[int]] = []
+    for time_s, owner in zip(times[order].tolist(), owners[order].tolist(), strict=True):
+        if groups and time_s - begins[-1] <= TOGETHER_S and owner not in groups[-1]:
+            groups[-1].append(owner)
+        else:
+            begins.append(time_s)
+            groups.append([owner])
+    return np.array(begins), tuple(tuple(group) for group in groups)
+
+
+def exposures_of(films: Sequence[CameraFilm]) -> Iterator[Exposure]:
+    """The pictures of all films in order of time; raises InputError, SourceError."""
+    times_s, groups = merged(films)
+    with ExitStack() as opened:
+        frames: list[Iterator[Frame]] = [iter(opened.enter_context(film.open_frames())) for film in films]
+        for time_s, group in zip(times_s.tolist(), groups, strict=True):
+            yield Exposure(time_s, {films[k].camera: next(frames[k]).image for k in group})

@@ -1,0 +1,68 @@
+"""Marks on the skin of a body in space: which way they face, and what a camera sees of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
+from experiments.formats.scene.marks import Mark
+from vision import SpaceCamera
+
+
+def outward(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
+    """Which way the marks of nodes face, unit vectors, (n, 3): across the convex hull of the body as drawn.
+
+    At a corner of the hull the mean of its facets by their area, inside the hull as the nearest facet.
+    """
+    x, rows = network.positions, [network.index(node) for node in nodes]
+    try:
+        hull = ConvexHull(x)
+    except QhullError:  # flat
+        _, _, axes = np.linalg.svd(x - x.mean(axis=0))
+        return np.tile(axes[2] * (1.0 if axes[2, 2] >= 0.0 else -1.0), (len(rows), 1))
+    corners, normals = x[hull.simplices], hull.equations[:, :3]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    found = []
+    for row in rows:
+        own = (hull.simplices == row).any(axis=1)
+        nearest = normals[np.argmax(normals @ x[row] + hull.equations[:, 3])]
+        normal = areas[own] @ normals[own] if own.any() else nearest
+        found.append(normal / np.linalg.norm(normal))
+    return np.array(found).reshape(-1, 3)
+
+
+def facing(camera: SpaceCamera, places_m: Floats, normals: Floats, least: float) -> NDArray[np.bool_]:
+    """Which marks at these places [m], (n, 3), face the camera, (n,).
+
+    normals: (n, 3); least: cosine of the largest angle between a normal and the direction to the camera
+    """
+    to_camera = camera.centre_m - places_m
+    cosines = np.einsum("ni,ni->n", normals, to_camera) / np.linalg.norm(to_camera, axis=1)
+    return np.asarray(cosines > least)
+
+
+def across(normals: Floats) -> Floats:
+    """Two unit vectors across each of these, (n, 3): (n, 3, 2)."""
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    one = np.cross(normals, least)
+    one /= np.linalg.norm(one, axis=1, keepdims=True)
+    return np.stack([one, np.cross(normals, one) / np.linalg.norm(normals, axis=1, keepdims=True)], axis=2)
+
+
+def mark_shapes_px(
+    marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, discs: Floats, by_place: Floats
+) -> Floats:
+    """Pictures of marks at these places [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses, of balls circles.
+
+    discs: `across` of their normals, (n, 3, 2); by_place: derivatives of their places in the picture, (n, 2, 3) [px/m]
+    """
+    are_balls = np.array([mark.ball for mark in marks])
+    if are_balls.any():  # a ball is seen as a disc across the line of sight
+        discs = np.where(are_balls[:, None, None], across(camera.centre_m - places_m), discs)
+    radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
+    return np.asarray(radii_m[:, None, None] * (by_place @ discs), dtype=np.float64)

@@ -1,0 +1,98 @@
+"""Films of a body in space by its cameras: marks on the skin, seen by the cameras that they face."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import vision
+from experiments.arrays import Floats
+from experiments.formats.films.several import film_name
+from experiments.formats.recording import write_frames_csv
+from experiments.formats.scenario import Scenario
+from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
+from experiments.simulation.seen_marks import Truth
+from experiments.threads import ahead
+from vision import SpaceCamera
+
+
+def times_of(scenario: Scenario, exposures_s: Floats, n_cameras: int) -> list[Floats]:
+    """Exposure times of each camera [s]: each exposes `stagger_s` after the one before."""
+    return [exposures_s + k * scenario.video.stagger_s for k in range(n_cameras)]
+
+
+def all_times(times_s: Sequence[Floats]) -> Floats:
+    """The times of all cameras in order, each once [s]."""
+    return np.unique(np.concatenate(times_s).astype(np.float64).round(9))
+
+
+def draw_in_space(
+    scene: Scene,
+    camera: SpaceCamera,
+    positions: Floats,
+    lighting: vision.Lighting,
+    rng: np.random.Generator,
+    *,
+    strays: Sequence[vision.Disc] = (),
+    covered: Sequence[str] = (),
+) -> NDArray[np.uint8]:
+    """One frame of all nodes at these positions [m], (n_nodes, 3): the measured marks that face the camera.
+
+    covered: nodes whose marks something hides
+    """
+    network = scene.network
+    marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]
+    nodes = [mark.node for mark in marks]
+    places = positions[[network.index(node) for node in nodes]].reshape(-1, 3)
+    normals = outward(network, nodes)
+    inside, places_px, J = camera.viewed(places)
+    shapes_px = mark_shapes_px(marks, camera, places, across(normals), J)
+    shown = np.flatnonzero(inside & facing(camera, places, normals, 0.0))
+    nearest_last = shown[np.argsort(-np.linalg.norm(places[shown] - camera.centre_m, axis=1))]
+    discs = [vision.Disc.of_shape(places_px[i], shapes_px[i], marks[i].hue_deg) for i in nearest_last.tolist()]
+    return vision.draw_frame(camera.size_px, [*strays, *discs], lighting, rng)
+
+
+def write_space_films(
+    scenario: Scenario,
+    scene: Scene,
+    times_s: Sequence[Floats],
+    truth: Truth,
+    folder: Path,
+    rng: np.random.Generator,
+    advance: Callable[[float], None],
+) -> None:
+    """Write `video.NAME.avi` and `frames.NAME.csv` of each camera.
+
+    times_s: of each camera, among those of the truth [s]
+    """
+    stored, rate = scenario.video, max(1.0, 1.0 / scenario.frame_interval_s)
+    lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
+    hues = list(dict.fromkeys(mark.hue_deg for mark in scene.marks))
+    done, n_frames = 0, sum(len(own) for own in times_s)
+    for i, (camera, own_s) in enumerate(zip(scene.space_cameras, times_s, strict=True)):
+        name = film_name(camera.name, i)
+        write_frames_csv(folder / f"frames.{name}.csv", own_s)
+        strays = vision.distractors(scenario.distractors, camera.size_px, rng, hues)
+        path = folder / f"video.{name}.avi"
+
+        def images(
+            camera: SpaceCamera = camera, own_s: Floats = own_s, strays: Sequence[vision.Disc] = strays
+        ) -> Iterator[NDArray[np.uint8]]:
+            everywhere = scene.network.positions.copy()
+            for k in np.searchsorted(truth.times_s, own_s - 1e-9).tolist():
+                everywhere[scene.network.free] = truth.positions[k]
+                yield draw_in_space(scene, camera, everywhere, lighting, rng, strays=strays)
+
+        with (
+            vision.VideoWriter(path, camera.size_px, rate, codec=stored.codec, quality=stored.quality) as video,
+            ahead(images()) as drawn,
+        ):
+            for image in drawn:
+                video.write(image)
+                done += 1
+                advance(done / n_frames)

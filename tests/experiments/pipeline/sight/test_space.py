@@ -1,0 +1,213 @@
+"""Marks on a soft breast in drawn pictures of two cameras: by both, by one, covered, wrong; and whole films."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import vision
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.films.several import Exposure
+from experiments.formats.recording import read_recording
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.scene import Scene, write_scene
+from experiments.pipeline.sight.space import AGAIN, PATIENCE, SpaceSight
+from experiments.pipeline.track import track
+from experiments.simulation.simulate import simulate
+from experiments.simulation.space_film import draw_in_space
+from tests.experiments.in_space import breast, dome
+from tests.vision.cameras.test_space_camera import camera_at
+from vision import LostMark, Reason, SpaceCamera
+
+SHIFT_M = np.array([0.002, -0.001, 0.0015])
+"""Of the body from where its marks are expected."""
+
+Predict = Callable[[str], tuple[Floats, Floats]]
+PredictAll = Callable[[Sequence[str]], tuple[Floats, Floats]]
+
+
+def pictures(
+    scene: Scene,
+    rng: np.random.Generator,
+    *,
+    covered: Sequence[str] = (),
+    by: Sequence[str] = ("left", "right"),
+    moved_m: Floats = SHIFT_M,
+) -> Exposure:
+    """What the named cameras of a scene see of the body, moved from its drawing."""
+    positions, light = scene.network.positions + moved_m, vision.Lighting()
+    return Exposure(
+        0.0,
+        {
+            camera.name: draw_in_space(scene, camera, positions, light, rng, covered=covered)
+            for camera in scene.space_cameras
+            if camera.name in by
+        },
+    )
+
+
+def expected_in(scene: Scene, sd_m: float = 0.003) -> tuple[PredictAll, Predict]:
+    """Marks expected where they are drawn, with this error an axis [m]; the same after an impulse."""
+    x, index = scene.network.positions, scene.network.index
+    return (
+        lambda nodes: (x[[index(node) for node in nodes]], np.tile(sd_m**2 * np.eye(3), (len(nodes), 1, 1))),
+        lambda node: (x[index(node)], sd_m**2 * np.eye(3)),
+    )
+
+
+def place(scene: Scene, node: str) -> Floats:
+    return scene.network.positions[scene.network.index(node)] + SHIFT_M
+
+
+def test_marks_that_both_cameras_see_are_where_they_are() -> None:
+    scene, rng, nees = breast(), np.random.default_rng(0), []
+    for _ in range(20):
+        sight = SpaceSight(scene)
+        found = sight.find(pictures(scene, rng), *expected_in(scene))
+        assert len(found) >= 5
+        for mark in found:
+            away = mark.position - place(scene, mark.node)
+            nees.append(away @ np.linalg.solve(mark.cov, away))
+            if np.sqrt(np.trace(mark.cov)) < 0.001:
+                assert np.linalg.norm(away) < 0.0005
+    # the detector's covariance is not below the scatter
+    assert np.sum(nees) < chi2.ppf(0.999, 3 * len(nees))
+
+
+def test_a_mark_that_one_camera_sees_has_no_depth() -> None:
+    scene, rng = breast(), np.random.default_rng(1)
+    sight = SpaceSight(scene)
+    found = {m.node: m for m in sight.find(pictures(scene, rng, by=["left"]), *expected_in(scene))}
+    left = scene.space_cameras[0]
+    for node in ("S1", "S2"):
+        way = place(scene, node) - left.centre_m
+        way /= np.linalg.norm(way)
+        away, across = found[node].position - place(scene, node), np.eye(3) - np.outer(way, way)
+        assert np.linalg.norm(across @ away) < 0.0002
+        assert np.sqrt(way @ found[node].cov @ way) > 0.1
+        assert np.sqrt(np.trace(across @ found[node].cov @ across)) < 0.0003
+
+
+def test_a_covered_mark_is_missing_until_it_is_seen_again() -> None:
+    scene, rng = breast(), np.random.default_rng(2)
+    sight, predict = SpaceSight(scene, explain=True), expected_in(scene)
+
+    def names(**keys: Sequence[str]) -> set[str]:
+        return {mark.node for mark in sight.find(pictures(scene, rng, **keys), *predict)}
+
+    assert "S1" in names()
+    for _ in range(PATIENCE + AGAIN):
+        assert "S1" not in names(covered=["S1"])
+        assert sight.lost["S1"].reason is Reason.FEW_PIXELS
+    # the others are still there, by the fast path
+    assert len(names(covered=["S1"])) >= 4
+    assert any("S1" in names() for _ in range(AGAIN))
+    assert "S1" not in sight.lost
+
+
+def test_a_camera_that_looks_away_sees_nothing() -> None:
+    away = camera_at(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.05, 1.0]), breast().space_cameras[0].lens)
+    scene = replace(breast(), space_cameras=(breast().space_cameras[0], replace(away, name="away")))
+    sight = SpaceSight(scene)
+    seen = pictures(scene, np.random.default_rng(3), by=["left", "away"])
+    found = sight.find(seen, *expected_in(scene))
+    assert len(found) >= 4
+    assert sight.find(Exposure(0.0, {"away": seen.images["away"]}), *expected_in(scene)) == ()
+    assert {one.reason for one in sight.lost.values()} == {Reason.OUTSIDE}
+
+
+def test_two_cameras_that_disagree_give_no_mark() -> None:
+    scene = breast()
+    left, right = scene.space_cameras
+    turned: SpaceCamera = replace(right, pose=right.pose.moved(np.array([0.01, 0.0, 0.0, 0.0, 0.0, 0.0])))
+    sight = SpaceSight(replace(scene, space_cameras=(left, turned)))
+    found = sight.find(pictures(scene, np.random.default_rng(4)), *expected_in(scene, 0.006))
+    both = {"S1", "S2"}
+    assert not both & {mark.node for mark in found}
+    lost: dict[str, LostMark] = sight.lost
+    assert {lost[node].reason for node in both} == {Reason.APART}
+
+
+def test_a_stated_error_of_the_calibration_is_shared_and_explains_it() -> None:
+    scene, step = breast(), np.zeros((1, 15))
+    step[0, 9] = 0.01
+    left, right = scene.space_cameras
+    turned = replace(right, pose=right.pose.moved(step[0, 9:]), calibration=step)
+    stated = replace(scene, space_cameras=(left, turned))
+    assert stated.n_calibration == 1
+    found = SpaceSight(stated).find(pictures(scene, np.random.default_rng(4)), *expected_in(scene, 0.006))
+    marks = {mark.node: mark for mark in found}
+    assert {"S1", "S2"} <= marks.keys()
+    for mark in marks.values():
+        assert mark.shared is not None
+        away = mark.position - place(scene, mark.node)
+        # seen by cameras that are turned back by one standard deviation
+        assert away @ np.linalg.solve(mark.total_cov, away) < 9.0
+
+
+def test_a_picture_of_another_size_is_refused() -> None:
+    scene = breast()
+    with pytest.raises(InputError, match=r"picture of camera left: expected \[640, 480\], found \[320, 240\]"):
+        SpaceSight(scene).find(Exposure(0.0, {"left": np.zeros((240, 320, 3), np.uint8)}), *expected_in(scene))
+
+
+def test_sixty_marks_of_three_hues_keep_their_names() -> None:
+    """Moved by 3 mm, and each by 1 mm of its own; all that face a camera are found."""
+    scene, rng = dome(), np.random.default_rng(5)
+    sight = SpaceSight(scene, explain=True)
+    for _ in range(3):
+        own = rng.normal(0.0, 0.001, scene.network.positions.shape)
+        shift = np.array([0.002, 0.002, -0.001])
+        found = sight.find(pictures(scene, rng, moved_m=own + shift), *expected_in(scene))
+        assert len(found) >= 44
+        assert {one.reason for one in sight.lost.values()} == {Reason.AWAY}
+        for mark in found:
+            i = scene.network.index(mark.node)
+            away = mark.position - (scene.network.positions[i] + own[i] + shift)
+            assert away @ np.linalg.solve(mark.cov, away) < chi2.ppf(1.0 - 1e-6, 3), mark.node
+
+
+SCENARIO = """version = 1
+scene = "scene.toml"
+seed = 3
+duration_s = {duration_s}
+frame_interval_s = 0.033333
+[tremor]
+acceleration_m_s2_sqrt_hz = 0.05
+[pokes]
+acceleration_m_s2 = 10.0
+shortest_s = 0.2
+longest_s = 0.4
+pause_s = 0.2
+[video]
+stagger_s = {stagger_s}
+"""
+
+
+def recorded(folder: Path, scene: Scene, **keys: float) -> Path:
+    write_scene(scene, folder / "scene.toml")
+    (folder / "film.toml").write_text(SCENARIO.format(**{"duration_s": 0.6, "stagger_s": 0.0, **keys}), "utf-8")
+    simulate(read_scenario(str(folder / "film.toml")), folder / "rec")
+    return folder / "rec"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stagger_s", [0.0, 0.012])
+def test_a_hidden_target_is_followed_by_films_of_two_cameras(tmp_path: Path, stagger_s: float) -> None:
+    recording = read_recording(recorded(tmp_path, breast(), stagger_s=stagger_s))
+    assert [film.camera for film in recording.films] == ["left", "right"]
+    assert len(recording.exposures_s) == (19 if stagger_s == 0.0 else 38)
+    done = track(recording)
+    assert recording.truth is not None
+    for step in done.steps[1:]:
+        time_s = step.estimates["filter"].time_s
+        for mark in step.marks:
+            true = recording.truth.at(np.array([time_s]), mark.node)[1][0]
+            away = mark.position - true
+            assert away @ np.linalg.solve(mark.cov, away) < chi2.ppf(1.0 - 1e-5, 3)
+    errors = np.linalg.norm([s.estimates["filter"].mean for s in done.steps] - done.truth, axis=1)
+    assert np.sqrt(np.mean(errors**2)) < 0.001

@@ -1,0 +1,145 @@
+"""Cameras of a scene in space: points to pixels, pixels to rays, and what their calibration leaves open.
+
+World axes: x right, y up, z toward the viewer, metres. Image axes: u right, v down, the centre of the first pixel is
+(0, 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.arrays import Floats
+from vision.cameras.lens import Lens, Pose, by_calibration
+
+RADII = np.linspace(0.02, 4.0, 200)
+"""Distances from the middle of the picture at which a lens is tested for a fold [half diagonals]; numerical."""
+
+FAR_PX = 1e6
+"""Distance from the middle of the picture that is beyond any picture [px]; numerical: polynomials do not overflow."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SpaceCamera:
+    """A calibrated camera with a place in space.
+
+    name: what the camera is called
+    size_px: width and height of its picture [px]
+    lens: matrix and distortion
+    pose: world to camera [m]
+    calibration_sd_px: error of each mark's position [px], one standard deviation an axis, independent between marks
+    calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
+        each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
+
+    Raises ValueError that names the field.
+    """
+
+    name: str
+    size_px: tuple[int, int]
+    lens: Lens
+    pose: Pose
+    calibration_sd_px: float = 0.0
+    calibration: Floats = field(default_factory=lambda: np.zeros((0, 15)))
+    fold_px: float = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.size_px) != 2 or min(self.size_px) < 1:
+            raise ValueError(
+                f"camera {self.name} size_px: expected width and height of at least 1, found {self.size_px}"
+            )
+        if not 0 <= self.calibration_sd_px < np.inf:
+            raise ValueError(
+                f"camera {self.name} calibration_sd_px: expected 0 or more, found {self.calibration_sd_px}"
+            )
+        calibration = np.array(self.calibration, dtype=np.float64).reshape(-1, 15)
+        calibration.setflags(write=False)
+        object.__setattr__(self, "calibration", calibration)
+        object.__setattr__(self, "fold_px", _fold_px(self.lens, self.size_px))
+
+    @property
+    def centre_m(self) -> Floats:
+        """Where it stands [m], (3,)."""
+        return self.pose.inverse().translation_m
+
+    def project(self, points_m: ArrayLike) -> Floats:
+        """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point not before the camera.
+
+        Far beside the picture a lens may fold: `in_view` tells where the projection is what the camera sees.
+        """
+        return self.seen(points_m)[0]
+
+    def seen(self, points_m: ArrayLike) -> tuple[Floats, Floats]:
+        """Projection of points [m], (n, 3), to the picture [px], (n, 2), and its derivative [px/m], (n, 2, 3)."""
+        p = np.asarray(points_m, dtype=float).reshape(-1, 3)
+        ideal, depth = self._ideal(p)
+        if not (depth > 0.0).all():
+            behind = p[~(depth > 0.0)][0]
+            raise ValueError(f"camera {self.name}: expected points before it, found {behind.tolist()}")
+        return self._bent(ideal, depth)
+
+    def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
+        """The rays of places in the picture [px], (n, 2): their origin [m], (3,), and unit directions, (n, 3)."""
+        ideal = self.lens.ideal(np.array(points_px, dtype=float).reshape(-1, 2))
+        ways = (ideal - self.lens.matrix[:2, 2]) / self.lens.matrix[[0, 1], [0, 1]]
+        directions = np.column_stack([ways, np.ones(len(ways))]) @ self.pose.rotation
+        return self.centre_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+    def in_view(self, points_m: ArrayLike) -> NDArray[np.bool_]:
+        """Which points [m], (n, 3), are before the camera and in its picture, (n,)."""
+        return self.viewed(points_m)[0]
+
+    def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
+        """Which points are `in_view`, (n,), and what `seen` returns, NaN for those behind the camera."""
+        ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
+        away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
+        places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
+        inside = ((places >= -0.5) & (places <= np.array(self.size_px) - 0.5)).all(axis=1)
+        return np.asarray(inside & (away < self.fold_px)), places, J
+
+    def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
+        """The picture of a disc at a point [m], (3,), across its normal, (3,), as `Outline.shape_px`, (2, 2) [px]."""
+        _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
+        return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
+
+    def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
+        """The picture of a ball about a point [m], (3,), as `Outline.shape_px`, (2, 2) [px]: that of its own disc."""
+        return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
+
+    def calibration_error_px(self, points_m: ArrayLike) -> Floats:
+        """Shift of the places of points [m], (n, 3), by one sd along each direction, (n, 2, n_directions) [px]."""
+        p = np.asarray(points_m, dtype=float).reshape(-1, 3)
+        if not len(self.calibration):
+            return np.zeros((len(p), 2, 0))
+        return self.moved_by(p, self.calibration)
+
+    def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
+        """Shift of the places of points [m], (n, 3), by small errors of lens and pose, (k, 15): (n, 2, k) [px]."""
+        p = np.asarray(points_m, dtype=float).reshape(-1, 3)
+        return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
+
+    def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
+        """Places [px], (n, 2), and their derivatives [px/m], (n, 2, 3), of ideal ones [px] at these depths [m]."""
+        focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
+        ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
+        # u = f x / z + c: du = f (dx - (x / z) dz) / z
+        by_point = (R[:2] - ways[:, :, None] * R[2]) * focal[:, None] / depths_m[:, None, None]
+        places, bent = self.lens.distorted(ideal_px)
+        return places, bent @ by_point
+
+    def _ideal(self, points_m: Floats) -> tuple[Floats, Floats]:
+        """Ideal places [px], (n, 2), and depths [m], (n,), of points [m]; NaN where the depth is 0 or less."""
+        at = points_m @ self.pose.rotation.T + self.pose.translation_m
+        depth = at[:, 2]
+        ways = at[:, :2] / np.where(depth > 0.0, depth, np.nan)[:, None]
+        return ways * self.lens.matrix[[0, 1], [0, 1]] + self.lens.matrix[:2, 2], depth
+
+
+def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
+    """Distance of ideal places from the middle up to which a lens does not fold the picture over itself [px]."""
+    radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
+    ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]
+    folded = (np.linalg.det(bent).reshape(len(radii), -1) <= 0.0).any(axis=1)
+    return float(radii[np.argmax(folded)]) if folded.any() else float(radii[-1])

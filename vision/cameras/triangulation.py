@@ -1,0 +1,195 @@
+"""Points in space from their places in the pictures of several cameras, with covariances.
+
+Each point is seen by any subset of the cameras. The plain triangulation, the point nearest to its rays, is the start of
+least squares over the distances in the pictures [hartley2004].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vision.arrays import Floats
+from vision.cameras.space_camera import SpaceCamera
+
+STEPS = 8
+"""Most steps of Gauss-Newton; numerical: from the plain triangulation three are usual."""
+
+SETTLED_M = 1e-6
+"""A step below which a point stays where it is [m]; numerical."""
+
+LEAST_PX = 0.01
+"""Effect of all directions of the calibration that are left out on the places of points, root mean square [px]; choice:
+a tenth of the error of a good mark, whose square adds a hundredth to its variance."""
+
+N_CALIBRATION = 15
+"""Parameters of a camera's lens and pose."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """What one camera sees of some points.
+
+    camera: the camera; which: the points, by number, each once, (m,)
+    places_px, covs_px2: where [px], (m, 2), and the covariances of that [px²], (m, 2, 2)
+    steps: directions in which its lens and pose are uncertain, one sd each, (n_shared, 15); the same row is the same
+        direction for all cameras
+    """
+
+    camera: SpaceCamera
+    which: Sequence[int]
+    places_px: Floats
+    covs_px2: Floats
+    steps: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Triangulated:
+    """Points in space.
+
+    positions, covs: where [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
+    shared: shift by one sd along each direction of the calibration [m], (n, 3, n_shared)
+    misfit: sum of squared normalised distances in the pictures, less what the calibration explains [1], (n,);
+        chi-square with 2 n_views - 3 degrees of freedom for points that n_views > 1 cameras see
+    n_views: number of cameras that see each, (n,)
+    """
+
+    positions: Floats
+    covs: Floats
+    shared: Floats
+    misfit: Floats
+    n_views: NDArray[np.int64]
+
+
+def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
+    """The point with the least sum of squared distances from two or more rays [m], (3,): the plain triangulation.
+
+    origins_m: (n, 3) [m]; directions: unit vectors, (n, 3). Raises ValueError for rays that are parallel.
+    """
+    o, d = np.asarray(origins_m, dtype=float), np.asarray(directions, dtype=float)
+    across = np.eye(3) - d[:, :, None] * d[:, None, :]
+    A = across.sum(axis=0)
+    if len(d) < 2 or np.linalg.cond(A) > 1e12:
+        raise ValueError(f"rays: expected two or more that are not parallel, found {d.tolist()}")
+    return np.asarray(np.linalg.solve(A, np.einsum("nij,nj->i", across, o)), dtype=np.float64)
+
+
+def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) -> Floats:
+    """The point nearest to the rays of its places [px], (n_cameras, 2), in two or more cameras [m], (3,)."""
+    rays = [camera.ray(place) for camera, place in zip(cameras, np.asarray(places_px), strict=True)]
+    return nearest_to_rays([origin for origin, _ in rays], [ways[0] for _, ways in rays])
+
+
+def triangulated(
+    cameras: Sequence[SpaceCamera], places_px: ArrayLike, covs_px2: ArrayLike, steps: Sequence[Floats] | None = None
+) -> Triangulated:
+    """One point, seen by two or more cameras; the arrays of the result have one entry.
+
+    places_px, covs_px2: by camera [px], (n, 2), [px²], (n, 2, 2)
+    steps: directions of the calibration by camera, as `Seen` has them; default: those of `calibration_steps`
+    """
+    places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
+    by = calibration_steps(cameras) if steps is None else steps
+    seen = [Seen(c, [0], places[[k]], covs[[k]], by[k]) for k, c in enumerate(cameras)]
+    return triangulate(seen, plain_triangulation(cameras, places)[None])
+
+
+def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.inf) -> Triangulated:
+    """All points at once by Gauss-Newton.
+
+    start_m: where to begin [m], (n, 3)
+    start_sd_m: standard deviation of that, an axis, as a further measurement of each point [m]. One that is as large as
+        the body says nothing of points that two cameras see. A point that one camera sees is then a place on its ray,
+        with the pixel's covariance across and this one along.
+
+    A point that would leave the space before one of its cameras has the misfit inf.
+    Raises ValueError for points that fewer than two cameras see where start_sd_m is infinite.
+    """
+    n, n_shared = len(start_m), max((one.steps.shape[0] for one in seen), default=0)
+    views = np.zeros(n, dtype=np.int64)
+    for one in seen:
+        views[one.which] += 1
+    if np.isinf(start_sd_m) and (views < 2).any():
+        raise ValueError("start_sd_m: expected a finite one for points that fewer than two cameras see, found inf")
+    weights, x, lost = [np.linalg.inv(one.covs_px2) for one in seen], start_m, np.zeros(n, dtype=bool)
+    for _ in range(STEPS):
+        information = np.tile(np.eye(3) / start_sd_m**2, (n, 1, 1))
+        pull, views_of_it = (start_m - x) / start_sd_m**2, []
+        for one, W in zip(seen, weights, strict=True):
+            places, J = one.camera.seen(x[one.which])
+            away, JW = one.places_px - places, J.transpose(0, 2, 1) @ W
+            views_of_it.append((away, JW))
+            information[one.which] += JW @ J
+            pull[one.which] += (JW @ away[:, :, None])[:, :, 0]
+        covs = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        step = (covs @ pull[:, :, None])[:, :, 0]
+        for one in seen:
+            depth = (x + step)[one.which] @ one.camera.pose.rotation[2] + one.camera.pose.translation_m[2]
+            lost[np.asarray(one.which)[~(depth > 0.0)]] = True
+        x = x + np.where(lost[:, None], 0.0, step)
+        if lost.all() or np.abs(step).max(initial=0.0) < SETTLED_M:
+            break
+    moved, misfit = np.zeros((n, 3, n_shared)), np.where(lost, np.inf, 0.0)
+    against, inner = np.zeros((n, n_shared)), np.tile(np.eye(n_shared), (n, 1, 1))
+    for one, (away, JW), W in zip(seen, views_of_it, weights, strict=True):
+        misfit[one.which] += np.einsum("ni,nij,nj->n", away, W, away)
+        if n_shared:
+            by = one.camera.moved_by(x[one.which], one.steps)
+            by_W = by.transpose(0, 2, 1) @ W
+            moved[one.which] += JW @ by
+            against[one.which] += (by_W @ away[:, :, None])[:, :, 0]
+            inner[one.which] += by_W @ by
+    if n_shared:
+        # the least over position and calibration c of |z - J x - G c|² + |c|², by that over the position alone
+        inner -= moved.transpose(0, 2, 1) @ covs @ moved
+        misfit -= np.einsum("ni,ni->n", against, np.linalg.solve(inner, against[:, :, None])[:, :, 0])
+    return Triangulated(x, 0.5 * (covs + covs.transpose(0, 2, 1)), covs @ moved, misfit, views)
+
+
+def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
+    """Directions in which the calibration of cameras is uncertain, for each, (n_shared, 15), one sd each.
+
+    Cameras that were calibrated together share their directions. They have the same number of rows, more than a
+    camera by itself can have. Others have directions of their own.
+    """
+    sizes = [len(camera.calibration) for camera in cameras]
+    first: dict[int, int] = {}
+    begins, total = [], 0
+    for n in sizes:
+        together = n > N_CALIBRATION and n in first
+        begins.append(first[n] if together else total)
+        if not together:
+            first[n] = total
+            total += n
+    steps = []
+    for camera, begin, n in zip(cameras, begins, sizes, strict=True):
+        own = np.zeros((total, N_CALIBRATION))
+        own[begin : begin + n] = camera.calibration
+        steps.append(own)
+    return steps
+
+
+def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
+    """The directions of `calibration_steps` by their effect on the places of points [m], (n, 3), the largest first.
+
+    They are other independent directions of the same errors. The least that together move places by no more than
+    `least_px` [px] in root mean square are left out.
+    """
+    steps = calibration_steps(cameras)
+    if not any(len(own) for own in steps):
+        return steps
+    effects = [
+        camera.moved_by(points_m[seen], own).reshape(-1, len(own))
+        for camera, own in zip(cameras, steps, strict=True)
+        if (seen := camera.in_view(points_m)).any()
+    ]
+    if not effects:
+        return [own[:0] for own in steps]
+    effect = np.concatenate(effects)
+    _, sizes, turns = np.linalg.svd(effect, full_matrices=False)
+    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # by the directions from each on
+    kept = turns[left_out > least_px**2 * len(effect) / 2.0]
+    return [kept @ own for own in steps]
