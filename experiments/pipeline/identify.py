@@ -22,6 +22,7 @@ from estimators import (
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
 from experiments.errors import InputError
 from experiments.formats.recording import Recording
+from experiments.formats.scene.mesh import SceneMesh
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import is_identified
 from experiments.pipeline.line import FILTER, Line
@@ -167,10 +168,17 @@ class Constant:
     kept: bool
 
 
-def constants(found: IdentificationResult) -> list[Constant]:
-    """The result, constant by constant."""
+def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[Constant]:
+    """The result, constant by constant; mesh: whose tissues they are of."""
+    tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
-        Constant(group_label(one), group_value(found.network, one), float(sd), float(np.expm1(change)), bool(kept))
+        Constant(
+            group_label(one),
+            tissues[one.places[0]].young_pa if tissues else group_value(found.network, one),
+            float(sd),
+            float(np.expm1(change)),
+            bool(kept),
+        )
         for one, sd, change, kept in zip(found.groups, found.sd, found.change, found.kept, strict=True)
     ]
 
@@ -226,13 +234,13 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
     return names
 
 
-def identification_report(found: IdentificationResult) -> dict[str, object]:
-    """The output of `softaim identify --json`."""
+def identification_report(found: IdentificationResult, mesh: SceneMesh | None = None) -> dict[str, object]:
+    """The output of `softaim identify --json`; mesh: whose tissues the constants are of."""
     return {
         "passes": found.passes,
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
-        "constants": [asdict(one) for one in constants(found)],
+        "constants": [asdict(one) for one in constants(found, mesh)],
         "undetermined_combinations": undetermined(found),
         "confounded": [asdict(pair) for pair in confounded(found)],
         "not_determined": not_determined(found),

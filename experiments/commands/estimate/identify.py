@@ -50,8 +50,8 @@ def identify(
     with spare_cores(ahead=opened.marks is None) as workers:
         frames = marks_in(opened, run.stage("marks"))
         found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"), workers)
-    report = identification_report(found)
-    kept = [one.name for one in constants(found) if one.kept]
+    report = identification_report(found, found_scene.mesh)
+    kept = [one.name for one in constants(found, found_scene.mesh) if one.kept]
     run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene], kept=kept)
 
     def show() -> None:
