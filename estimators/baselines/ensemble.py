@@ -37,9 +37,11 @@ class EnsembleKalmanFilter(Baseline):
         settings: FilterSettings | None = None,
         *,
         rng: np.random.Generator,
-        n_members: int = N_MEMBERS,
+        n_members: int | None = N_MEMBERS,
     ) -> None:
         super().__init__(network, target, marked, settings)
+        if n_members is None:  # enough for any body
+            n_members = max(N_MEMBERS, self.model.dim_x + 1)
         if n_members <= self.model.dim_x:
             raise ValueError(f"n_members: expected more than the {self.model.dim_x} states, found {n_members}")
         self._rng = rng

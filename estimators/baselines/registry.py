@@ -72,7 +72,7 @@ class Method(Protocol):
 METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
     "ekf": lambda problem: ExtendedKalmanFilter(*problem.physics),
     "filterpy-ukf": lambda problem: StockUnscented(*problem.physics),
-    "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng),
+    "enkf": lambda problem: EnsembleKalmanFilter(*problem.physics, rng=problem.rng, n_members=None),
     "particles": lambda problem: ParticleFilter(*problem.physics, rng=problem.rng),
     "smoother": lambda problem: FixedIntervalSmoother(
         *problem.physics, uncertainty=problem.uncertainty, n_calibration=problem.n_calibration, fixes=problem.fixes

@@ -6,12 +6,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from dynamics import MassSpringNetwork, rest_shape
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.formats.toml_file import toml_text, toml_value
 from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
+MOVED_M = 0.01
+"""Displacement of a mesh's target by breathing, and of its marks by a lasting poke."""
+
 POKE_M_S2 = {2: 10.0, 3: 15.0}
 """Strongest poke by dimension: a soft breast's masses are 40 g and well supported, 40 m/s² is a push of 1 to 2 N."""
 
@@ -106,7 +110,10 @@ UNTUNED = """
 
 def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: float, pokes: bool) -> str:
     """A scenario file with comments."""
-    strongest = POKE_M_S2[of.assumed.network.dim]
+    network, strongest = of.assumed.network, POKE_M_S2[of.assumed.network.dim]
+    breath: tuple[str, ...] = ()
+    if network.continuum is not None:
+        strongest, breath = _soft_poke_m_s2(network), _breath(of)
     lines = [
         f"# {what}",
         "version = 1",
@@ -128,6 +135,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
             _with("shortest_s = 0.1", "half a sine wave, shortest ..."),
             _with("longest_s = 0.4", "... and longest"),
             _with("pause_s = 1.5", "between two, on average"),
+            *breath,
         ]
     if of.assumed.network.dim == 3:
         lines += [
@@ -139,6 +147,33 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
         wander = f"marks wander by {CALIBRATION_SD_PX} px: calibration_sd_px of the scene"
         lines += ["", "[video]", _with('light = "paper"', wander)]
     return "\n".join(lines) + "\n"
+
+
+def _soft_poke_m_s2(network: MassSpringNetwork) -> float:
+    """Acceleration of a poke that, if it lasted, would move the median point of a continuum by `MOVED_M`."""
+    compliance = np.linalg.inv(network.continuum.stiffness).diagonal()  # type: ignore[union-attr]
+    return float(MOVED_M / (np.median(compliance) * network.masses[network.free[0]]))
+
+
+def _breath(of: Template) -> tuple[str, ...]:
+    """Breathing that moves the target by `MOVED_M` in the direction in which it moves the most."""
+    network, marked = of.assumed.network, of.assumed.measured_nodes
+    forces = np.zeros((3, len(network.free), 3))
+    for axis in range(3):
+        forces[axis, :, axis] = [network.masses[i] * (network.names[i] in marked) for i in network.free]
+    target = network.index(of.assumed.target.node)
+    moved = np.array([(rest_shape(network, force) - network.positions)[target] for force in forces])
+    left, sizes, _ = np.linalg.svd(moved)
+    direction = toml_value(np.round(left[:, 0] * np.sign(left[np.abs(left[:, 0]).argmax(), 0]), 3))
+    return (
+        "",
+        _with("[breathing]", f"moves the target by some {1e3 * MOVED_M:.0f} mm"),
+        f"nodes = [{', '.join(toml_text(node) for node in marked)}]",
+        f"acceleration_m_s2 = {MOVED_M / sizes[0]:.3g}",
+        f"direction = {direction}",
+        _with("shortest_s = 3.5", "period, shortest ..."),
+        _with("longest_s = 4.5", "... and longest; constant in a run"),
+    )
 
 
 def _with(line: str, comment: str) -> str:
