@@ -23,6 +23,9 @@ from experiments.studies.zoo.references import thin_plate_weights
 OTHERS = 60
 """Nodes of a network besides the marks, landmarks far from these and from each other; numerical."""
 
+SMOOTH = Discrepancy(levels=(0.003, 0.01), short=0.4, rank=80, least=1e-4)
+"""Discrepancy of a lung of many marks, whose short part counts; choice."""
+
 FRAMES_S = (0.0, 2.0)
 """When the lung is at the end of inhaling, and of exhaling [s]: half a breath."""
 
@@ -48,7 +51,7 @@ class DenseConstants:
     body: LungConstants = field(default_factory=LungConstants)
     scatter_m: float = 0.63e-3
     disturbances: Disturbances = field(default_factory=Disturbances)
-    discrepancy: Discrepancy = field(default_factory=Discrepancy)
+    discrepancy: Discrepancy = SMOOTH
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,6 +109,8 @@ class Body:
         nodes = points[spread(points, len(task.marks) + OTHERS, task.marks)]
         mesh = Delaunay(nodes)
         cells = mesh.find_simplex(task.wanted)
+        if (cells < 0).any():
+            raise ValueError(f"{task.lung.name}: expected hidden landmarks among the nodes, found {(cells < 0).sum()} not")
         affine = mesh.transform[cells]
         first = np.einsum("ijk,ik->ij", affine[:, :3], task.wanted - affine[:, 3])
         weights = np.column_stack([first, 1.0 - first.sum(axis=1)])
