@@ -23,6 +23,9 @@ from experiments.studies.zoo.references import thin_plate_weights
 OTHERS = 60
 """Nodes of a network besides the marks, landmarks far from these and from each other; numerical."""
 
+BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
+"""Forces of a breath: smooth over the lung, none on a single mark; the strength, of gravity's hundredth, is a choice."""
+
 SMOOTH = Discrepancy(levels=(0.003, 0.01), short=0.4, rank=80, least=1e-4)
 """Discrepancy of a lung of many marks, whose short part counts; choice."""
 
@@ -50,7 +53,7 @@ class DenseConstants:
 
     body: LungConstants = field(default_factory=LungConstants)
     scatter_m: float = 0.63e-3
-    disturbances: Disturbances = field(default_factory=Disturbances)
+    disturbances: Disturbances = BREATH
     discrepancy: Discrepancy = SMOOTH
 
 
