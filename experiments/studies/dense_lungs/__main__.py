@@ -84,9 +84,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sys.stdout.write(page)
     if given.page:
         rewrite_page(DOCS / "zoo.md", {"dense lungs table": page})
-    failures = [f"{r.lung}, {r.marks} marks, {r.where}: {name}: {why}" for r in runs for name, why in r.failures.items()]
-    sys.stderr.writelines(f"{failure}\n" for failure in failures)
-    return 1 if failures else 0
+    failed = [(one, name, why) for one in runs for name, why in one.failures.items()]
+    for one, name, why in failed:
+        sys.stderr.write(f"{one.lung}, {one.marks} marks, {one.where}: {name}: {why}\n")
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -81,9 +81,7 @@ def read_person(path: Path) -> list[Lung]:
     first = np.zeros(table.n_rows, dtype=bool)
     first[np.unique(landmark, return_index=True)[1]] = True
     table.check("landmark", first, "each landmark once")
-    inhaled, exhaled = (
-        1e-3 * np.column_stack([table.numbers[f"{axis}{time}_mm"] for axis in AXES]) for time in (0, 1)
-    )
+    inhaled, exhaled = (1e-3 * np.column_stack([table.numbers[f"{axis}{time}_mm"] for axis in AXES]) for time in (0, 1))
     x = np.sort(inhaled[:, 0])
     gap = int(np.diff(x).argmax())
     right = inhaled[:, 0] <= 0.5 * (x[gap] + x[gap + 1])

@@ -11,7 +11,7 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import Delaunay
 
 from dynamics import MassSpringNetwork
-from estimators import MarkMeasurement, OpenLoop, TargetPoint, TissueFilter
+from estimators import OpenLoop, TargetPoint, TissueFilter
 from estimators.core.discrepancy import Discrepancy, matern
 from estimators.core.disturbances import Disturbances
 from experiments.arrays import Floats
@@ -24,7 +24,7 @@ OTHERS = 60
 """Nodes of a network besides the marks, landmarks far from these and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Forces of a breath: smooth over the lung, none on a single mark; the strength, of gravity's hundredth, is a choice."""
+"""Forces of a breath: smooth over the lung, none on a single mark; the strength, 1 % of gravity, is a choice."""
 
 SMOOTH = Discrepancy(levels=(0.003, 0.01), short=0.4, rank=80, least=1e-4)
 """Discrepancy of a lung of many marks, whose short part counts; choice."""
@@ -113,7 +113,9 @@ class Body:
         mesh = Delaunay(nodes)
         cells = mesh.find_simplex(task.wanted)
         if (cells < 0).any():
-            raise ValueError(f"{task.lung.name}: expected hidden landmarks among the nodes, found {(cells < 0).sum()} not")
+            raise ValueError(
+                f"{task.lung.name}: expected hidden landmarks among the nodes, found {(cells < 0).sum()} not"
+            )
         affine = mesh.transform[cells]
         first = np.einsum("ijk,ik->ij", affine[:, :3], task.wanted - affine[:, 3])
         weights = np.column_stack([first, 1.0 - first.sum(axis=1)])

@@ -54,9 +54,7 @@ def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
     for where in WHERE:
         for marks in COUNTS:
             own = [run for run in runs if (run.where, run.marks) == (where, marks)]
-            rows.append(
-                {"where": where, "marks": marks, "methods": {name: _figures(own, name) for name in WORDS}}
-            )
+            rows.append({"where": where, "marks": marks, "methods": {name: _figures(own, name) for name in WORDS}})
     return rows
 
 
@@ -112,7 +110,9 @@ def picture(rows: Sequence[Mapping[str, Any]]) -> Figure:
             if np.isfinite(shares).any():
                 covered.plot(COUNTS, shares, **style)
         covered.axhspan(100 * BOUNDS[0], 100 * BOUNDS[1], color="0.9", zorder=0)
-        error.set(xscale="log", title={"all": "marks all round", "front": "marks on one half, y above the median"}[where])
+        error.set(
+            xscale="log", title={"all": "marks all round", "front": "marks on one half, y above the median"}[where]
+        )
         covered.set(xlabel="marks a lung", xticks=COUNTS, xticklabels=[str(n) for n in COUNTS], ylim=(80, 100))
         covered.minorticks_off()
         error.minorticks_off()

@@ -14,7 +14,7 @@ def landmarks(seed: int, n: int = 150) -> np.ndarray:
     radii = rng.uniform(0.0, 1.0, (2 * n, 1)) ** (1.0 / 3.0)
     points = directions / np.linalg.norm(directions, axis=1, keepdims=True) * radii * [50.0, 60.0, 90.0]
     points[n:, 0] += 200.0
-    return np.round(points + [100.0, 100.0, 100.0], 3)
+    return np.round(points + np.full(3, 100.0), 3)
 
 
 def exhaled(points: np.ndarray) -> np.ndarray:
@@ -27,5 +27,6 @@ def exhaled(points: np.ndarray) -> np.ndarray:
 def write_case(path: Path, before: np.ndarray, after: np.ndarray) -> None:
     """A table of landmarks [mm], (n, 3) each, as the study reads it."""
     rows = [HEAD]
-    rows += [",".join([str(k), *(f"{value:.3f}" for value in (*b, *a))]) for k, (b, a) in enumerate(zip(before, after, strict=True))]
+    for k, places in enumerate(np.hstack([before, after])):
+        rows.append(",".join([str(k), *(f"{value:.3f}" for value in places)]))
     path.write_text("\n".join(rows) + "\n")

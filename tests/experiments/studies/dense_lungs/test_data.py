@@ -29,7 +29,7 @@ def test_depth_is_the_distance_to_the_hull_by_the_longest_axis(tmp_path):
     corners = np.array([[x, y, z] for x in (0, 10) for y in (0, 20) for z in (0, 40)], dtype=float)
     inside = np.array([[2.0, 10.0, 20.0], [4.0, 10.0, 20.0]])
     box = np.vstack([corners, inside])
-    lung = read_person(written(tmp_path, np.vstack([box, box + [100.0, 0.0, 0.0]])))[1]
+    lung = read_person(written(tmp_path, np.vstack([box, box + np.array([100.0, 0.0, 0.0])])))[1]
     assert lung.depth == pytest.approx([0.0] * 8 + [0.05, 0.1], abs=1e-9)
     assert list(lung.hidden) == [9]
 
@@ -83,7 +83,9 @@ def test_what_spans_no_volume_or_has_no_inside_is_rejected(tmp_path):
     with pytest.raises(InputError, match="right lung: expected landmarks that span a volume"):
         read_person(written(tmp_path, points * [1.0, 0.0, 1.0]))
     few = [0, 1, 2, 3, 150, 151, 152, 153]
-    with pytest.raises(InputError, match=r"right lung: expected landmarks deeper than 7\.5 % of the extent, found none"):
+    with pytest.raises(
+        InputError, match=r"right lung: expected landmarks deeper than 7\.5 % of the extent, found none"
+    ):
         read_person(written(tmp_path, points[few]))
     with pytest.raises(InputError, match="expected rows of two lungs, found 1"):
         read_person(written(tmp_path, points[:1]))

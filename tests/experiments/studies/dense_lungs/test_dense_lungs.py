@@ -15,13 +15,22 @@ from tests.experiments.studies.dense_lungs.displaced import exhaled, landmarks, 
 
 def test_a_row_has_means_over_all_lungs_and_nothing_of_a_method_that_failed():
     runs = [
-        Run(name, where, marks, {m: np.array(e) for m in WORDS if m != "open_loop"}, {"filter": np.array(nees)}, {"open_loop": "why"})
+        Run(
+            name,
+            where,
+            marks,
+            {m: np.array(e) for m in WORDS if m != "open_loop"},
+            {"filter": np.array(nees)},
+            {"open_loop": "why"},
+        )
         for where in ("all", "front")
         for marks in COUNTS
         for name, e, nees in (("right", [1e-3, 2e-3, 3e-3], [1.0, 1.0, 1.0]), ("left", [4e-3], [9.0]))
     ]
     rows = summary(runs)
-    assert [(row["where"], row["marks"]) for row in rows] == [(w, n) for w in ("all", "front") for n in (10, 20, 40, 80)]
+    assert [(row["where"], row["marks"]) for row in rows] == [
+        (w, n) for w in ("all", "front") for n in (10, 20, 40, 80)
+    ]
     found = rows[5]["methods"]
     assert found["filter"] == {"mae_mm": pytest.approx(2.5), "coverage95": 0.75, "n": 4}
     assert found["thin_plate"] == {"mae_mm": pytest.approx(2.5), "coverage95": None, "n": 4}
