@@ -26,8 +26,8 @@ OTHERS = 60
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
 """Forces of a breath: smooth over the lung, none on a single mark; the strength, 1 % of gravity, is a choice."""
 
-SMOOTH = Discrepancy(levels=(0.003, 0.01), short=0.4, rank=80, least=1e-4)
-"""Discrepancy of a lung of many marks, whose short part counts; choice."""
+SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
+"""Discrepancy of a lung; choice. The level is stated: marks choose one for the frames after theirs, and none follows."""
 
 FRAMES_S = (0.0, 2.0)
 """When the lung is at the end of inhaling, and of exhaling [s]: half a breath."""
@@ -44,7 +44,7 @@ LARGE_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DenseConstants:
-    """Constants common to all lungs, rows and marks; chosen on the first person.
+    """Constants common to all lungs, rows and marks; chosen once.
 
     body: of the network of springs
     scatter_m: of a landmark's place, each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
@@ -133,7 +133,7 @@ class Body:
 
 
 def by_filter(task: Task) -> Found:
-    """By `TissueFilter`; the level is chosen for the hidden landmark that is the farthest from all marks."""
+    """By `TissueFilter`, whose target is the hidden landmark that is the farthest from all marks."""
     body = Body.of(task)
     away = np.linalg.norm(task.wanted[:, None] - task.before, axis=2).min(axis=1)
     frames = task.frames()
