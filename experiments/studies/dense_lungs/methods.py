@@ -27,7 +27,7 @@ BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=
 """Forces of a breath: smooth over the lung, none on a single mark; the strength, 1 % of gravity, is a choice."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Discrepancy of a lung; choice. The level is stated: marks choose one for the frames after theirs, and none follows."""
+"""Discrepancy of a lung; choice. Its level is stated: marks choose that of later frames, and there are none."""
 
 FRAMES_S = (0.0, 2.0)
 """When the lung is at the end of inhaling, and of exhaling [s]: half a breath."""
