@@ -55,6 +55,8 @@ class Discrepancy:
         Weight of the evidence of one frame, for frames repeat each other [1]; choice.
     rank : int
         Functions of the field at most, by each axis; numerical.
+    least : float
+        Variance of a function that is kept, by that of the largest [1]; numerical.
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -64,6 +66,7 @@ class Discrepancy:
     memory_s: float = 20.0
     weight: float = 1.0
     rank: int = 40
+    least: float = 1e-3
 
     @classmethod
     def of(cls, settings: FilterSettings) -> Discrepancy:
@@ -84,7 +87,7 @@ class Discrepancy:
         if len(held):
             fixed = cov[n:, n:] + JITTER * np.eye(len(held))  # type: ignore[index]
             own = own - cov[:n, n:] @ np.linalg.solve(fixed, cov[n:, :n])  # type: ignore[index]
-        return extent * factor(own, self.rank)
+        return extent * factor(own, self.rank, self.least)
 
 
 class LevelPosterior:

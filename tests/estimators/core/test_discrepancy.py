@@ -41,6 +41,22 @@ def test_the_field_is_zero_where_the_body_is_held_and_whole_far_from_there() -> 
     assert sd[0] < 0.3 * sd[-1]
 
 
+def test_functions_of_little_variance_are_kept_where_the_prior_asks_for_them() -> None:
+    """Of 40 places on a line: the covariance is that of the definition to the least variance, by the largest."""
+    x = np.linspace(0.0, 1.0, 40)[:, None]
+    apart = np.abs(x - x.T)
+    cov = matern(apart, 1.5) + 0.33**2 * matern(apart, 0.25)
+    largest = np.linalg.eigvalsh(cov)[-1]
+    errors, kept = {}, {}
+    for least in (1e-3, 1e-5):
+        functions = Discrepancy(least=least).field(x, np.empty((0, 1)))
+        errors[least] = np.linalg.norm(cov - functions @ functions.T, 2) / largest
+        kept[least] = functions.shape[1]
+        assert errors[least] <= least
+    assert kept[1e-3] < kept[1e-5] <= 40
+    assert errors[1e-3] > 1e-5
+
+
 def test_withheld_is_the_likelihood_of_each_group_given_all_others() -> None:
     """Of six places on a line, each withheld with its left neighbour: conditioned on the four others."""
     x = np.linspace(0.0, 1.0, 6)

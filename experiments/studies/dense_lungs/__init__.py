@@ -1,0 +1,1 @@
+"""Dense landmarks of breathing lungs: those deep inside from marks near the hull."""

@@ -1,0 +1,101 @@
+"""Dense landmarks of lungs at two times from tables, one for each person; which are marks, which are hidden."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from experiments.arrays import Floats
+from experiments.errors import InputError
+from experiments.formats.tables import read_table
+
+AXES = ("x", "y", "z")
+COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
+
+WHERE = ("all", "front")
+"""Where marks are: all round, or only on the half of the person whose y is above the median of the lung."""
+
+NEAR, DEEP = 0.03, 0.075
+"""Depth below the hull, by the extent of the lung along its longest axis [1]: of marks at most; of hidden ones more;
+choice."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lung:
+    """One lung: landmarks at the end of inhaling and of exhaling [m], (n, 3) each.
+
+    depth: below the convex hull of the first, by the extent of the lung along its longest axis [1], (n,)
+    """
+
+    name: str
+    inhaled: Floats
+    exhaled: Floats
+    depth: Floats
+
+    @property
+    def hidden(self) -> NDArray[np.int64]:
+        """Landmarks whose places are estimated."""
+        return np.flatnonzero(self.depth > DEEP)
+
+    def marks(self, n: int, where: str) -> NDArray[np.int64]:
+        """At most n landmarks near the hull, far from each other, from the first in the table; where: of `WHERE`."""
+        near = self.depth <= NEAR
+        if where == "front":
+            near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])
+        own = np.flatnonzero(near)
+        return own[spread(self.inhaled[own], n)]
+
+
+def spread(points: Floats, n: int, first: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
+    """Indices of at most n of the points (any, dim), each the farthest from those before it.
+
+    first: the indices to begin with, the first point by default
+    """
+    chosen = [0] if first is None else first.tolist()
+    away = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
+    while len(chosen) < min(n, len(points)):
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def read_lungs(folder: Path) -> list[Lung]:
+    """Both lungs of each table in a folder, in the order of the names; raises InputError."""
+    paths = sorted(folder.glob("*.csv"))
+    if not paths:
+        found = "none" if folder.is_dir() else "no folder"
+        raise InputError.at(folder, "tables of landmarks, case1.csv and others", found)
+    return [lung for path in paths for lung in read_person(path)]
+
+
+def read_person(path: Path) -> list[Lung]:
+    """The two lungs of a table, divided at the widest gap along x at the end of inhaling; raises InputError."""
+    table = read_table(path, COLUMNS)
+    if table.n_rows < 2:
+        raise InputError.at(path, "rows of two lungs", f"{table.n_rows}")
+    landmark = table.numbers["landmark"]
+    first = np.zeros(table.n_rows, dtype=bool)
+    first[np.unique(landmark, return_index=True)[1]] = True
+    table.check("landmark", first, "each landmark once")
+    inhaled, exhaled = (1e-3 * np.column_stack([table.numbers[f"{axis}{time}_mm"] for axis in AXES]) for time in (0, 1))
+    x = np.sort(inhaled[:, 0])
+    gap = int(np.diff(x).argmax())
+    right = inhaled[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
+    return [_lung(path, side, inhaled[own], exhaled[own]) for side, own in (("right", right), ("left", ~right))]
+
+
+def _lung(path: Path, side: str, inhaled: Floats, exhaled: Floats) -> Lung:
+    try:
+        planes = ConvexHull(inhaled).equations
+    except (QhullError, ValueError):
+        found = f"{len(inhaled)} that do not"
+        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", found) from None
+    depth = -(inhaled @ planes[:, :3].T + planes[:, 3]).max(axis=1) / np.ptp(inhaled, axis=0).max()
+    lung = Lung(f"{path.stem} {side}", inhaled, exhaled, depth)
+    if not len(lung.hidden):
+        raise InputError.at(f"{path}: {side} lung", f"landmarks deeper than {100 * DEEP:g} % of the extent", "none")
+    return lung

@@ -1,0 +1,208 @@
+"""Hidden landmarks of a lung from its marks, by each method: the filter, fields that interpolate, the open loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import RBFInterpolator
+from scipy.spatial import Delaunay
+
+from dynamics import MassSpringNetwork
+from estimators import OpenLoop, TargetPoint, TissueFilter
+from estimators.core.discrepancy import Discrepancy, matern
+from estimators.core.disturbances import Disturbances
+from experiments.arrays import Floats
+from experiments.studies.dense_lungs.data import Lung, spread
+from experiments.studies.estimation.trials import Frames, frames_of
+from experiments.studies.lungs.model import LungConstants, lung_network, node_name
+from experiments.studies.zoo.references import thin_plate_weights
+
+OTHERS = 60
+"""Nodes of a network besides the marks, landmarks far from these and from each other; numerical."""
+
+BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
+"""Forces of a breath: smooth over the lung, none on a single mark; the strength, 1 % of gravity, is a choice."""
+
+SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
+"""Discrepancy of a lung; choice. Its level is stated: marks choose that of later frames, and there are none."""
+
+FRAMES_S = (0.0, 2.0)
+"""When the lung is at the end of inhaling, and of exhaling [s]: half a breath."""
+
+FIELD_M = 0.06
+"""Length of the Matern field [m]; choice."""
+
+LEVELS_M = np.geomspace(0.2e-3, 50e-3, 25)
+"""Standard deviations among which the Matern field chooses by marginal likelihood [m]; numerical."""
+
+LARGE_M = 1.0
+"""Standard deviation of the Matern field's trend at 0.1 m from the centre of the marks [m]; numerical."""
+
+
+@dataclass(frozen=True, slots=True)
+class DenseConstants:
+    """Constants common to all lungs, rows and marks; chosen once.
+
+    body: of the network of springs
+    scatter_m: of a landmark's place, each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
+    disturbances, discrepancy: priors of the filter
+    """
+
+    body: LungConstants = field(default_factory=LungConstants)
+    scatter_m: float = 0.63e-3
+    disturbances: Disturbances = BREATH
+    discrepancy: Discrepancy = SMOOTH
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What all methods get: places of marks before and after, places of hidden landmarks before [m], (n, 3) each."""
+
+    lung: Lung
+    marks: NDArray[np.int64]
+    constants: DenseConstants
+
+    @property
+    def before(self) -> Floats:
+        """Marks at the end of inhaling."""
+        return self.lung.inhaled[self.marks]
+
+    @property
+    def after(self) -> Floats:
+        """Marks at the end of exhaling."""
+        return self.lung.exhaled[self.marks]
+
+    @property
+    def wanted(self) -> Floats:
+        """Hidden landmarks at the end of inhaling."""
+        return self.lung.inhaled[self.lung.hidden]
+
+    def frames(self) -> Frames:
+        """Marks on the first nodes of the network, in both frames."""
+        names = [node_name(k) for k in range(len(self.marks))]
+        return frames_of(FRAMES_S, [self.before, self.after], names, self.constants.scatter_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Hidden landmarks at the end of exhaling [m], (n, 3), and their covariances [m²], (n, 3, 3), where stated."""
+
+    means: Floats
+    covs: Floats | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Body:
+    """A coarse network of a lung, marks first; hidden landmarks lie between four nodes each.
+
+    corners, weights: of each hidden landmark, (n, 4)
+    """
+
+    network: MassSpringNetwork
+    corners: NDArray[np.int64]
+    weights: Floats
+
+    @classmethod
+    def of(cls, task: Task) -> Body:
+        """Nodes are the marks and `OTHERS` more landmarks."""
+        points = task.lung.inhaled
+        nodes = points[spread(points, len(task.marks) + OTHERS, task.marks)]
+        mesh = Delaunay(nodes)
+        cells = mesh.find_simplex(task.wanted)
+        if (cells < 0).any():
+            raise ValueError(
+                f"{task.lung.name}: expected hidden landmarks among the nodes, found {(cells < 0).sum()} not"
+            )
+        affine = mesh.transform[cells]
+        first = np.einsum("ijk,ik->ij", affine[:, :3], task.wanted - affine[:, 3])
+        weights = np.column_stack([first, 1.0 - first.sum(axis=1)])
+        return cls(lung_network(nodes, task.constants.body), mesh.simplices[cells], weights)
+
+    def point(self, k: int) -> TargetPoint:
+        """A hidden landmark between its nodes."""
+        return TargetPoint(tuple(node_name(int(i)) for i in self.corners[k]), tuple(self.weights[k]))
+
+    def rows(self) -> Floats:
+        """Places of all hidden landmarks by those of the nodes, (n, n_nodes)."""
+        found = np.zeros((len(self.corners), self.network.n_nodes))
+        np.put_along_axis(found, self.corners, self.weights, axis=1)
+        return found
+
+
+def by_filter(task: Task) -> Found:
+    """By `TissueFilter`, whose target is the hidden landmark that is the farthest from all marks."""
+    body = Body.of(task)
+    away = np.linalg.norm(task.wanted[:, None] - task.before, axis=2).min(axis=1)
+    frames = task.frames()
+    tissue = TissueFilter(
+        body.network,
+        body.point(int(away.argmax())),
+        [mark.node for mark in frames[0][1]],
+        disturbances=task.constants.disturbances,
+        discrepancy=task.constants.discrepancy,
+    )
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        tissue.update(marks)
+    maps = [tissue.process.places(np.kron(row, np.eye(3))) for row in body.rows()]
+    found = [tissue.filter.moments(one) for one in maps]
+    return Found(np.array([mean for mean, _ in found]), np.array([cov for _, cov in found]))
+
+
+def by_open_loop(task: Task) -> Found:
+    """By the paper's method, on the same network: marks move in a straight line between the frames."""
+    body = Body.of(task)
+    method = OpenLoop(body.network, body.point(0))
+    for time_s, marks in task.frames():
+        method.update(time_s, marks)
+    return Found(body.rows() @ method.positions)
+
+
+def by_thin_plate(task: Task) -> Found:
+    """By a thin-plate spline of the displacement."""
+    weights = thin_plate_weights(task.before, task.wanted)
+    return Found(task.wanted + weights @ (task.after - task.before))
+
+
+def by_linear(task: Task) -> Found:
+    """By a linear radial basis with affine trend."""
+    spline = RBFInterpolator(task.before, task.after - task.before, kernel="linear", degree=1)
+    return Found(task.wanted + spline(task.wanted))
+
+
+def by_field(task: Task) -> Found:
+    """By a Matern field with affine trend, its level that of the largest marginal likelihood."""
+    center = task.before.mean(axis=0)
+    known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
+    moved = task.after - task.before
+
+    def trend(one: Floats, other: Floats) -> Floats:
+        return np.asarray(LARGE_M**2 * (1.0 + one @ other.T))
+
+    def smooth(one: Floats, other: Floats) -> Floats:
+        return matern(0.1 * np.linalg.norm(one[:, None] - other, axis=2), FIELD_M)
+
+    trends, fields, noise = trend(known, known), smooth(known, known), task.constants.scatter_m**2
+    likely: list[float] = []
+    for level in LEVELS_M:
+        S = trends + level**2 * fields + noise * np.eye(len(known))
+        likely.append(-3.0 * np.linalg.slogdet(S)[1] - float((moved * np.linalg.solve(S, moved)).sum()))
+    level = LEVELS_M[int(np.argmax(likely))]
+    S = trends + level**2 * fields + noise * np.eye(len(known))
+    cross = trend(wanted, known) + level**2 * smooth(wanted, known)
+    own = LARGE_M**2 * (1.0 + (wanted**2).sum(axis=1)) + level**2
+    variances = own - np.einsum("ij,ij->i", cross, np.linalg.solve(S, cross.T).T)
+    return Found(task.wanted + cross @ np.linalg.solve(S, moved), variances[:, None, None] * np.eye(3))
+
+
+METHODS: Mapping[str, Callable[[Task], Found]] = {
+    "filter": by_filter,
+    "thin_plate": by_thin_plate,
+    "linear": by_linear,
+    "field": by_field,
+    "open_loop": by_open_loop,
+}
+"""By name in the outputs."""
