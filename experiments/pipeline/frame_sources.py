@@ -69,7 +69,8 @@ def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError if it has no camera."""
     scene = usable_scene(path, rests=False)
     if not scene.cameras:
-        raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else "none")
+        in_space = f"{len(scene.space_cameras)} in space" if scene.space_cameras else "none"
+        raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else in_space)
     return scene
 
 

@@ -19,6 +19,7 @@ from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.core.motion import network as springs
 from estimators.process.target import target_map
 from experiments.arrays import Floats
+from experiments.formats.films.several import Exposure
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
@@ -26,7 +27,9 @@ from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity import error_budget, variance_shares
 from experiments.pipeline.line import FILTER, Line, check_followed
+from experiments.pipeline.sight.space import calibration_shifts
 from experiments.simulation.plane_film import draw
+from experiments.simulation.space_film import draw_in_space
 
 FRAMES_PER_S = 30.0
 """Default frame rate without a recording or an option."""
@@ -159,12 +162,12 @@ def _seen(
     unfound: tuple[str, ...] = ()
     if sd_mm is None and recording is not None and recording.marks is not None:
         covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
-    elif sd_mm is None and scene.cameras:
-        found = {mark.node: mark for mark in Line(scene, baseline=False).see(0.0, _picture(scene, recording)).marks}
+    elif sd_mm is None and (scene.cameras or scene.space_cameras):
+        found = {mark.node: mark for mark in _found(scene, recording)}
         # in a recording marks for scoring may be covered
-        due = [mark.node for mark in scene.marks if mark.measured or recording is None]
+        due = [mark.node for mark in scene.marks if mark.measured or (recording is None and scene.cameras)]
         unfound = tuple(node for node in due if node not in found)
-        covs = {node: cov for node, cov in covs.items() if node in found} or covs
+        covs = {node: found[node].cov for node in covs if node in found} or covs
     at = {node: rest[network.index(node)] for node in covs}
     marks = tuple(
         MarkMeasurement(node, at[node], cov, _calibration_error(scene, at[node])) for node, cov in covs.items()
@@ -172,8 +175,26 @@ def _seen(
     return marks, unfound
 
 
+def _found(scene: Scene, recording: Recording | None) -> tuple[MarkMeasurement, ...]:
+    """The marks in a picture of the scene, in space in one picture of each camera."""
+    line = Line(scene, baseline=False)
+    if not scene.space_cameras:
+        return line.see(0.0, _picture(scene, recording)).marks
+    if recording is None:
+        x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
+        images = {one.name: draw_in_space(scene, one, x, light, rng) for one in scene.space_cameras}
+    else:
+        images = {}
+        for film in recording.films:
+            with film.open_frames() as frames:
+                images[film.camera] = next(iter(frames)).image
+    return line.see_all(Exposure(0.0, images)).marks
+
+
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
     """Shared error of a mark there by the camera's calibration, None for an exact one."""
+    if scene.space_cameras and scene.n_calibration and not scene.reference.marks:
+        return calibration_shifts(scene)(place[None])[0]
     camera = scene.cameras[0] if scene.cameras else None
     return None if camera is None or not camera.n_calibration else camera.calibration_error(place[None])[0]
 

@@ -61,13 +61,8 @@ def film_name(camera: str, i: int) -> str:
 
 
 def films_in(folder: Path) -> dict[str, Path]:
-    """Films and folders of pictures that name a camera, `video.NAME.avi` or `frames.NAME/`; InputError for two of one.
-
-    Empty where marks.csv takes their place.
-    """
+    """Films and folders of pictures by the camera they name, `video.NAME.avi`, `frames.NAME/`; InputError for two."""
     films: dict[str, Path] = {}
-    if (folder / MARKS).exists():
-        return films
     for path in sorted(folder.glob("*.*")):
         named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)
         if named is None:
@@ -93,6 +88,9 @@ def read_films(
         source_in(folder)  # refuses more than one camera
     if scene.reference.marks:
         raise InputError.at(f"{scene_path}: reference.mark", "none with films of cameras in space", "some")
+    others = [name for name in (*VIDEOS, FRAMES, MARKS) if (folder / name).exists()]
+    if others:
+        raise InputError.at(folder, "no other source beside films of named cameras", " and ".join(others))
     sources, names = films_in(folder), [camera.name for camera in scene.space_cameras]
     for name, path in sources.items():
         if name not in names:

@@ -19,10 +19,11 @@ from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.formats.scene.target import Target
 from experiments.log import Kept
-from experiments.projects.check import checked
+from experiments.projects.check import _seen, checked
 from experiments.projects.report import check_lines, check_report, missing
 from experiments.simulation.plane_film import draw
 from tests.experiments.command import softaim
+from tests.experiments.in_space import breast
 from vision import Lighting, VideoWriter, fronto_parallel_camera
 
 K, M, G = 400.0, 0.1, 9.81
@@ -262,3 +263,20 @@ def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
     assert err.startswith(f"softaim: {tmp_path / 'scene.toml'}: network: rest shape: expected")
     assert err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_marks_of_a_scene_in_space_are_seen_by_its_cameras() -> None:
+    """Their covariance is that of the pictures, not a tracker's default; errors of the calibration are shared."""
+    step = np.zeros((1, 15))
+    step[0, 14] = 1e-3
+    exact = breast()
+    stated = replace(exact, space_cameras=tuple(replace(one, calibration=step) for one in exact.space_cameras))
+    for scene, n_shared in ((exact, 0), (stated, 2)):
+        marks, unfound = _seen(scene, scene.network.positions, None, None)
+        assert unfound == ()
+        assert {mark.node for mark in marks} == set(scene.measured_nodes)
+        near = next(mark for mark in marks if mark.node == "S1")
+        assert np.sqrt(near.cov.trace() / 3.0) < 2e-4
+        assert (0 if near.shared is None else near.shared.shape[1]) == n_shared
+    default = _seen(replace(exact, space_cameras=()), exact.network.positions, None, None)[0][0]
+    np.testing.assert_allclose(default.cov, 25e-8 * np.eye(3))

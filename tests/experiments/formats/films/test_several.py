@@ -68,6 +68,14 @@ def test_a_film_needs_its_camera(tmp_path: Path) -> None:
         read_recording(recording(tmp_path, left=2, top=2))
 
 
+@pytest.mark.parametrize("name", ["video.avi", "marks.csv"])
+def test_films_of_cameras_are_the_only_source(tmp_path: Path, name: str) -> None:
+    folder = recording(tmp_path, left=2)
+    (folder / name).touch()
+    with pytest.raises(InputError, match=f"expected no other source beside films of named cameras, found {name}"):
+        read_recording(folder)
+
+
 def test_pictures_and_rows_agree(tmp_path: Path) -> None:
     folder = recording(tmp_path, left=3, right=2)
     write_frames_csv(folder / "frames.right.csv", np.array([0.0, 0.1, 0.2]))

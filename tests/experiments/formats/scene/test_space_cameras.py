@@ -12,6 +12,7 @@ from experiments.formats.camera_file import write_camera_toml
 from experiments.formats.camera_yaml import LensFile
 from experiments.formats.scene.scene import SceneError, read_scene, scene_text, write_scene
 from experiments.formats.toml_file import toml_value
+from experiments.pipeline.frame_sources import filmed_scene
 from tests.experiments.formats.scene.test_cameras import LENSES, TABLE
 from tests.experiments.in_space import breast, two_cameras
 from tests.vision.cameras.test_rig import RIGHT, TO_RIGHT
@@ -94,6 +95,12 @@ def test_cameras_fit_the_dimension_of_the_scene() -> None:
     plane: PlaneCamera = fronto_parallel_camera("front", (640, 480), (0.3, 0.3))
     with pytest.raises(SceneError, match="camera: expected a flat scene, found a network in space"):
         replace(breast(), cameras=(plane,), space_cameras=())
+
+
+def test_a_live_run_needs_a_flat_scene(tmp_path: Path) -> None:
+    write_scene(breast(), tmp_path / "scene.toml")
+    with pytest.raises(InputError, match=r"scene\.toml: camera: expected one, found 2 in space"):
+        filmed_scene(tmp_path / "scene.toml")
 
 
 def test_two_cameras_have_two_names() -> None:

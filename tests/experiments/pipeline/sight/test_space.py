@@ -1,5 +1,6 @@
 """Marks on a soft breast in drawn pictures of two cameras: by both, by one, covered, wrong; and whole films."""
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,8 @@ from experiments.simulation.space_film import draw_in_space
 from tests.experiments.in_space import breast, dome
 from tests.vision.cameras.test_space_camera import camera_at
 from vision import LostMark, Reason, SpaceCamera
+
+PAGE = Path(__file__).parents[4] / "docs" / "cameras-in-space.md"
 
 SHIFT_M = np.array([0.002, -0.001, 0.0015])
 """Of the body from where its marks are expected."""
@@ -76,6 +79,25 @@ def test_marks_that_both_cameras_see_are_where_they_are() -> None:
                 assert np.linalg.norm(away) < 0.0005
     # the detector's covariance is not below the scatter
     assert np.sum(nees) < chi2.ppf(0.999, 3 * len(nees))
+
+
+def test_errors_are_those_of_the_page() -> None:
+    """The table of docs/cameras-in-space.md: rms along x and y, and along z, the cameras' view, to a quarter."""
+    rows = re.findall(r"\| ([\d.]+) mm \| ([\d.]+) mm \|", PAGE.read_text(encoding="utf-8"))
+    stated, detected = np.array(rows, dtype=float)
+    scene, rng, away = breast(), np.random.default_rng(6), []
+    point = np.array([[0.0, 0.0, 0.05]])
+    places = np.array([camera.project(point)[0] for camera in scene.space_cameras])
+    cov = vision.triangulated(scene.space_cameras, places, np.tile(0.01 * np.eye(2), (2, 1, 1))).covs[0]
+    sds_mm = 1e3 * np.sqrt(np.diag(cov))
+    np.testing.assert_allclose([np.hypot(*sds_mm[:2]) / np.sqrt(2.0), sds_mm[2]], stated, rtol=0.25)
+    for _ in range(15):
+        shift = rng.normal(0.0, 0.001, 3)
+        for mark in SpaceSight(scene).find(pictures(scene, rng, moved_m=shift), *expected_in(scene)):
+            if np.sqrt(mark.cov.trace()) < 0.001:  # by two cameras
+                away.append(mark.position - scene.network.positions[scene.network.index(mark.node)] - shift)
+    rms_mm = 1e3 * np.sqrt(np.mean(np.square(away), axis=0))
+    np.testing.assert_allclose([np.hypot(*rms_mm[:2]) / np.sqrt(2.0), rms_mm[2]], detected, rtol=0.25)
 
 
 def test_a_mark_that_one_camera_sees_has_no_depth() -> None:
