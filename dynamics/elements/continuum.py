@@ -47,7 +47,7 @@ FIELDS = (60, 20)
 SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
 
-LEFT_OUT = 1e-2
+LEFT_OUT = 3e-3
 """Share of the points' mean square displacement under surface forces that the modes may leave out [1]; numerical."""
 
 DEPENDENT = 1e-5
@@ -60,6 +60,9 @@ numerical."""
 NEAR = 0.02
 """Distance outside the surface up to which a point is bound to it, by the extent [1]; choice: some millimetres, by
 which marks that were measured lie off a coarse surface."""
+
+PATCH = 0.05
+"""Radius of the patch over which a force on a point is spread, by the extent [1]; choice: a fingertip on a breast."""
 
 WALL = 12
 """Nodes of the network that show where the body is held, at most."""
@@ -87,6 +90,22 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
     entries = np.concatenate([on.ravel(), within.ravel()]), (np.concatenate(rows), np.concatenate(columns))
     weights = csr_array(entries, shape=(len(places), len(mesh.nodes)))
     return Points(np.asarray(weights @ mesh.nodes), weights)
+
+
+def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
+    """Weights of all nodes, (k, n_nodes), of the patch about each point over which a force on it is spread.
+
+    Of a point on the surface by the areas of surface nodes, of one inside by the volumes of nodes.
+    """
+    on_surface = np.zeros(len(mesh.nodes))
+    on_surface[outside.nodes] = outside.areas
+    inside, found = lumped_masses(mesh, 1.0), np.zeros(named.weights.shape)
+    for k, (place, own) in enumerate(zip(named.places, named.weights.toarray(), strict=True)):
+        sizes = on_surface if on_surface[own > INSIDE].all() else inside
+        apart = np.linalg.norm(mesh.nodes - place, axis=1) / (PATCH * _extent(mesh.nodes))
+        weights = np.where(apart < 1.0, (1.0 - apart**2) ** 2, 0.0) * sizes
+        found[k] = weights / weights.sum() if np.count_nonzero(weights) > 1 else own
+    return csr_array(found)
 
 
 def continuum_network(
@@ -175,8 +194,8 @@ def _continuum(
     total = float(masses.sum())
     by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
-    at_points = factor.solve(np.asarray(rows.T.todense()))
-    compliance = np.asarray(rows @ at_points)
+    spread = _by_axis(csr_array(patch_weights(mesh, outside, named)[:, free]))
+    compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
     onto = V.T * np.repeat(masses, 3) / total
     left = np.asarray(rows @ (moved - V @ (onto @ moved)))
