@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from estimators import coverage
 from experiments.arrays import Floats
-from experiments.plots.style import BLACK, GREEN, GREY, ORANGE, OURS, PAGE_MM, PAPERS, grid_figure, legend_below, styled
+from experiments.plots.style import BLACK, GREEN, GREY, OURS, PAGE_MM, PAPERS, PURPLE, grid_figure, legend_below, styled
 from experiments.studies.dense_lungs.data import WHERE
 from experiments.studies.grid import markdown_table
 
@@ -29,7 +29,7 @@ WORDS = {
 }
 """Methods in words."""
 
-COLORS = {"filter": OURS, "thin_plate": BLACK, "linear": GREEN, "field": ORANGE, "open_loop": PAPERS}
+COLORS = {"filter": OURS, "thin_plate": BLACK, "linear": GREEN, "field": PURPLE, "open_loop": PAPERS}
 """Of the lines of the picture."""
 
 BOUNDS = (0.90, 0.98)
