@@ -48,7 +48,12 @@ SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
 
 LEFT_OUT = 3e-3
-"""Share of the points' mean square displacement under surface forces that the modes may leave out [1]; numerical."""
+"""Displacement of a mode that is left out, root of the mean square over points, by the extent, at most [1]; numerical:
+under surface forces of `POKE_M_S2`, or those that bend the body by `BENT`."""
+
+POKE_M_S2, BENT = 5.0, 0.1
+"""Surface forces under which modes are chosen [m/s²], at least those that displace the points by this share of the
+extent [1]; choice: the filter's pokes."""
 
 DEPENDENT = 1e-5
 """Size of a direction of the modes, by the largest, below which it depends on the others [1]; numerical."""
@@ -273,7 +278,8 @@ def _modes(
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
     _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
-    shown = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
+    each, extent_m = sizes * np.sqrt(3.0 / len(at_points)), _extent(nodes)
+    shown = each * max(POKE_M_S2, BENT * extent_m / each[0]) > LEFT_OUT * extent_m
     basis = responses @ right[shown].T
     if not held:
         affine = np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
