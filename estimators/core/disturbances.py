@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
+SLOW_M_S2, SOLID_M_S2 = (0.0, 0.5, 2.0), (0.5, 2.0)
+"""Slow forces of networks, and of continua, which always are pressed or lean somewhere [m/s²]; choice."""
+
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
@@ -24,7 +27,7 @@ class Disturbances:
     calm_m_s2, poke_m_s2, led_m_s2 : float
         Standard deviation of a short force [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Standard deviation of a slow force in each of its states [m/s²], the first none; choice.
+        Standard deviation of a slow force in each of its states [m/s²], rising; choice.
     white : float
         Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
@@ -43,7 +46,7 @@ class Disturbances:
     calm_m_s2: float = 0.01
     poke_m_s2: float = 5.0
     led_m_s2: float = 50.0
-    slow_m_s2: tuple[float, ...] = (0.0, 0.5, 2.0)
+    slow_m_s2: tuple[float, ...] = SLOW_M_S2
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
@@ -57,9 +60,10 @@ class Disturbances:
     bent: float = 0.1
 
     @classmethod
-    def of(cls, settings: FilterSettings) -> Disturbances:
-        """Pokes as strong and as lasting as the settings say."""
-        return cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
+    def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
+        """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
+        slow = SOLID_M_S2 if solid else SLOW_M_S2
+        return cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s, slow_m_s2=slow)
 
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""

@@ -31,6 +31,9 @@ LEAST_SHARE = 1e-3
 """Share of a mode below which another is not mixed into it: it would only be widened by what the marks refute [1];
 choice."""
 
+FEW = 12
+"""Rows of a map below which covariances are mapped before they are mixed; numerical."""
+
 REBORN = 0.05
 """Probability of a hypothesis, by that with which others turn into its mode, below which it is left out until they do
 [1]; choice."""
@@ -147,9 +150,11 @@ class HypothesisFilter:
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
         live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
+        means = self.means[live] @ rows.T
+        if len(rows) < FEW:
+            return mixed(self.weights[live], means, (rows @ self.covs[live]) @ rows.T)
         own, matrix = np.ix_(seen, seen), rows[:, seen]
         within = sum(weight * self.covs[k][own] for weight, k in zip(self.weights[live], live, strict=True))
-        means = self.means[live] @ rows.T
         mean = self.weights[live] @ means
         apart = means - mean
         return mean, matrix @ within @ matrix.T + (apart.T * self.weights[live]) @ apart

@@ -85,7 +85,7 @@ class TissuePosterior:
             network,
             marked,
             led=self.settings.led_nodes,
-            disturbances=disturbances or Disturbances.of(self.settings),
+            disturbances=disturbances or Disturbances.of(self.settings, solid=network.continuum is not None),
             discrepancy=discrepancy or Discrepancy.of(self.settings),
             sigma_points=self.settings.sigma_points,
             statics=Statics(uncertainty, n_calibration, self.settings.fix_bias, self.target.point.sd_m),

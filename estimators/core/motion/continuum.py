@@ -84,6 +84,7 @@ class ContinuumMotion:
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
+        self._last: tuple[float, Floats, Floats, Floats] | None = None  # of frames at one rate
         self._constants = None
         if uncertainty is not None:
             each = np.zeros((len(uncertainty.parameters), len(solid.rates), len(solid.rates)))
@@ -98,10 +99,11 @@ class ContinuumMotion:
 
     def along(self, state: Floats, dt: float) -> Along:
         """The motion from a state (2 n + n_f,) over dt [s]: it is linear."""
-        motion, fading = self._motion(dt)
+        if self._last is None or self._last[0] != dt:
+            self._last = dt, *self._motion(dt), self._noises(dt, len(state))
+        _, motion, fading, noises = self._last
         mean = np.concatenate([motion @ state, fading * state[len(motion) :]])
-        by_constants = self._moved_by_constants(state, mean, dt)
-        return Along(mean, motion, fading, self._noises(dt, len(state)), by_constants)
+        return Along(mean, motion, fading, noises, self._moved_by_constants(state, mean, dt))
 
     def _impulse(self, t: Floats) -> tuple[Floats, Floats]:
         """Displacement [s] and velocity [1] of each mode at times t (k,) after a unit impulse, (n_modes, k) each."""
