@@ -100,7 +100,7 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     """Weights of all nodes, (k, n_nodes), of the patch about each point over which a force on it is spread.
 
-    Of a point on the surface by the areas of surface nodes, of one inside by the volumes of nodes.
+    A point on the surface has surface nodes by their areas, one inside has all nodes by their volumes.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas

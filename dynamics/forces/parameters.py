@@ -130,7 +130,7 @@ def strain_uncertainty(
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
     """The positive constants of these kinds, of springs and of free nodes, kind by kind.
 
-    Of a continuum the stiffness of each tissue.
+    A continuum has the stiffness of each tissue.
     """
     if network.continuum is not None:
         n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0

@@ -222,12 +222,17 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
     return table
 
 
-def bench_table(report: Mapping[str, Mapping[str, float]]) -> Table:
-    """One row for each figure."""
+def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str, float]]]) -> Table:
+    """One row for each figure, and for each size of a mesh."""
     table = _table("Benchmarks (medians of one run)", ["benchmark"], ["figure"], "value")
     for name, figures in report.items():
-        for key, value in figures.items():
-            table.add_row(name, key, f"{value:.3g}")
+        if isinstance(figures, Mapping):
+            for key, value in figures.items():
+                table.add_row(name, key, f"{value:.3g}")
+            continue
+        for size in figures:
+            for key in ("ms_per_estimate", "prepare_s", "memory_mb"):
+                table.add_row(name, f"{key}, {size['nodes']:.0f} nodes", f"{size[key]:.3g}")
     return table
 
 

@@ -32,7 +32,7 @@ class ContinuumSpan(Span):
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """Of a network with a continuum; the first coordinate is always 1, the others are those of modes [m]."""
+        """For a network with a continuum; the first coordinate is always 1, the others are those of modes [m]."""
         solid = network.continuum
         assert solid is not None  # the caller's
         drawn = network.positions[network.free].reshape(-1, 1)
