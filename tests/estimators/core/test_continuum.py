@@ -160,7 +160,7 @@ def test_the_target_is_found_in_tissue_of_another_mesh_and_stiffness(tracked):
 
 
 def test_few_modes_find_it_where_many_do(network, monkeypatch):
-    """After the start within a quarter of a millimetre and three tenths of its standard deviation."""
+    """After the start within a quarter of a millimetre and four tenths of its standard deviation."""
     chosen = continuum._modes
     monkeypatch.setattr(continuum, "LEFT_OUT", 3e-4)
     monkeypatch.setattr(continuum, "_modes", lambda *given: chosen(*given[:-1], given[-2]))  # not at points: anywhere
@@ -180,4 +180,4 @@ def test_few_modes_find_it_where_many_do(network, monkeypatch):
         if k < 5:
             continue  # the start depends on how many shapes it may have
         assert np.linalg.norm(few.mean - many.mean) < 2.5e-4
-        assert np.sqrt(np.trace(few.cov)) == pytest.approx(np.sqrt(np.trace(many.cov)), rel=0.3)
+        assert np.sqrt(np.trace(few.cov)) == pytest.approx(np.sqrt(np.trace(many.cov)), rel=0.4)
