@@ -160,7 +160,7 @@ def test_the_target_is_found_in_tissue_of_another_mesh_and_stiffness(tracked):
 
 
 def test_few_modes_find_it_where_many_do(network, monkeypatch):
-    """After the start within a quarter of a millimetre and four tenths of its standard deviation."""
+    """To 0.1 mm while the body breathes; to half a millimetre, and surer, where a small plate presses it."""
     chosen = continuum._modes
     monkeypatch.setattr(continuum, "LEFT_OUT", 3e-4)
     monkeypatch.setattr(continuum, "_modes", lambda *given: chosen(*given[:-1], given[-2]))  # not at points: anywhere
@@ -179,5 +179,9 @@ def test_few_modes_find_it_where_many_do(network, monkeypatch):
         few, many = (tissue.update(marks) for tissue in both)
         if k < 5:
             continue  # the start depends on how many shapes it may have
-        assert np.linalg.norm(few.mean - many.mean) < 2.5e-4
-        assert np.sqrt(np.trace(few.cov)) == pytest.approx(np.sqrt(np.trace(many.cov)), rel=0.4)
+        ratio = np.sqrt(np.trace(few.cov) / np.trace(many.cov))
+        if (k + 1) * HZ < 1.0:
+            assert np.linalg.norm(few.mean - many.mean) < 1e-4
+            assert ratio == pytest.approx(1.0, abs=0.15)
+        assert np.linalg.norm(few.mean - many.mean) < 5e-4
+        assert ratio > 0.55
