@@ -69,6 +69,9 @@ which marks that were measured lie off a coarse surface."""
 PATCH = 0.05
 """Radius of the patch over which a force on a point is spread, by the extent [1]; choice: a fingertip on a breast."""
 
+HARDLY = 1e-3
+"""Weight of a node below which a point does not depend on it: places are rounded [1]; numerical."""
+
 WALL = 12
 """Nodes of the network that show where the body is held, at most."""
 
@@ -106,7 +109,7 @@ def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     on_surface[outside.nodes] = outside.areas
     inside, found = lumped_masses(mesh, 1.0), np.zeros(named.weights.shape)
     for k, (place, own) in enumerate(zip(named.places, named.weights.toarray(), strict=True)):
-        sizes = on_surface if on_surface[own > INSIDE].all() else inside
+        sizes = on_surface if on_surface[own > HARDLY].all() else inside
         apart = np.linalg.norm(mesh.nodes - place, axis=1) / (PATCH * _extent(mesh.nodes))
         weights = np.where(apart < 1.0, (1.0 - apart**2) ** 2, 0.0) * sizes
         found[k] = weights / weights.sum() if np.count_nonzero(weights) > 1 else own

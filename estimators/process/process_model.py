@@ -13,9 +13,9 @@ import numpy as np
 
 from dynamics import (
     MassSpringNetwork,
-    ParameterForces,
     ParameterUncertainty,
     Stepper,
+    parameter_forces,
     state_matrix,
     stiffness_matrix,
 )
@@ -75,7 +75,6 @@ class TissueModel:
         self.poked_rows = np.array([i for place in places for i in range(place.start, place.stop)], dtype=np.int64)
         self.dim_x = network.n_state + len(self.poked_rows)
         self.mass = np.repeat(network.masses[network.free], network.dim)
-        self._forces = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
         """Sigma points (n_points, dim_x) dt [s] later, each under its own poke, which fades meanwhile.
@@ -100,12 +99,11 @@ class TissueModel:
 
         shape of all nodes [m], (n_nodes, dim)
         """
-        if self._forces is None or self.uncertainty is None:
+        if self.uncertainty is None:
             return np.zeros((self.dim_x, 0))
         half = self.network.n_state // 2
-        state = np.zeros(self.network.n_state)
-        state[:half] = shape[self.network.free].ravel()
-        forces = self.uncertainty.directions @ self._forces(state)
+        forces = parameter_forces(self.network, self.uncertainty.parameters, shape, np.zeros_like(shape))
+        forces = self.uncertainty.directions @ forces
         columns = np.zeros((self.dim_x, len(forces)))
         # nothing resists motion as a rigid body where no node is held: constants in error make none
         columns[:half] = np.linalg.lstsq(stiffness_matrix(self.network, shape), forces.T, rcond=LOOSE)[0]

@@ -81,6 +81,8 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
     """What a run needs of a scenario; of a scene its text, not its path."""
     true = true_scene(text, scenario, str(sweep.scene))
+    if true.network.continuum is not None:
+        raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
     try:
         complete = completed(scenario, true.network, true.measured_nodes, "scenario")
     except InputError as fault:

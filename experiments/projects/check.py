@@ -162,7 +162,7 @@ def _seen(
     unfound: tuple[str, ...] = ()
     if sd_mm is None and recording is not None and recording.marks is not None:
         covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
-    elif sd_mm is None and (scene.cameras or scene.space_cameras):
+    elif sd_mm is None and (scene.cameras or (scene.space_cameras and not scene.reference.marks)):
         found = {mark.node: mark for mark in _found(scene, recording)}
         # in a recording marks for scoring may be covered
         due = [mark.node for mark in scene.marks if mark.measured or (recording is None and scene.cameras)]

@@ -45,6 +45,9 @@ TARGET = "T"
 NEAR = 0.05
 """Distance of a mark from the surface, by the extent, to which it is moved onto it; choice: 5 mm of 100 mm."""
 
+SHALLOWEST_MM = 0.01
+"""Least depth of a target below the surface: less has no direction to the skin."""
+
 
 @dataclass(frozen=True, slots=True)
 class MeshChoice:
@@ -96,6 +99,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     corner, weights, _ = locate_on_surface(mesh, faces, target[None])
     out = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]]) - target
     reach = float(np.linalg.norm(out))
+    if reach < 1e-3 * SHALLOWEST_MM:
+        raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     out /= reach
     entry = target + max(reach, 1e-3 * LEAST_REACH_MM) * out
     counts = f"{len(mesh.nodes)} nodes, {len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
@@ -143,7 +148,7 @@ def _free_faces(body: Body, fixed: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Floats]:
     """Names and places of marks on the free surface [m]; raises InputError."""
-    if not marks.isdigit():
+    if not marks.isdecimal():
         return _listed(Path(marks), mesh, faces)
     nodes = np.unique(faces)
     count = int(marks)

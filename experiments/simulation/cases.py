@@ -110,8 +110,10 @@ def case_of(
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
     own = scene_of(scenario)
-    truth = replace(own, network=at_rest(own.network), cameras=())
-    given = truth if scene_path is None else replace(usable_scene(scene_path), cameras=())
+    if own.network.continuum is not None:
+        raise InputError.at("scene", "a network of springs, in which needles can be simulated", "a mesh")
+    truth = replace(own, network=at_rest(own.network), cameras=(), space_cameras=())
+    given = truth if scene_path is None else replace(usable_scene(scene_path), cameras=(), space_cameras=())
     if scene_path is not None:
         _check_given(scene_path, given, truth)
     of_phantom = scenario.scene is None

@@ -49,7 +49,8 @@ def _cache() -> Path:
 def _program() -> str:
     """SHA-256 of the code that reduces a mesh."""
     root = Path(dynamics.mesh.__file__).parents[1]
-    files = sorted([*(root / "mesh").glob("*.py"), *(root / "elements").glob("*.py"), *(root / "network").glob("*.py")])
+    rooms = (root / "mesh", root / "elements", root / "network", Path(__file__).parent)
+    files = sorted(file for room in rooms for file in room.glob("*.py"))
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 

@@ -42,10 +42,13 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with the stiffness that they have in a network of this mesh, as identification scales it."""
+        """The tissues with the stiffness that they have in a network of this mesh, as identification scales it.
+
+        Their damping stays as it was: its time by stiffness is as many times shorter.
+        """
         factors = _traces(network) / self.stiffness
         return tuple(
-            replace(tissue, young_pa=tissue.young_pa * factor)
+            replace(tissue, young_pa=tissue.young_pa * factor, damping_s=tissue.damping_s / factor)
             for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)
         )
 

@@ -222,8 +222,11 @@ def mesh_beside(scene: Scene, path: Path) -> dict[Path, bytes]:
     if scene.mesh is None:
         return {}
     file = path.parent / scene.mesh.file
-    is_there = file.is_file() and file.read_bytes() == scene.mesh.content
-    return {} if is_there else {file: scene.mesh.content}
+    if not file.exists():
+        return {file: scene.mesh.content}
+    if file.is_file() and file.read_bytes() == scene.mesh.content:
+        return {}
+    raise InputError.at(file, "no file, or the mesh of this scene", "another")
 
 
 def scene_text(scene: Scene) -> str:

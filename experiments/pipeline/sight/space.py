@@ -222,6 +222,8 @@ def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
             if len(rows):
                 covs_px2 = np.tile(np.eye(2), (len(rows), 1, 1))
                 seen.append(vision.Seen(camera, rows.tolist(), places_px[rows], covs_px2, own))
+        if not seen:
+            return np.zeros((len(p), 3, steps[0].shape[0] if steps else 0))
         return vision.triangulate(seen, p, extent_m).shared
 
     return shifts

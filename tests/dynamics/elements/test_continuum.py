@@ -178,3 +178,13 @@ def test_it_is_pickled_whole(network):
     again = pickle.loads(pickle.dumps(network))
     np.testing.assert_array_equal(again.continuum.shapes, network.continuum.shapes)
     assert not again.continuum.shapes.flags.writeable
+
+
+def test_a_force_on_a_mark_is_spread_over_the_surface_alone(mesh):
+    """Also where its place was rounded; one on a point inside is spread over the volume."""
+    outside = surface(mesh)
+    places = np.array([POINTS["M1"] - [1e-7, 0.0, 0.0], POINTS["target"]])
+    weights = continuum.patch_weights(mesh, outside, continuum.points_of(mesh, outside, places)).toarray()
+    inside = np.setdiff1d(np.arange(len(mesh.nodes)), outside.nodes)
+    assert weights[0, inside].sum() == 0.0
+    assert weights[1, inside].sum() > 0.5

@@ -10,7 +10,9 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.mesh.body import tetrahedra
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
+from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import network_digest, read_scene, scene_digest, usable_scene, write_scene
+from experiments.simulation.cases import case_of
 from tests.experiments.formats.mesh.shapes import box
 
 NODES, ELEMENTS = box((4, 3, 3), 0.01)
@@ -176,3 +178,21 @@ def test_without_a_body_it_is_one_line(tmp_path: Path) -> None:
     text = SCENE[: SCENE.index("[mesh]")] + SCENE[SCENE.index("[target]") :]
     with pytest.raises(InputError, match=r"network: expected this key, or mesh in its place, found none$"):
         read_scene(folder(tmp_path, text))
+
+
+def test_the_mesh_of_another_scene_is_not_overwritten(tmp_path: Path) -> None:
+    scene = read_scene(folder(tmp_path))
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / "mesh.npz").write_bytes(b"of another body")
+    with pytest.raises(InputError, match=r"mesh\.npz: expected no file, or the mesh of this scene, found another"):
+        write_scene(scene, other / "scene.toml")
+    assert [path.name for path in other.iterdir()] == ["mesh.npz"]
+
+
+def test_needles_are_not_simulated_in_a_mesh(tmp_path: Path) -> None:
+    folder(tmp_path)
+    text = 'version = 1\ntitle = "m"\nscene = "scene.toml"\nseed = 1\nduration_s = 1.0\n[marks]\nsd_mm = 0.5\n'
+    (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="scene: expected a network of springs, in which needles can be simulated"):
+        case_of(read_scenario(str(tmp_path / "scenario.toml")))
