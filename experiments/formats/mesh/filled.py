@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import chdir
+from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -36,26 +39,33 @@ def filled(
     size_m: edges of the elements; by default a twentieth of the diagonal
     """
     require(str(path), "mesh")
-    import pytetwild
-
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
     size = diagonal / EDGES if size_m is None else size_m
     if not diagonal / MOST_EDGES <= size <= diagonal / LEAST_EDGES:
         least, most = (1e3 * diagonal / edges for edges in (MOST_EDGES, LEAST_EDGES))
         raise InputError.at("--size-mm", f"{least:.2g} to {most:.3g} mm for {path.name}", f"{1e3 * size:.3g} mm")
     joined, kept = _joined(nodes, faces, GRID * size)
-    with TemporaryDirectory() as folder, chdir(folder):  # where fTetWild leaves its own files
-        points, elements = pytetwild.tetrahedralize(
-            joined,
-            kept.astype(np.int32),
-            edge_length_abs=size,
-            epsilon=ENVELOPE * size / diagonal,
-            quiet=True,
-        )
+    given = joined, kept.astype(np.int32), size, ENVELOPE * size / diagonal
+    try:
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
+            points, elements = alone.submit(_by_ftetwild, *given).result()
+    except BrokenProcessPool:
+        raise InputError.at(path, "a surface that tetrahedra can fill", "one at which fTetWild ended") from None
     if not len(elements):
         raise InputError.at(path, "a surface that tetrahedra can fill", "none by fTetWild")
     used, place = np.unique(elements, return_inverse=True)
     return np.asarray(points, dtype=float)[used], place.reshape(-1, 4)
+
+
+def _by_ftetwild(
+    nodes: Floats, faces: NDArray[np.int32], size_m: float, envelope: float
+) -> tuple[Floats, NDArray[np.int64]]:
+    """Nodes and tetrahedra, in a process of its own: fTetWild takes over signals, and leaves files where it runs."""
+    import pytetwild
+
+    with TemporaryDirectory() as folder, chdir(folder):
+        points, elements = pytetwild.tetrahedralize(nodes, faces, edge_length_abs=size_m, epsilon=envelope, quiet=True)
+    return np.asarray(points, dtype=float), elements.astype(np.int64)
 
 
 def _joined(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
