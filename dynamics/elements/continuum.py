@@ -24,6 +24,7 @@ from dynamics.mesh import (
     Surface,
     TetMesh,
     Tissue,
+    far_apart,
     lame,
     locate_on_surface,
     lumped_masses,
@@ -154,7 +155,7 @@ def continuum_network(
     outside = surface(mesh)
     named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
     solid = _continuum(mesh, tissues, free, outside, named)
-    wall = np.asarray(fixed)[_far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
+    wall = np.asarray(fixed)[far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
     k, n = len(points), len(points) + len(wall)
     return MassSpringNetwork(
         names=(*points, *(f"wall {i}" for i in range(1, len(wall) + 1))),
@@ -239,15 +240,6 @@ def _by_axis(weights: csr_array) -> csr_array:
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
     return csr_array((np.repeat(entries.data, 3), (rows.ravel(), columns.ravel())), shape=shape)
-
-
-def _far_apart(places: Floats, count: int) -> NDArray[np.int64]:
-    """Points far from each other, (at most count,), the first one first."""
-    chosen, away = [0], np.linalg.norm(places - places[0], axis=1)
-    while len(chosen) < min(count, len(places)):
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
-    return np.array(chosen)
 
 
 def _smooth(places: Floats, length: float, count: int) -> Floats:

@@ -3,7 +3,7 @@
 What may enter: geometry at rest.
 """
 
-from dynamics.mesh.points import INSIDE, locate, locate_on_surface, nearest_elements
+from dynamics.mesh.points import INSIDE, far_apart, locate, locate_on_surface, nearest_elements
 from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
 from dynamics.mesh.surface import Surface, surface
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
@@ -15,6 +15,7 @@ __all__ = [
     "Surface",
     "TetMesh",
     "Tissue",
+    "far_apart",
     "lame",
     "locate",
     "locate_on_surface",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,3 +64,16 @@ def locate_on_surface(
         q, found[k] = np.unravel_index(apart.argmin(), apart.shape)
         weights[k], distances[k] = candidates[q, found[k]], apart[q, found[k]]
     return found, weights, distances
+
+
+def far_apart(places: Floats, count: int, first: Sequence[int] | NDArray[np.int64] = (0,)) -> NDArray[np.int64]:
+    """Indices of places [m], (n, 3), far from each other, (count,) or fewer: each the farthest from those before.
+
+    first: the indices to begin with
+    """
+    chosen = [int(index) for index in first]
+    away = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
+    while len(chosen) < min(count, len(places)):
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return np.array(chosen)

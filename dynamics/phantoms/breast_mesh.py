@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics.arrays import Floats
-from dynamics.mesh import TetMesh, Tissue, surface
+from dynamics.mesh import TetMesh, Tissue, far_apart, surface
 
 SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height, depth."""
@@ -55,9 +55,6 @@ def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.in
 def breast_points(mesh: TetMesh, fixed: NDArray[np.int64], n_marks: int = 40) -> dict[str, Floats]:
     """Places [m] of marks far from each other on its skin, `M1` and so on, and of a `target` inside."""
     on_skin = mesh.nodes[np.setdiff1d(surface(mesh).nodes, fixed)]
-    chosen, away = [int(on_skin[:, 2].argmax())], np.full(len(on_skin), np.inf)
-    while len(chosen) < n_marks:
-        away = np.minimum(away, np.linalg.norm(on_skin - on_skin[chosen[-1]], axis=1))
-        chosen.append(int(away.argmax()))
+    chosen = far_apart(on_skin, n_marks, [int(on_skin[:, 2].argmax())])
     marks = {f"M{k}": on_skin[i] for k, i in enumerate(chosen, start=1)}
     return marks | {"target": np.array(TARGET) * SEMI_AXES_M}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics.mesh import MeshError, TetMesh, locate, locate_on_surface
+from dynamics.mesh import MeshError, TetMesh, far_apart, locate, locate_on_surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body, read_body
@@ -155,11 +155,8 @@ def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Flo
     if not 1 <= count <= len(nodes):
         raise InputError.at("--marks", f"1 to {len(nodes)}, or a file of marks", marks)
     places = mesh.nodes[nodes]
-    chosen = [int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())]
-    away = np.linalg.norm(places - places[chosen[0]], axis=1)
-    while len(chosen) < count:
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    outermost = int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())
+    chosen = far_apart(places, count, [outermost])
     return {f"M{k}": places[i] for k, i in enumerate(chosen, start=1)}
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from dynamics.mesh import far_apart
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.tables import read_table
@@ -47,20 +48,7 @@ class Lung:
         if where == "front":
             near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])
         own = np.flatnonzero(near)
-        return own[spread(self.inhaled[own], n)]
-
-
-def spread(points: Floats, n: int, first: NDArray[np.int64] | None = None) -> NDArray[np.int64]:
-    """Indices of at most n of the points (any, dim), each the farthest from those before it.
-
-    first: the indices to begin with, the first point by default
-    """
-    chosen = [0] if first is None else first.tolist()
-    away = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
-    while len(chosen) < min(n, len(points)):
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.array(chosen)
+        return own[far_apart(self.inhaled[own], n)]
 
 
 def read_lungs(folder: Path) -> list[Lung]:

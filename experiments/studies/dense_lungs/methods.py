@@ -11,11 +11,12 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import Delaunay
 
 from dynamics import MassSpringNetwork
+from dynamics.mesh import far_apart
 from estimators import OpenLoop, TargetPoint, TissueFilter
 from estimators.core.discrepancy import Discrepancy, matern
 from estimators.core.disturbances import Disturbances
 from experiments.arrays import Floats
-from experiments.studies.dense_lungs.data import Lung, spread
+from experiments.studies.dense_lungs.data import Lung
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.lungs.model import LungConstants, lung_network, node_name
 from experiments.studies.zoo.references import thin_plate_weights
@@ -109,7 +110,7 @@ class Body:
     def of(cls, task: Task) -> Body:
         """Nodes are the marks and `OTHERS` more landmarks."""
         points = task.lung.inhaled
-        nodes = points[spread(points, len(task.marks) + OTHERS, task.marks)]
+        nodes = points[far_apart(points, len(task.marks) + OTHERS, task.marks)]
         mesh = Delaunay(nodes)
         cells = mesh.find_simplex(task.wanted)
         if (cells < 0).any():

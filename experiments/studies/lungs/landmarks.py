@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from dynamics.mesh import far_apart
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.tables import Table, read_table
@@ -41,11 +42,7 @@ class Lung:
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
-        chosen = [0]
-        while len(chosen) < n:
-            nearest = np.linalg.norm(places[:, None] - places[chosen], axis=2).min(axis=1)
-            chosen.append(int(nearest.argmax()))
-        return self.hull[chosen]
+        return self.hull[far_apart(places, n)]
 
 
 def read_lungs(folder: Path) -> list[Lung]:

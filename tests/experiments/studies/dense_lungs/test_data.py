@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from dynamics.mesh import far_apart
 from experiments.errors import InputError
-from experiments.studies.dense_lungs.data import read_lungs, read_person, spread
+from experiments.studies.dense_lungs.data import read_lungs, read_person
 from tests.experiments.studies.dense_lungs.displaced import exhaled, landmarks, write_case
 
 
@@ -48,9 +49,9 @@ def test_marks_are_near_the_hull_and_hidden_landmarks_deep(tmp_path):
 
 def test_each_mark_is_the_farthest_from_those_before_it():
     line = np.array([[0.0], [1.0], [2.0], [5.0], [9.0]])
-    assert list(spread(line, 3)) == [0, 4, 3]
-    assert list(spread(line, 4, np.array([2, 4]))) == [2, 4, 3, 0]
-    assert len(spread(line, 9)) == 5
+    assert list(far_apart(line, 3)) == [0, 4, 3]
+    assert list(far_apart(line, 4, np.array([2, 4]))) == [2, 4, 3, 0]
+    assert len(far_apart(line, 9)) == 5
 
 
 def test_a_folder_without_tables(tmp_path):
