@@ -56,6 +56,9 @@ POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces under which modes are chosen [m/s²], at least those that displace the points by this share of the
 extent [1]; choice: the filter's pokes."""
 
+STIFFER = 0.5
+"""Factor on the stiffness of a tissue, as its logarithm, whose effect on the modes is among them [1]; choice."""
+
 DEPENDENT = 1e-5
 """Size of a direction of the modes, by the largest, below which it depends on the others [1]; numerical."""
 
@@ -199,7 +202,16 @@ def _continuum(
     moved = factor.solve(forces[0])  # long fields are sums of short ones
     weights = csr_array(named.weights[:, free])
     rows = _by_axis(weights)
-    V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved))
+    held = len(free) < len(mesh.nodes)
+    shown = moved @ _shown(np.asarray(rows @ moved), _extent(nodes))
+    others = [moved]
+    for t in range(len(tissues)):
+        own = mesh.regions == t
+        if 0.5 * mesh.volumes.sum() > mesh.volumes[own].sum() > 0.0:  # of the largest it follows from the others
+            K_t = rest_stiffness(mesh, young * own, poisson, free, patch)
+            others.append(STIFFER * factor.solve(np.asarray(K_t @ shown)))
+    moved = np.hstack(others)
+    V, rates = _modes(nodes, masses, K, held, moved, np.asarray(rows @ moved))
     total = float(masses.sum())
     by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
@@ -272,10 +284,7 @@ def _modes(
     at_points: the responses at the points, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
-    _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
-    each, extent_m = sizes * np.sqrt(3.0 / len(at_points)), _extent(nodes)
-    shown = each * max(POKE_M_S2, BENT * extent_m / each[0]) > LEFT_OUT * extent_m
-    basis = responses @ right[shown].T
+    basis = responses @ _shown(at_points, _extent(nodes))
     if not held:
         affine = np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
         basis = np.hstack([basis, affine])
@@ -284,6 +293,13 @@ def _modes(
     reduced = own.T @ (K @ own)
     rates, turn = eigh(0.5 * (reduced + reduced.T))
     return own @ turn, np.maximum(rates, 0.0) / masses.sum()
+
+
+def _shown(at_points: Floats, extent_m: float) -> Floats:
+    """Combinations (n_responses, r) of responses that the points show, by those at the points (3 k, n_responses)."""
+    _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
+    each = sizes * np.sqrt(3.0 / len(at_points))
+    return np.asarray(right[each * max(POKE_M_S2, BENT * extent_m / each[0]) > LEFT_OUT * extent_m].T)
 
 
 def _by_tissue(

@@ -3,6 +3,7 @@
 What may enter: geometry at rest.
 """
 
+from dynamics.mesh.grid import grid_tetrahedra
 from dynamics.mesh.points import INSIDE, far_apart, locate, locate_on_surface, nearest_elements
 from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
 from dynamics.mesh.surface import Surface, surface
@@ -16,6 +17,7 @@ __all__ = [
     "TetMesh",
     "Tissue",
     "far_apart",
+    "grid_tetrahedra",
     "lame",
     "locate",
     "locate_on_surface",

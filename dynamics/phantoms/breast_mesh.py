@@ -5,13 +5,11 @@ x right, y up, z away from the chest wall, at z = 0. Every number below defines 
 
 from __future__ import annotations
 
-from itertools import permutations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from dynamics.arrays import Floats
-from dynamics.mesh import TetMesh, Tissue, far_apart, surface
+from dynamics.mesh import TetMesh, Tissue, far_apart, grid_tetrahedra, surface
 
 SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height, depth."""
@@ -34,20 +32,12 @@ def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.in
 
     It has (across + 1)² (deep + 1) nodes, and six tetrahedra a cell.
     """
-    counts = np.array([across, across, deep])
+    counts = (across, across, deep)
     axes = [np.linspace(-1.0, 1.0, across + 1)] * 2 + [np.linspace(0.0, 1.0, deep + 1)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     far, length = np.abs(grid).max(axis=1), np.maximum(np.linalg.norm(grid, axis=1), 1e-12)
     nodes = grid * (1.0 - ROUND + ROUND * far / length)[:, None]
-    index = np.arange(len(grid)).reshape(counts + 1)
-    cells = np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1).reshape(-1, 3)
-    elements = []
-    for order in permutations(range(3)):
-        steps = [np.zeros(3, dtype=int), *np.eye(3, dtype=int)[list(order)]]
-        corners = np.cumsum(steps, axis=0)
-        own = index[tuple(np.moveaxis(cells + corners[:, None], -1, 0))].T
-        elements.append(own if np.linalg.det(np.eye(3)[list(order)]) > 0.0 else own[:, [0, 2, 1, 3]])
-    tetrahedra = np.concatenate(elements)
+    tetrahedra = grid_tetrahedra(counts)
     is_gland = np.linalg.norm(nodes[tetrahedra].mean(axis=1), axis=1) < CORE
     return TetMesh(nodes * SEMI_AXES_M, tetrahedra, is_gland.astype(int)), np.flatnonzero(grid[:, 2] == 0.0)
 

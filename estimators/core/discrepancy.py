@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from estimators.arrays import Floats
 from estimators.core.kernels import withheld_log_likelihoods
 from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
+
+SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
+"""Levels of continua, whose strains are taken to be small, and the least variance of a function [1]; choice."""
 
 JITTER = 1e-6
 """Variance added to places that are held, by the field's own [1]; numerical."""
@@ -69,9 +72,10 @@ class Discrepancy:
     least: float = 1e-3
 
     @classmethod
-    def of(cls, settings: FilterSettings) -> Discrepancy:
-        """Of the level that the settings state; else the marks choose among several."""
-        return cls() if settings.discrepancy is None else cls(levels=(settings.discrepancy,))
+    def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
+        """Of the level that the settings state; else the marks choose among several. solid: of a continuum."""
+        prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
+        return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> Floats:
         """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim); held: where there are none."""

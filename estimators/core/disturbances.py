@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
-SLOW_M_S2, SOLID_M_S2 = (0.0, 0.5, 2.0), (0.5, 2.0)
-"""Slow forces of networks, and of continua, which always are pressed or lean somewhere [m/s²]; choice."""
+SLOW_M_S2, SOLID_M_S2, SOLID_S = (0.0, 0.5, 2.0), (3.0, 30.0), 60.0
+"""Slow forces of networks, and of continua [m/s²], and their correlation time [s]; choice. A continuum always is pressed
+or leans somewhere: its two strengths differ in how fast such forces change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +63,8 @@ class Disturbances:
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
         """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
-        slow = SOLID_M_S2 if solid else SLOW_M_S2
-        return cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s, slow_m_s2=slow)
+        pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
+        return replace(pokes, slow_m_s2=SOLID_M_S2, slow_s=SOLID_S) if solid else pokes
 
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""

@@ -43,7 +43,8 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
 def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
     """For each S (k, m, m) the sum over groups of the log-likelihood of some rows as all but the group predict them.
 
-    With W = S^-1 the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    With W = S^-1 the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1. With
+    W_gg = L L' and the rows that count the last, both follow from the last block of L alone.
     rows (any,), ends (n_groups,): the rows of a group up to where it ends; own (n_groups,): how many count, the first
     """
     totals = np.zeros(len(S))
@@ -51,11 +52,13 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
         W = np.linalg.inv(S[k])
         weighted, start = W @ innovation, 0
         for group in range(len(ends)):
-            g, d = rows[start : ends[group]], own[group]
-            cov = np.linalg.inv(W[g][:, g])
-            error = (cov @ weighted[g])[:d]
-            counted = np.ascontiguousarray(cov[:d, :d])
-            totals[k] -= 0.5 * (error @ np.linalg.solve(counted, error) + np.log(np.linalg.det(counted)))
+            g = rows[start : ends[group]][::-1]
+            root = np.linalg.cholesky(W[g][:, g])
+            white = weighted[g]
+            for row in range(len(g)):
+                white[row] = (white[row] - root[row, :row] @ white[:row]) / root[row, row]
+                if row >= len(g) - own[group]:
+                    totals[k] += np.log(root[row, row]) - 0.5 * white[row] ** 2
             start = ends[group]
     return totals
 

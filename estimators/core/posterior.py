@@ -86,7 +86,7 @@ class TissuePosterior:
             marked,
             led=self.settings.led_nodes,
             disturbances=disturbances or Disturbances.of(self.settings, solid=network.continuum is not None),
-            discrepancy=discrepancy or Discrepancy.of(self.settings),
+            discrepancy=discrepancy or Discrepancy.of(self.settings, solid=network.continuum is not None),
             sigma_points=self.settings.sigma_points,
             statics=Statics(uncertainty, n_calibration, self.settings.fix_bias, self.target.point.sd_m),
         )

@@ -23,6 +23,9 @@ APART = 1e-3
 LEFT_OUT = 1e-4
 """Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
 
+SAME_S = 1e-9
+"""Difference of frame intervals that is rounding [s]; numerical."""
+
 FIXED = 1e-6
 """Standard deviation of the coordinate that stands for the drawn shape, by itself [1]; numerical: it does not move."""
 
@@ -99,7 +102,7 @@ class ContinuumMotion:
 
     def along(self, state: Floats, dt: float) -> Along:
         """The motion from a state (2 n + n_f,) over dt [s]: it is linear."""
-        if self._last is None or self._last[0] != dt:
+        if self._last is None or abs(self._last[0] - dt) > SAME_S:
             self._last = dt, *self._motion(dt), self._noises(dt, len(state))
         _, motion, fading, noises = self._last
         mean = np.concatenate([motion @ state, fading * state[len(motion) :]])

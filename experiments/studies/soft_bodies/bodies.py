@@ -1,0 +1,128 @@
+"""Soft bodies in motion, and what the filter is given of them: another mesh, another stiffness."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import RBFInterpolator
+
+from dynamics import MassSpringNetwork
+from dynamics.elements import continuum_network
+from dynamics.mesh import TetMesh, Tissue, far_apart, grid_tetrahedra, lumped_masses, surface
+from dynamics.phantoms import TISSUES, breast_mesh, breast_points
+from experiments.arrays import Floats
+from experiments.simulation.bodies.body import Scale
+from experiments.simulation.bodies.elastic import BLOCK_KG_M3, BLOCK_PA, POISSON, RAYLEIGH_S, block
+from experiments.studies.soft_bodies.truth import motion
+
+UNCERTAIN = 0.35
+"""Standard deviation of the logarithm of the stiffness that the filter is given: 95 % within a factor of two."""
+
+FRAME_S, SECONDS = 1.0 / 30.0, 8.0
+N_MARKS, BLOCK_CELLS = 40, 6
+
+TRUTH, GIVEN = (11, 8), (10, 7)
+"""Cells of the breast, across and deep: of the truth, and of the filter's mesh."""
+
+BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
+PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
+"""Radius of a push on the skin [m], and how long it lasts [s]."""
+
+PRESSURE_PA = (300.0, 1500.0)
+"""Greatest pressure of a push: the skin moves by some 5 to 20 mm."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """A body in motion.
+
+    network: what the methods are given; its nodes are `marked` and then `target`, free, and those of the wall
+    positions: true places of marks and target [m], (n_frames, n_marks + 1, 3)
+    """
+
+    network: MassSpringNetwork
+    marked: tuple[str, ...]
+    times_s: Floats
+    positions: Floats
+
+
+def soft_block(per_side: int, seed: int) -> Case:
+    """A block of MuJoCo's elements that hangs from a plate, pressed from below and released."""
+    rng = np.random.default_rng([seed, 1])
+    body = block(per_side, seed, Scale(), SECONDS)
+    drawn, fixed = body.network.positions, body.network.fixed
+    grid = np.round((drawn - drawn.min(axis=0)) / np.ptp(drawn, axis=0) * (per_side - 1))
+    sag = RBFInterpolator(grid / (per_side - 1), drawn, kernel="linear", neighbors=min(len(grid), 60))
+    corners = np.stack(np.meshgrid(*[np.linspace(0.0, 1.0, BLOCK_CELLS + 1)] * 3, indexing="ij"), axis=-1)
+    mesh = TetMesh(sag(corners.reshape(-1, 3)), grid_tetrahedra((BLOCK_CELLS,) * 3))
+    tissue = Tissue("gel", _given(rng, BLOCK_PA), POISSON, BLOCK_KG_M3, RAYLEIGH_S)
+    index = {name: k for k, name in enumerate(body.network.names)}
+    skin = np.array([index[name] for name in body.marked])
+    skin = skin[far_apart(drawn[skin], min(len(skin), N_MARKS))]
+    inner = np.setdiff1d(np.flatnonzero(~fixed), [index[name] for name in body.marked])
+    target = inner[np.linalg.norm(drawn[inner] - drawn.mean(axis=0), axis=1).argmin()]
+    shown = np.r_[skin, target]
+    names = (*(f"M{k}" for k in range(1, 1 + len(skin))), "target")
+    wall = np.flatnonzero(corners.reshape(-1, 3)[:, 2] == 1.0)
+    network = continuum_network(mesh, (tissue,), wall, dict(zip(names, drawn[shown], strict=True)))
+    return Case(network, names[:-1], body.times_s, body.positions[:, shown])
+
+
+def breast(seed: int) -> Case:
+    """A breast of neo-Hookean elements on a chest wall that breathes; its skin is pushed on smaller and larger areas."""
+    rng = np.random.default_rng([seed, 2])
+    mesh, wall = breast_mesh(*TRUTH)
+    points = breast_points(mesh, wall, N_MARKS)
+    nodes = [int(np.linalg.norm(mesh.nodes - place, axis=1).argmin()) for place in points.values()]
+    times_s = FRAME_S * np.arange(round(SECONDS / FRAME_S))
+    places = motion(mesh, list(TISSUES), wall, times_s, _loads(mesh, wall, rng))[:, nodes]
+    given, held = breast_mesh(*GIVEN)
+    tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
+    network = continuum_network(given, tissues, held, dict(zip(points, mesh.nodes[nodes], strict=True)))
+    return Case(network, tuple(points)[:-1], times_s, places)
+
+
+def _given(rng: np.random.Generator, young_pa: float) -> float:
+    """The modulus that the filter is given where this is the true one [Pa]."""
+    return young_pa * float(np.exp(UNCERTAIN * rng.normal()))
+
+
+def _loads(mesh: TetMesh, wall: Floats, rng: np.random.Generator) -> Callable[[float], Floats]:
+    outside = surface(mesh)
+    skin = outside.nodes[~np.isin(outside.nodes, wall)]
+    areas = np.zeros(len(mesh.nodes))
+    areas[outside.nodes] = outside.areas
+    regions = np.array([tissue.density_kg_m3 for tissue in TISSUES])
+    masses = lumped_masses(mesh, regions[mesh.regions])
+    along = rng.normal(size=3) + [0.0, 2.0, 0.0]
+    breath = rng.uniform(*BREATH_M_S2) * np.outer(masses, along / np.linalg.norm(along))
+    hz, pushes, start = rng.uniform(*BREATH_HZ), [], float(rng.uniform(0.5, 1.5))
+    while start < SECONDS:
+        lasts, radius = float(rng.uniform(*PRESSED_S)), rng.uniform(*PRESSED)
+        center = mesh.nodes[rng.choice(skin)]
+        inwards = np.append(-center[:2], -0.5 * center[2]) + 0.02 * rng.normal(size=3)
+        near = areas * np.exp(-0.5 * (np.linalg.norm(mesh.nodes - center, axis=1) / (0.6 * radius)) ** 2)
+        force = rng.uniform(*PRESSURE_PA) * np.outer(near, inwards / np.linalg.norm(inwards))
+        pushes.append((start, lasts, force))
+        start += lasts + float(rng.uniform(0.3, 1.5))
+
+    def load(time_s: float) -> Floats:
+        total = np.sin(2.0 * np.pi * hz * time_s) * breath
+        for begins, lasts, force in pushes:
+            since = min(time_s - begins, begins + lasts - time_s)
+            total = total + np.clip(since / 0.1, 0.0, 1.0) * force  # a hand needs a tenth of a second
+        return np.asarray(total)
+
+    return load
+
+
+BODIES: Mapping[str, Callable[[int], Case]] = {
+    "block, 27 nodes": lambda seed: soft_block(3, seed),
+    "block, 125 nodes": lambda seed: soft_block(5, seed),
+    "block, 343 nodes": lambda seed: soft_block(7, seed),
+    "block, 1,000 nodes": lambda seed: soft_block(10, seed),
+    "breast": breast,
+}
+"""By name in the outputs."""

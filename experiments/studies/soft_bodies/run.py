@@ -1,0 +1,62 @@
+"""The hidden target of a soft body by the filter, the open loop and a spline, on the same marks."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from dynamics import ParameterUncertainty, parameters
+from estimators import OpenLoop, TissueFilter, coverage, normalised_error_squared
+from experiments.arrays import Floats
+from experiments.studies.estimation.trials import frames_of
+from experiments.studies.soft_bodies.bodies import BODIES, UNCERTAIN, Case
+from experiments.studies.zoo.references import thin_plate_weights
+
+MARK_SD_M = 5e-4
+SKIPPED = 15
+"""Frames at the start that no figure reads."""
+
+
+def run(body: str, seed: int, factor: float = 1.0) -> dict[str, float | str]:
+    """Figures of one recording; factor: on the stiffness that the methods are given."""
+    case = BODIES[body](seed)
+    rng = np.random.default_rng([seed, 3])
+    seen = case.positions[:, :-1] + MARK_SD_M * rng.normal(size=case.positions[:, :-1].shape)
+    frames = frames_of(case.times_s, seen, case.marked, MARK_SD_M)
+    uncertain = parameters(case.network)
+    stated = ParameterUncertainty(uncertain, UNCERTAIN**2 * np.eye(len(uncertain)))
+    tissue, loop = TissueFilter(case.network, "target", case.marked, uncertainty=stated), OpenLoop(case.network, "target")
+    ours, loops, began = [], [], time.process_time()
+    for time_s, marks in frames:
+        tissue.predict(time_s)
+        ours.append(tissue.update(marks))
+    ms = 1e3 * (time.process_time() - began) / len(frames)
+    for time_s, marks in frames:
+        loops.append(loop.update(time_s, marks).mean)
+    truth = case.positions[:, -1]
+    errors = np.array([one.mean for one in ours]) - truth
+    nees = normalised_error_squared(errors, np.array([one.cov for one in ours]))
+    return {
+        "body": body,
+        "seed": seed,
+        "moved_mm": 1e3 * float(np.linalg.norm(truth - truth[0], axis=1).max()),
+        "skin_mm": 1e3 * float(np.linalg.norm(case.positions - case.positions[0], axis=2).max()),
+        "filter_mm": _rms_mm(errors),
+        "open_loop_mm": _rms_mm(np.array(loops) - truth),
+        "thin_plate_mm": _rms_mm(_spline(case, seen) - truth),
+        "covered": coverage(nees[SKIPPED:], 3),
+        "ms": ms,
+    }
+
+
+def _spline(case: Case, seen: Floats) -> Floats:
+    """The target by a thin-plate spline of the displacement of marks and wall, (n_frames, 3) [m]."""
+    drawn, network = case.positions[0], case.network
+    wall = network.positions[network.fixed]
+    weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]
+    return np.asarray(drawn[-1] + np.einsum("k,tkd->td", weights[: len(case.marked)], seen - drawn[:-1]))
+
+
+def _rms_mm(errors: Floats) -> float:
+    return 1e3 * float(np.sqrt((errors[SKIPPED:] ** 2).sum(axis=1).mean()))
