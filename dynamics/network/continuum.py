@@ -82,6 +82,15 @@ class Continuum:
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         return made_again(self)
 
+    @property
+    def accelerated(self) -> Floats:
+        """Displacement of the points where all of the body is accelerated, as by a turn of gravity [s²].
+
+        (n_free dim, dim): by each axis
+        """
+        held = self.rates > LOOSE * self.rates.max()
+        return np.asarray(self.shapes[:, held] @ (self.slow[held, :3] / self.rates[held, None]))
+
     def scaled(self, factors: Floats) -> Continuum:
         """The continuum with each tissue as many times as stiff, (n_tissues,): in the same shapes, with other modes."""
         own = factors[:, None, None] * self.by_tissue

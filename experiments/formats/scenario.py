@@ -86,7 +86,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
 
-    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`
+    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, all
+    of the mass of a continuum is accelerated.
     """
 
     direction: Coordinates | None = None
@@ -264,7 +265,9 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
         if table is not None:
             for i, node in enumerate(table.nodes or ()):
                 _check_free(network, node, f"{place}: {key}.nodes[{i}]")
-            change[key] = table if table.nodes is not None else table.model_copy(update={"nodes": list(marked)})
+            everywhere = key == "breathing" and network.continuum is not None
+            if table.nodes is None and not everywhere:
+                change[key] = table.model_copy(update={"nodes": list(marked)})
     if scenario.release is not None:
         _check_free(network, scenario.release.node, f"{place}: release.node")
         check_axes(f"{place}: release.force_n", scenario.release.force_n, network.dim)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, rest_shape
+from dynamics import MassSpringNetwork
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.formats.toml_file import toml_text, toml_value
@@ -15,6 +15,9 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 FRAMES_PER_S = 30
 MOVED_M = 0.01
 """Displacement of a mesh's target by breathing, and of its marks by a lasting poke."""
+
+WAVE = 2.5
+"""From the lowest to the highest place in a breath, by the amplitude of its first wave; between 2 and 3 by phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
 """Strongest poke by dimension: a soft breast's masses are 40 g and well supported, 40 m/s² is a push of 1 to 2 N."""
@@ -157,19 +160,15 @@ def _soft_poke_m_s2(network: MassSpringNetwork) -> float:
 
 def _breath(of: Template) -> tuple[str, ...]:
     """Breathing that moves the target by `MOVED_M` in the direction in which it moves the most."""
-    network, marked = of.assumed.network, of.assumed.measured_nodes
-    forces = np.zeros((3, len(network.free), 3))
-    for axis in range(3):
-        forces[axis, :, axis] = [network.masses[i] * (network.names[i] in marked) for i in network.free]
-    target = network.index(of.assumed.target.node)
-    moved = np.array([(rest_shape(network, force) - network.positions)[target] for force in forces])
-    left, sizes, _ = np.linalg.svd(moved)
-    direction = toml_value(np.round(left[:, 0] * np.sign(left[np.abs(left[:, 0]).argmax(), 0]), 3))
+    network = of.assumed.network
+    moved = network.continuum.accelerated[network.coordinates(of.assumed.target.node)]  # type: ignore[union-attr]
+    _, sizes, right = np.linalg.svd(moved)
+    ways = right[0] * np.sign(right[0][np.abs(right[0]).argmax()])
+    direction = toml_value(np.round(ways, 3))
     return (
         "",
         _with("[breathing]", f"moves the target by some {1e3 * MOVED_M:.0f} mm"),
-        f"nodes = [{', '.join(toml_text(node) for node in marked)}]",
-        f"acceleration_m_s2 = {MOVED_M / sizes[0]:.3g}",
+        _with(f"acceleration_m_s2 = {MOVED_M / WAVE / sizes[0]:.3g}", "of all of the mass"),
         f"direction = {direction}",
         _with("shortest_s = 3.5", "period, shortest ..."),
         _with("longest_s = 4.5", "... and longest; constant in a run"),

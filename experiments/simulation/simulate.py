@@ -146,12 +146,18 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim)."""
-    rows = _rows(network, breathing.nodes)
-    direction = np.array(breathing.direction or UPWARD[: network.dim])
-    direction /= np.linalg.norm(direction)
+    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim).
+
+    Without nodes, those forces on the points of a continuum that displace them as if all of it were accelerated.
+    """
+    direction, solid = np.array(breathing.direction or UPWARD[: network.dim]), network.continuum
     peak = np.zeros((len(network.free), network.dim))
-    peak[rows] = breathing.acceleration_m_s2 * network.masses[network.free[rows]][:, None] * direction
+    if breathing.nodes is None and solid is not None:
+        peak += (solid.stiffness @ (solid.accelerated @ direction)).reshape(peak.shape)
+    else:
+        rows = _rows(network, breathing.nodes)
+        peak[rows] = network.masses[network.free[rows]][:, None] * direction
+    peak *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
     rate = 2.0 * np.pi / rng.uniform(breathing.shortest_s, breathing.longest_s)
     phase, second = rng.uniform(0.0, 2.0 * np.pi, 2)
 

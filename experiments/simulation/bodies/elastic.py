@@ -42,10 +42,10 @@ class Push:
     forces: Floats
 
 
-def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
+def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
     """A soft block hanging from a plate, pressed from below and released; its surface is seen, its inside hidden.
 
-    It hangs, because at a tenth of its stiffness it would buckle under its own weight.
+    It hangs, because at a tenth of its stiffness it would buckle under its own weight. press: as `PRESS`
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
@@ -60,7 +60,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     def pressed() -> Floats:
         away = np.linalg.norm(grid - grid[rng.choice(low)], axis=1) / (FINGER * side)
         share = np.where(np.isin(np.arange(len(grid)), low), np.exp(-0.5 * away**2), 0.0)
-        force = PRESS * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_up(rng)
+        force = press * young * side**2 * rng.uniform(0.3, 1.0) * _mostly_up(rng)
         return np.outer(share / share.sum(), force)
 
     pushes = _pushes(rng, seconds, pressed)

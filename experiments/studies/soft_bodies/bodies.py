@@ -22,6 +22,8 @@ UNCERTAIN = 0.35
 
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
+PRESS = 0.02
+"""Largest force on the lower face of a block, by Young's modulus and its area; with 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
 """Cells of the breast, across and deep: of the truth, and of the filter's mesh."""
@@ -35,7 +37,7 @@ PRESSURE_PA = (300.0, 1500.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Case:
+class Recording:
     """A body in motion.
 
     network: what the methods are given; its nodes are `marked` and then `target`, free, and those of the wall
@@ -48,10 +50,10 @@ class Case:
     positions: Floats
 
 
-def soft_block(per_side: int, seed: int) -> Case:
+def soft_block(per_side: int, seed: int) -> Recording:
     """A block of MuJoCo's elements that hangs from a plate, pressed from below and released."""
     rng = np.random.default_rng([seed, 1])
-    body = block(per_side, seed, Scale(), SECONDS)
+    body = block(per_side, seed, Scale(), SECONDS, PRESS)
     drawn, fixed = body.network.positions, body.network.fixed
     grid = np.round((drawn - drawn.min(axis=0)) / np.ptp(drawn, axis=0) * (per_side - 1))
     sag = RBFInterpolator(grid / (per_side - 1), drawn, kernel="linear", neighbors=min(len(grid), 60))
@@ -67,10 +69,10 @@ def soft_block(per_side: int, seed: int) -> Case:
     names = (*(f"M{k}" for k in range(1, 1 + len(skin))), "target")
     wall = np.flatnonzero(corners.reshape(-1, 3)[:, 2] == 1.0)
     network = continuum_network(mesh, (tissue,), wall, dict(zip(names, drawn[shown], strict=True)))
-    return Case(network, names[:-1], body.times_s, body.positions[:, shown])
+    return Recording(network, names[:-1], body.times_s, body.positions[:, shown])
 
 
-def breast(seed: int) -> Case:
+def breast(seed: int) -> Recording:
     """A breast of neo-Hookean elements on a chest wall that breathes; its skin is pushed on smaller and larger areas."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
@@ -81,7 +83,7 @@ def breast(seed: int) -> Case:
     given, held = breast_mesh(*GIVEN)
     tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
     network = continuum_network(given, tissues, held, dict(zip(points, mesh.nodes[nodes], strict=True)))
-    return Case(network, tuple(points)[:-1], times_s, places)
+    return Recording(network, tuple(points)[:-1], times_s, places)
 
 
 def _given(rng: np.random.Generator, young_pa: float) -> float:
@@ -118,7 +120,7 @@ def _loads(mesh: TetMesh, wall: Floats, rng: np.random.Generator) -> Callable[[f
     return load
 
 
-BODIES: Mapping[str, Callable[[int], Case]] = {
+BODIES: Mapping[str, Callable[[int], Recording]] = {
     "block, 27 nodes": lambda seed: soft_block(3, seed),
     "block, 125 nodes": lambda seed: soft_block(5, seed),
     "block, 343 nodes": lambda seed: soft_block(7, seed),

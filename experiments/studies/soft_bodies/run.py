@@ -9,8 +9,9 @@ import numpy as np
 from dynamics import ParameterUncertainty, parameters
 from estimators import OpenLoop, TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
+from experiments.engine.runs import Case
 from experiments.studies.estimation.trials import frames_of
-from experiments.studies.soft_bodies.bodies import BODIES, UNCERTAIN, Case
+from experiments.studies.soft_bodies.bodies import BODIES, UNCERTAIN, Recording
 from experiments.studies.zoo.references import thin_plate_weights
 
 MARK_SD_M = 5e-4
@@ -18,15 +19,19 @@ SKIPPED = 15
 """Frames at the start that no figure reads."""
 
 
-def run(body: str, seed: int, factor: float = 1.0) -> dict[str, float | str]:
-    """Figures of one recording; factor: on the stiffness that the methods are given."""
-    case = BODIES[body](seed)
+def run(job: Case) -> dict[str, float]:
+    """Figures of one recording: `body` and `seed`."""
+    seed = int(job["seed"])
+    case = BODIES[job["body"]](seed)
     rng = np.random.default_rng([seed, 3])
     seen = case.positions[:, :-1] + MARK_SD_M * rng.normal(size=case.positions[:, :-1].shape)
     frames = frames_of(case.times_s, seen, case.marked, MARK_SD_M)
     uncertain = parameters(case.network)
     stated = ParameterUncertainty(uncertain, UNCERTAIN**2 * np.eye(len(uncertain)))
-    tissue, loop = TissueFilter(case.network, "target", case.marked, uncertainty=stated), OpenLoop(case.network, "target")
+    tissue, loop = (
+        TissueFilter(case.network, "target", case.marked, uncertainty=stated),
+        OpenLoop(case.network, "target"),
+    )
     ours, loops, began = [], [], time.process_time()
     for time_s, marks in frames:
         tissue.predict(time_s)
@@ -38,8 +43,6 @@ def run(body: str, seed: int, factor: float = 1.0) -> dict[str, float | str]:
     errors = np.array([one.mean for one in ours]) - truth
     nees = normalised_error_squared(errors, np.array([one.cov for one in ours]))
     return {
-        "body": body,
-        "seed": seed,
         "moved_mm": 1e3 * float(np.linalg.norm(truth - truth[0], axis=1).max()),
         "skin_mm": 1e3 * float(np.linalg.norm(case.positions - case.positions[0], axis=2).max()),
         "filter_mm": _rms_mm(errors),
@@ -50,7 +53,7 @@ def run(body: str, seed: int, factor: float = 1.0) -> dict[str, float | str]:
     }
 
 
-def _spline(case: Case, seen: Floats) -> Floats:
+def _spline(case: Recording, seen: Floats) -> Floats:
     """The target by a thin-plate spline of the displacement of marks and wall, (n_frames, 3) [m]."""
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed]

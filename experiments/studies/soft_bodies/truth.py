@@ -30,9 +30,7 @@ Load = Callable[[float], Floats]
 """Forces on all nodes at a time [s], (n_nodes, 3) [N]."""
 
 
-def motion(
-    mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load
-) -> Floats:
+def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
     """Positions of all nodes [m], (n_frames, n_nodes, 3), at equally spaced times [s], from rest at the first.
 
     Raises RuntimeError where a step has no solution.
@@ -75,9 +73,7 @@ def _step(
                     diag_pivot_thresh=0.0,
                     options={"SymmetricMode": True},
                 )
-            change = factor.solve(
-                body.force(q + 0.5 * h * middle, middle) + force - 2.0 / h * mass * (middle - v)
-            )
+            change = factor.solve(body.force(q + 0.5 * h * middle, middle) + force - 2.0 / h * mass * (middle - v))
             if not np.isfinite(change).all():
                 break
             middle = middle + change
