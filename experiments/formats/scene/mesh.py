@@ -10,16 +10,25 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import continuum_network, points_of
-from dynamics.mesh import MeshError, Tissue, surface
+from dynamics.elements import LEFT_OUT, continuum_network, points_of
+from dynamics.mesh import INSIDE, MeshError, Tissue, locate_on_surface, nearest_elements, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.held import held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_of
 from experiments.formats.mesh.reduced import reduced, tissue_key
 from experiments.formats.scene.network import check_name
-from experiments.formats.scene.schema import MeshTable, SceneError, check_own_names
+from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTissueTable, SceneError, check_own_names
 from experiments.formats.toml_file import key_lines
+
+LINE = "needle"
+"""What points on the line of a needle are named, with a number."""
+
+SPACING = 0.025
+"""Between points on a line, by the extent [1]; choice: half of the radius of a patch."""
+
+ON_SKIN_M = 1e-3
+"""Distance of the first point of a line from the skin, at most [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +60,13 @@ class SceneMesh:
             replace(tissue, young_pa=tissue.young_pa * factor, damping_s=tissue.damping_s / factor)
             for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)
         )
+
+    def in_all_modes(self, network: MassSpringNetwork) -> MassSpringNetwork:
+        """The network of these points in all modes, with the tissues of a network of this mesh."""
+        table = _table(self, self.tissues_of(network))
+        points = {name: np.array(place) for name, place in self.points}
+        made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
+        return replace(made, masses=network.masses)
 
 
 def _traces(network: MassSpringNetwork) -> Floats:
@@ -88,8 +104,51 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
 
 
+def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
+    """Mesh and network with further points on the part of a straight line that is inside, `LINE 1` and so on.
+
+    ends: of the line [m], (2, 3). Masses of points, by which forces are stated, stay as they are.
+    """
+    solid = mesh_of(mesh.content, Path(mesh.file)).mesh
+    spacing_m = SPACING * float(np.linalg.norm(np.ptp(solid.nodes, axis=0)))
+    count = max(2, round(float(np.linalg.norm(ends[1] - ends[0])) / spacing_m))
+    line = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
+    near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
+    near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
+    table = _table(mesh, mesh.tissues_of(network))
+    for k, place in enumerate(line[near], start=1):
+        table.point.append(MeshPointTable(name=f"{LINE} {k}", position_mm=(np.round(1e3 * place, 4) + 0.0).tolist()))
+    longer, made = mesh_network(mesh.content, Path(mesh.file), table)
+    return longer, replace(made, masses=np.full(made.n_nodes, network.masses[0]))
+
+
+def _table(mesh: SceneMesh, tissues: Sequence[Tissue]) -> MeshTable:
+    """`[mesh]` of a mesh with these tissues."""
+    return MeshTable(
+        file=mesh.file,
+        fixed=mesh.fixed,
+        tissue=[
+            MeshTissueTable(
+                name=one.name,
+                region=region,
+                young_kpa=1e-3 * one.young_pa,
+                poisson=one.poisson,
+                density_kg_m3=one.density_kg_m3,
+                damping_s=one.damping_s,
+            )
+            for one, region in zip(tissues, mesh.regions, strict=True)
+        ],
+        point=[MeshPointTable(name=name, position_mm=(1e3 * np.array(place)).tolist()) for name, place in mesh.points],
+    )
+
+
 def _made(
-    of: ProjectMesh, table: MeshTable, tissues: Sequence[Tissue], points: Mapping[str, Floats]
+    of: ProjectMesh,
+    table: MeshTable,
+    tissues: Sequence[Tissue],
+    points: Mapping[str, Floats],
+    *,
+    left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
     """The network of the points; raises SceneError."""
     own = _numbered(of, table)
@@ -98,7 +157,7 @@ def _made(
     except ValueError as error:
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
-        return continuum_network(own.mesh, tissues, fixed, points)
+        return continuum_network(own.mesh, tissues, fixed, points, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 
