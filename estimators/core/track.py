@@ -185,7 +185,8 @@ class TissueFilter(TissuePosterior):
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own = self.rows_of(self.target), self.filter
-            return GaussianMixture(own.weights, own.means @ rows.T + self.constant_of(self.target), rows @ own.covs @ rows.T)
+            means = own.means @ rows.T + self.constant_of(self.target)
+            return GaussianMixture(own.weights, means, rows @ own.covs @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """The target at later times [s], (k,), that rise: means [m] (k, dim), covs [m²] (k, dim, dim); the state stays.

@@ -24,8 +24,9 @@ from experiments.formats.toml_file import key_lines
 LINE = "needle"
 """What points on the line of a needle are named, with a number."""
 
-SPACING = 0.025
-"""Between points on a line, by the extent [1]; choice: half of the radius of a patch."""
+SPACING, EDGES = 0.05, 1.5
+"""Between points on a line, by the extent, and at least so many edges of elements [1]; choice: the radius of the patch
+of a force, and no more points than elements can move apart."""
 
 ON_SKIN_M = 1e-3
 """Distance of the first point of a line from the skin, at most [m]; choice: entries are rounded."""
@@ -110,9 +111,11 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     ends: of the line [m], (2, 3). Masses of points, by which forces are stated, stay as they are.
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
-    spacing_m = SPACING * float(np.linalg.norm(np.ptp(solid.nodes, axis=0)))
-    count = max(2, round(float(np.linalg.norm(ends[1] - ends[0])) / spacing_m))
-    line = ends[0] + np.linspace(0.0, 1.0, count)[:, None] * (ends[1] - ends[0])
+    edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
+    extent_m, edge_m = np.linalg.norm(np.ptp(solid.nodes, axis=0)), np.median(np.linalg.norm(edges, axis=2))
+    spacing_m = max(SPACING * float(extent_m), EDGES * float(edge_m))
+    length_m = float(np.linalg.norm(ends[1] - ends[0]))
+    line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
     near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
     near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
     table = _table(mesh, mesh.tissues_of(network))

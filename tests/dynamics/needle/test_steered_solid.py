@@ -50,9 +50,7 @@ def held(force):
 
 
 def moved(network, state, tool, motion, outside, until_s, punctured=False):
-    return advance_steered(
-        network, tool, state, motion, outside=outside, between_s=(0.0, until_s), punctured=punctured
-    )
+    return advance_steered(network, tool, state, motion, outside=outside, between_s=(0.0, until_s), punctured=punctured)
 
 
 AWAY = NeedleMotion(POINTS["entry"], np.zeros(3), DOWN, -1.0)
