@@ -83,9 +83,9 @@ def advance_steered(
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State at the later of two times [s], as `steady_state` has it, and whether the skin is punctured by then.
+    """State (n,) at the later of two times [s], as `steady_state` has it, and whether the skin is punctured by then.
 
-    state: at the earlier time; needle: for its constants; its pose and entry are not used
+    state: at the earlier time, (n,); needle: for its constants; its pose and entry are not used
     Raises ValueError where time goes back.
     """
     start, end = between_s
