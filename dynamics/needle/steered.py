@@ -157,8 +157,8 @@ def _solid_steps(
     at_entry = node_weights(network, entry, needle.reach_m)[network.free]
     along = np.outer(at_entry, motion.direction).ravel()
     # Contact and residual flexibility give way in series
-    contact = 1.0 / (1.0 / needle.contact_N_m + max(0.0, float(along @ give @ along)))
-    needle = replace(needle, pose=pose, entry=entry, contact_N_m=contact)
+    in_series = 1.0 / (1.0 / needle.contact_N_m + max(0.0, float(along @ give @ along)))
+    needle = replace(needle, pose=pose, entry=entry, contact_N_m=in_series)
 
     def nodes(values: Floats, at: Floats) -> Floats:
         found = at.copy()

@@ -64,10 +64,14 @@ class SceneMesh:
 
     def in_all_modes(self, network: MassSpringNetwork) -> MassSpringNetwork:
         """The network of these points in all modes, with the tissues of a network of this mesh."""
-        table = _table(self, self.tissues_of(network))
-        points = {name: np.array(place) for name, place in self.points}
+        table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
+
+    def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
+        """`[mesh]` with the tissues of a network of this mesh, and further points [m]."""
+        tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
+        return mesh_table(self.file, self.fixed, tissues, [*self.points, *further])
 
 
 def _traces(network: MassSpringNetwork) -> Floats:
@@ -118,30 +122,36 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
     near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
     near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
-    table = _table(mesh, mesh.tissues_of(network))
-    for k, place in enumerate(line[near], start=1):
-        table.point.append(MeshPointTable(name=f"{LINE} {k}", position_mm=(np.round(1e3 * place, 4) + 0.0).tolist()))
-    longer, made = mesh_network(mesh.content, Path(mesh.file), table)
+    further = [(f"{LINE} {k}", place) for k, place in enumerate(line[near], start=1)]
+    longer, made = mesh_network(mesh.content, Path(mesh.file), mesh.table(network, further))
     return longer, replace(made, masses=np.full(made.n_nodes, network.masses[0]))
 
 
-def _table(mesh: SceneMesh, tissues: Sequence[Tissue]) -> MeshTable:
-    """`[mesh]` of a mesh with these tissues."""
+def mesh_table(
+    file: str,
+    fixed: str | None,
+    tissues: Mapping[int, Tissue],
+    points: Sequence[tuple[str, Sequence[float] | Floats]],
+) -> MeshTable:
+    """`[mesh]` of tissues by region, and of points [m] by name; rounded to six digits and 0.1 µm."""
     return MeshTable(
-        file=mesh.file,
-        fixed=mesh.fixed,
+        file=file,
+        fixed=fixed,
         tissue=[
             MeshTissueTable(
                 name=one.name,
                 region=region,
-                young_kpa=1e-3 * one.young_pa,
+                young_kpa=float(f"{1e-3 * one.young_pa:.6g}"),
                 poisson=one.poisson,
-                density_kg_m3=one.density_kg_m3,
-                damping_s=one.damping_s,
+                density_kg_m3=float(f"{one.density_kg_m3:.6g}"),
+                damping_s=float(f"{one.damping_s:.6g}"),
             )
-            for one, region in zip(tissues, mesh.regions, strict=True)
+            for region, one in tissues.items()
         ],
-        point=[MeshPointTable(name=name, position_mm=(1e3 * np.array(place)).tolist()) for name, place in mesh.points],
+        point=[
+            MeshPointTable(name=name, position_mm=(np.round(1e3 * np.array(place), 4) + 0.0).tolist())
+            for name, place in points
+        ],
     )
 
 
