@@ -80,6 +80,7 @@ from dynamics.needle import (
     node_weights,
     simulate_insertion,
     sliding_friction,
+    steady_state,
     straight_insertion,
 )
 from dynamics.network import (
@@ -174,6 +175,7 @@ __all__ = [
     "spring_lengths",
     "stable_step",
     "state_matrix",
+    "steady_state",
     "stiffness_matrix",
     "straight_insertion",
     "strain_uncertainty",

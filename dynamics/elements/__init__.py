@@ -4,7 +4,7 @@ What may enter: another `ForceElement`.
 """
 
 from dynamics.elements.assembly import Assembly
-from dynamics.elements.continuum import continuum_network, points_of
+from dynamics.elements.continuum import LEFT_OUT, continuum_network, points_of
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.reduced import ReducedAssembly, Span, smooth_shapes
@@ -12,6 +12,7 @@ from dynamics.elements.springs import Springs
 from dynamics.elements.tetrahedra import Tetrahedra, TissueConstants
 
 __all__ = [
+    "LEFT_OUT",
     "Assembly",
     "ForceElement",
     "ReducedAssembly",

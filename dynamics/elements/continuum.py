@@ -34,6 +34,7 @@ from dynamics.mesh import (
     surface,
 )
 from dynamics.network import Continuum, MassSpringNetwork
+from dynamics.network.continuum import FREE
 
 NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
@@ -56,15 +57,8 @@ POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces under which modes are chosen [m/s²], at least those that displace the points by this share of the
 extent [1]; choice: the filter's pokes."""
 
-STIFFER = 0.5
-"""Factor on the stiffness of a tissue, as its logarithm, whose effect on the modes is among them [1]; choice."""
-
 DEPENDENT = 1e-5
 """Size of a direction of the modes, by the largest, below which it depends on the others [1]; numerical."""
-
-FREE = 0.2
-"""Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
-numerical."""
 
 NEAR = 0.02
 """Distance outside the surface up to which a point is bound to it, by the extent [1]; choice: some millimetres, by
@@ -125,6 +119,8 @@ def continuum_network(
     tissues: Sequence[Tissue],
     fixed: NDArray[np.int64],
     points: Mapping[str, Floats],
+    *,
+    left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
     """The network of named points of a mesh, with its continuum.
 
@@ -139,6 +135,8 @@ def continuum_network(
     points : mapping of str to (3,)
         Places [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further nodes,
         `wall 1` and so on, show where the body is held.
+    left_out : float
+        As `LEFT_OUT`; 0 for all modes, as a reference.
 
     Returns
     -------
@@ -157,7 +155,7 @@ def continuum_network(
         raise MeshError("fixed: expected free nodes beside those that are held, found none")
     outside = surface(mesh)
     named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
-    solid = _continuum(mesh, tissues, free, outside, named)
+    solid = _continuum(mesh, tissues, free, outside, named, left_out)
     wall = np.asarray(fixed)[far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
     k, n = len(points), len(points) + len(wall)
     return MassSpringNetwork(
@@ -177,7 +175,12 @@ def continuum_network(
 
 
 def _continuum(
-    mesh: TetMesh, tissues: Sequence[Tissue], free: NDArray[np.int64], outside: Surface, named: Points
+    mesh: TetMesh,
+    tissues: Sequence[Tissue],
+    free: NDArray[np.int64],
+    outside: Surface,
+    named: Points,
+    left_out: float,
 ) -> Continuum:
     young, poisson, density, damping_s = (
         np.array([getattr(tissue, key) for tissue in tissues])[mesh.regions]
@@ -202,16 +205,7 @@ def _continuum(
     moved = factor.solve(forces[0])  # long fields are sums of short ones
     weights = csr_array(named.weights[:, free])
     rows = _by_axis(weights)
-    held = len(free) < len(mesh.nodes)
-    shown = moved @ _shown(np.asarray(rows @ moved), _extent(nodes))
-    others = [moved]
-    for t in range(len(tissues)):
-        own = mesh.regions == t
-        if 0.5 * mesh.volumes.sum() > mesh.volumes[own].sum() > 0.0:  # of the largest it follows from the others
-            K_t = rest_stiffness(mesh, young * own, poisson, free, patch)
-            others.append(STIFFER * factor.solve(np.asarray(K_t @ shown)))
-    moved = np.hstack(others)
-    V, rates = _modes(nodes, masses, K, held, moved, np.asarray(rows @ moved))
+    V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved), left_out)
     total = float(masses.sum())
     by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
@@ -276,7 +270,7 @@ def _smooth(places: Floats, length: float, count: int) -> Floats:
 
 
 def _modes(
-    nodes: Floats, masses: Floats, K: csc_array, held: bool, responses: Floats, at_points: Floats
+    nodes: Floats, masses: Floats, K: csc_array, held: bool, responses: Floats, at_points: Floats, left_out: float
 ) -> tuple[Floats, Floats]:
     """Modes (3 n, r), and the squares of their angular frequencies [1/s²].
 
@@ -284,7 +278,10 @@ def _modes(
     at_points: the responses at the points, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
-    basis = responses @ _shown(at_points, _extent(nodes))
+    _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
+    each, extent_m = sizes * np.sqrt(3.0 / len(at_points)), _extent(nodes)
+    shown = each * max(POKE_M_S2, BENT * extent_m / each[0]) > left_out * extent_m
+    basis = responses @ right[shown].T
     if not held:
         affine = np.kron(np.column_stack([np.ones(len(nodes)), nodes - nodes.mean(axis=0)]), np.eye(3))
         basis = np.hstack([basis, affine])
@@ -293,13 +290,6 @@ def _modes(
     reduced = own.T @ (K @ own)
     rates, turn = eigh(0.5 * (reduced + reduced.T))
     return own @ turn, np.maximum(rates, 0.0) / masses.sum()
-
-
-def _shown(at_points: Floats, extent_m: float) -> Floats:
-    """Combinations (n_responses, r) of responses that the points show, by those at the points (3 k, n_responses)."""
-    _, sizes, right = np.linalg.svd(at_points, full_matrices=False)
-    each = sizes * np.sqrt(3.0 / len(at_points))
-    return np.asarray(right[each * max(POKE_M_S2, BENT * extent_m / each[0]) > LEFT_OUT * extent_m].T)
 
 
 def _by_tissue(

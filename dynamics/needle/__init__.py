@@ -16,7 +16,7 @@ from dynamics.needle.loads import (
     node_weights,
     straight_insertion,
 )
-from dynamics.needle.steered import NeedleMotion, SampledForces, advance_steered, sliding_friction
+from dynamics.needle.steered import NeedleMotion, SampledForces, advance_steered, sliding_friction, steady_state
 
 __all__ = [
     "GAUGES_MM",
@@ -36,5 +36,6 @@ __all__ = [
     "node_weights",
     "simulate_insertion",
     "sliding_friction",
+    "steady_state",
     "straight_insertion",
 ]

@@ -3,11 +3,14 @@
 The forces are those of `dynamics.needle.loads`. `simulate_insertion` follows one needle whose motion is known
 beforehand, by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests
 compare the two.
+
+A continuum moves in its modes, by the trapezoidal rule; what its points give way beyond them follows the forces at
+once, by the residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,12 +20,16 @@ from dynamics.arrays import Floats
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
 from dynamics.forces.tangent import stable_step
 from dynamics.integration.stepping import SAME_STEP
-from dynamics.needle.loads import SHAFT, NeedleMechanics, node_weights
-from dynamics.network.mass_spring import MassSpringNetwork
+from dynamics.needle.loads import SHAFT, NeedleMechanics, NeedlePose, needle_load, node_weights
+from dynamics.network.continuum import FREE
+from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
 """Longest step [s]: numerical, the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
 `tests/dynamics/needle/test_steered.py` checks."""
+
+SOLID_STEP = 1.0 / 960.0
+"""The same of a continuum [s]: numerical, to 5 µm, which `tests/dynamics/needle/test_steered_solid.py` checks."""
 
 OF_STABLE = 0.25
 """Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % a step."""
@@ -49,6 +56,22 @@ class SampledForces:
     forces: Floats
     interval_s: float
 
+    def at(self, time_s: float) -> Floats:
+        """The forces at a time [s], (n_free, dim)."""
+        where = min(max(time_s / self.interval_s, 0.0), len(self.forces) - 1.000001)
+        k = int(where)
+        return np.asarray((k + 1.0 - where) * self.forces[k] + (where - k) * self.forces[k + 1])
+
+
+def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
+    """State of free nodes held at these places [m], (n_free, dim): (n_state,), of a continuum with its modes behind."""
+    state, solid = pack(places, np.zeros_like(places)), network.continuum
+    if solid is None:
+        return state
+    force = solid.stiffness @ (places - network.positions[network.free]).ravel()
+    modes = solid.shapes.T @ force / ((solid.rates + FREE**2) * solid.mass)
+    return np.concatenate([state, modes, np.zeros_like(modes)])
+
 
 def advance_steered(
     network: MassSpringNetwork,
@@ -60,9 +83,9 @@ def advance_steered(
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State (n_state,) at the later of two times [s] and whether the skin is punctured by then, from the earlier.
+    """State (n,) at the later of two times [s], as `steady_state` has it, and whether the skin is punctured by then.
 
-    needle: for its constants; its pose and entry are not used
+    state: at the earlier time, (n,); needle: for its constants; its pose and entry are not used
     Raises ValueError where time goes back.
     """
     start, end = between_s
@@ -70,6 +93,8 @@ def advance_steered(
         raise ValueError(f"between_s: expected times that rise, found {between_s}")
     n_steps = max(1, int(np.ceil((end - start) / longest_step(network) * (1.0 - SAME_STEP))))
     dt = (end - start) / n_steps
+    if network.continuum is not None:
+        return _solid_steps(network, needle, state, motion, (outside, start, dt, n_steps), punctured)
     inverse_mass = np.zeros(network.n_nodes)
     inverse_mass[network.free] = 1.0 / network.masses[network.free]
     moved, gave_way = steered_steps(
@@ -99,8 +124,74 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step taken [s]: FINEST_STEP, or less where stiff springs or dashpots would make that unstable."""
+    """Longest step taken [s]: that of a continuum; FINEST_STEP of springs, less where stiff ones need it."""
+    if network.continuum is not None:
+        return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
+
+
+def _solid_steps(
+    network: MassSpringNetwork,
+    needle: NeedleMechanics,
+    state: Floats,
+    motion: NeedleMotion,
+    steps: tuple[SampledForces, float, float, int],
+    punctured: bool,
+) -> tuple[Floats, bool]:
+    """State of a continuum after n steps of dt [s] from a start [s] under these forces, and whether it is punctured.
+
+    steps: the forces, start, dt, n
+    """
+    solid, (outside, start, dt, n) = network.continuum, steps
+    assert solid is not None  # the caller's
+    give, r, drawn = _residual(network), len(solid.rates), network.positions
+    q, s = state[network.n_state : -r].copy(), state[-r:].copy()
+    speed, entry = float(motion.velocity @ motion.direction), motion.tip - motion.inserted_m * motion.direction
+
+    def pose(t: float) -> NeedlePose:
+        gone = t - start
+        return NeedlePose(
+            motion.tip + gone * motion.velocity, motion.direction, speed, motion.inserted_m + gone * speed
+        )
+
+    at_entry = node_weights(network, entry, needle.reach_m)[network.free]
+    along = np.outer(at_entry, motion.direction).ravel()
+    # Contact and residual flexibility give way in series
+    in_series = 1.0 / (1.0 / needle.contact_N_m + max(0.0, float(along @ give @ along)))
+    needle = replace(needle, pose=pose, entry=entry, contact_N_m=in_series)
+
+    def nodes(values: Floats, at: Floats) -> Floats:
+        found = at.copy()
+        found[network.free] += values.reshape(-1, network.dim)
+        return found
+
+    def forces(t: float) -> tuple[Floats, float]:
+        """All forces on the free coordinates [N], and that of the contact."""
+        acting = outside.at(t).ravel()
+        if pose(t).inserted_m <= 0.0:
+            return acting, 0.0
+        x, v = nodes(solid.shapes @ q + give @ acting, drawn), nodes(solid.shapes @ s, np.zeros_like(drawn))
+        load = needle_load(network, needle, t, x, v, punctured=punctured)
+        return acting + load.nodes[network.free].ravel(), float(load.contact)
+
+    left = 1.0 + 0.5 * dt * solid.damping + 0.25 * dt**2 * solid.rates
+    for k in range(n):
+        acting, contact = forces(start + (k + 0.5) * dt)
+        punctured = punctured or contact >= needle.puncture_N
+        pull = acting @ solid.shapes / solid.mass - solid.rates * (q + 0.5 * dt * s) - solid.damping * s
+        w = dt * pull / left
+        q += dt * (s + 0.5 * w)
+        s += w
+    places = nodes(solid.shapes @ q + give @ forces(start + n * dt)[0], drawn)[network.free]
+    speeds = (solid.shapes @ s).reshape(places.shape)
+    return np.concatenate([pack(places, speeds), q, s]), punctured
+
+
+@lru_cache(maxsize=16)
+def _residual(network: MassSpringNetwork) -> Floats:
+    """The residual flexibility of a network's continuum [m/N], (n_free dim, n_free dim)."""
+    assert network.continuum is not None  # the caller's
+    return network.continuum.residual
 
 
 def sliding_friction(

@@ -13,6 +13,10 @@ from dynamics.arrays import Floats, made_again
 LOOSE = 1e-6
 """Rate of a mode, by the largest, below which nothing resists it."""
 
+FREE = 0.2
+"""Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
+numerical."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
@@ -90,6 +94,15 @@ class Continuum:
         """
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.slow[held, :3] / self.rates[held, None]))
+
+    @property
+    def residual(self) -> Floats:
+        """Residual flexibility [macneal1971]: what points give way under forces on them beyond the modes [m/N].
+
+        (n_free dim, n_free dim)
+        """
+        by_modes = (self.shapes / (self.rates + FREE**2)) @ self.shapes.T / self.mass
+        return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
         """The continuum with each tissue as many times as stiff, (n_tissues,): in the same shapes, with other modes."""

@@ -65,6 +65,8 @@ class AheadTables:
         velocity = G[:, :, process.parts["velocity"]] @ (process.span.onto * kick)
         pushed = np.zeros_like(velocity)  # half of a push at the start of its step, half at the end
         pushed[1:] = 0.5 * (velocity[1:] + velocity[:-1])
+        if tissue.flexibility is not None:
+            pushed[1] += tissue.target.matrix @ tissue.flexibility
         return cls(
             cycle_s,
             n_times,
@@ -122,6 +124,7 @@ class AheadTables:
         shares = np.array(odds) / np.maximum(total, np.finfo(float).tiny)[:, None]
         mean, cov = tissue.filter.moments_by(shares[0])
         means = self.by_state @ (mean - self.rest) + self.by_state[0] @ self.rest + self.constant
+        means[0] += tissue.constant_of(tissue.target) - self.constant
         covs = self.by_state @ cov @ self.by_state.swapaxes(1, 2)
         variances = shares @ tissue.filter.variances
         for k in range(1, self.n_times):

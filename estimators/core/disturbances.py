@@ -11,8 +11,8 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SLOW_M_S2, SOLID_M_S2, SOLID_S = (0.0, 0.5, 2.0), (3.0, 30.0), 60.0
-"""Slow forces of networks, and of continua [m/s²], and their correlation time [s]; choice. A continuum always is pressed
-or leans somewhere: its two strengths differ in how fast such forces change."""
+"""Slow forces of networks, and of continua [m/s²], and their correlation time [s]; choice. A continuum always is
+pressed or leans somewhere: its two strengths differ in how fast such forces change."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,6 +63,8 @@ class TissuePosterior:
         Marks taken for outliers by node; restarts.
     log_likelihood : float
         Of the last marks.
+    residual_m : (n_free dim,)
+        What a known force displaces free nodes by beyond the state, as the modes of a continuum leave it out [m].
     """
 
     def __init__(
@@ -90,6 +93,9 @@ class TissuePosterior:
             sigma_points=self.settings.sigma_points,
             statics=Statics(uncertainty, n_calibration, self.settings.fix_bias, self.target.point.sd_m),
         )
+        solid = network.continuum
+        self.flexibility = None if solid is None else solid.residual
+        self.residual_m = np.zeros(self.target.matrix.shape[1])
         self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}
         self._groups = WithheldGroups.of(network, marked, self.target.point)
         self._reach_m = float(np.ptp(self.rest, axis=0).max())
@@ -125,7 +131,8 @@ class TissuePosterior:
     def positions(self) -> Floats:
         """Mean places of all nodes [m], (n_nodes, dim), without the discrepancy."""
         own = self.filter.mean[self.process.parts["position"]]
-        return all_positions(self.network, self.process.at(own).reshape(-1, self.network.dim))
+        places = self.process.at(own) + self.residual_m
+        return all_positions(self.network, places.reshape(-1, self.network.dim))
 
     @property
     def is_finite(self) -> bool:
@@ -155,12 +162,28 @@ class TissuePosterior:
         """Mean (dim,) [m] and covariance (dim, dim) [m²] of a point of the tissue."""
         mean, cov = self.filter.moments(self.rows_of(point))
         own = 0.0 if point is self.target else point.point.sd_m
-        return mean + point.constant, cov + own**2 * np.eye(len(mean))
+        return mean + self.constant_of(point), cov + own**2 * np.eye(len(mean))
+
+    def constant_of(self, point: TargetMap) -> Floats:
+        """What places a point beside the state [m], (dim,)."""
+        return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
         """Trace of the target's covariance [m²], (dim, dim), less that of the error of its offset."""
-        offset = self.process.parts.get("offset", slice(0, 0))
-        return float(np.trace(cov) - self.filter.moments(np.eye(self.process.n)[offset])[1].trace())
+        return float(np.trace(cov) - np.trace(self.offset_cov))
+
+    @property
+    def offset_cov(self) -> Floats:
+        """Covariance of the error of the target's offset, which lasts [m²], (dim, dim)."""
+        offset, dim = self.process.parts.get("offset"), self.network.dim
+        if offset is None:
+            return np.zeros((dim, dim))
+        return self.filter.moments(np.eye(self.process.n)[offset])[1]
+
+    @property
+    def tissue_cov(self) -> Floats:
+        """Covariance of the target without the error of its offset [m²], (dim, dim): the motion's alone."""
+        return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
         """Raise ValueError for a mark that is not on a free node, has another dimension, or shares other errors."""
@@ -176,6 +199,8 @@ class TissuePosterior:
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
         """The marks, one or more, as one observation."""
+        if self.residual_m.any():
+            marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         return Places(marks, self._maps, self.process.parts.get("calibration"))
 
     def innovation(self, places: Places) -> tuple[Floats, Floats]:
@@ -214,7 +239,10 @@ class TissuePosterior:
             rows[:, calibration] = shared
         covs = {k: rows @ self.filter.covs[k] @ rows.T for k in self._possible}
         widest = max(covs, key=lambda k: float(covs[k].trace()))
-        return rows @ self.filter.means[widest], covs[widest]
+        return rows @ self.filter.means[widest] + self._residual(node), covs[widest]
+
+    def _residual(self, node: str) -> Floats:
+        return self.residual_m[self.network.coordinates(node)]
 
     @property
     def _possible(self) -> list[int]:
@@ -250,4 +278,5 @@ class TissuePosterior:
         widest = covs.trace(axis1=2, axis2=3).argmax(axis=0)
         means = (self.filter.means[possible] @ rows.T).reshape(len(possible), len(nodes), dim)
         one_each = np.arange(len(nodes))
-        return means[widest, one_each], covs[widest, one_each]
+        beside = np.array([self._residual(node) for node in nodes])
+        return means[widest, one_each] + beside, covs[widest, one_each]

@@ -54,6 +54,7 @@ class FilterSnapshot:
     repairs: Counter[str]
     open_loop_cov: Floats
     log_likelihood: float
+    residual_m: Floats
 
     def without_marks(self) -> FilterSnapshot:
         """The same before any mark was seen."""
@@ -90,6 +91,7 @@ class TissueFilter(TissuePosterior):
             self.repairs.copy(),
             self.open_loop.cov,
             self.log_likelihood,
+            self.residual_m,
         )
 
     def restore(self, then: FilterSnapshot) -> None:
@@ -100,6 +102,7 @@ class TissueFilter(TissuePosterior):
         self._seen_s, self._updated_s = then.seen_s.copy(), then.updated_s
         self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
         self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
+        self.residual_m = then.residual_m
 
     def run(
         self,
@@ -127,6 +130,8 @@ class TissueFilter(TissuePosterior):
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
         """Move the state to this time [s]; whether it was forgotten on the way, for it would say nothing any more."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
+        if dt > 0.0:
+            self.residual_m = np.zeros_like(self.residual_m)
         is_forgotten = dt > max(self.settings.forget_s, self.settings.lost_s)
         if is_forgotten:
             self._restart("forgotten")
@@ -145,7 +150,10 @@ class TissueFilter(TissuePosterior):
                 known.step(dt / n)
                 velocity, kick = self.process.parts["velocity"], np.zeros(self.process.n)
                 moving = self.process.at(self.filter.mean[: velocity.stop].reshape(2, -1)).reshape(1, -1)
-                kick[velocity] = self.process.span.onto @ (known.forces(moving).ravel() / masses) * (dt / n)
+                forces = known.forces(moving).ravel()
+                kick[velocity] = self.process.span.onto @ (forces / masses) * (dt / n)
+                if self.flexibility is not None:
+                    self.residual_m = self.flexibility @ forces
             self.filter.predict(dt / n, kick)
 
     def _ahead(self, time_s: float, push: ForceHistory | None = None) -> None:
@@ -177,7 +185,8 @@ class TissueFilter(TissuePosterior):
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own = self.rows_of(self.target), self.filter
-            return GaussianMixture(own.weights, own.means @ rows.T + self.target.constant, rows @ own.covs @ rows.T)
+            means = own.means @ rows.T + self.constant_of(self.target)
+            return GaussianMixture(own.weights, means, rows @ own.covs @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """The target at later times [s], (k,), that rise: means [m] (k, dim), covs [m²] (k, dim, dim); the state stays.
@@ -282,7 +291,7 @@ class TissueFilter(TissuePosterior):
         bias = self.process.parts.get("bias")
         if bias is not None:
             rows[:, bias] = np.eye(dim)
-        seen = Places([MarkMeasurement(FIX, place - self.target.constant, R)], {FIX: rows})
+        seen = Places([MarkMeasurement(FIX, place - self.constant_of(self.target), R)], {FIX: rows})
         mean, P = self.filter.moments(rows)
         y = seen.value - mean
         nis = float(y @ np.linalg.solve(P + R, y))

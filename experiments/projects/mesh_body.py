@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,14 +15,14 @@ from experiments.formats.mesh.body import Body, read_body
 from experiments.formats.mesh.held import FORMS, WALL, held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.mesh import mesh_network
+from experiments.formats.scene.mesh import mesh_network, mesh_table
 from experiments.formats.scene.network import is_node_name
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTissueTable, SceneError
+from experiments.formats.scene.schema import MeshTable, SceneError
 from experiments.formats.scene.target import Target
 from experiments.formats.tables import read_table
-from experiments.projects.mesh_tissues import Tissues, assigned
+from experiments.projects.mesh_tissues import assigned
 from experiments.projects.template import (
     GROUP_SD,
     HUES_DEG,
@@ -82,7 +81,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     target = _target(of, mesh)
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
-    assumed = _scene(content, of, _table(fixed, tissues, points), marks)
+    assumed = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(tissues.tissues)), points), marks)
     rng = np.random.default_rng(seed)
     actual = replace(
         tissues,
@@ -95,7 +94,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
             for one in tissues.tissues
         ),
     )
-    truth = _scene(content, of, _table(fixed, actual, points), marks)
+    truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     corner, weights, _ = locate_on_surface(mesh, faces, target[None])
     out = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]]) - target
     reach = float(np.linalg.norm(out))
@@ -201,27 +200,6 @@ def _target(of: MeshChoice, mesh: TetMesh) -> Floats:
     except MeshError:
         raise InputError.at("--target", f"a place inside {of.path.name}", f"{of.target_mm} mm outside") from None
     return place
-
-
-def _table(fixed: str, tissues: Tissues, points: Sequence[tuple[str, Floats]]) -> MeshTable:
-    return MeshTable(
-        file=FILE,
-        fixed=fixed,
-        tissue=[
-            MeshTissueTable(
-                name=one.name,
-                region=region,
-                young_kpa=float(f"{1e-3 * one.young_pa:.6g}"),
-                poisson=one.poisson,
-                density_kg_m3=float(f"{one.density_kg_m3:.6g}"),
-                damping_s=float(f"{one.damping_s:.6g}"),
-            )
-            for region, one in enumerate(tissues.tissues)
-        ],
-        point=[
-            MeshPointTable(name=name, position_mm=(np.round(1e3 * place, 4) + 0.0).tolist()) for name, place in points
-        ],
-    )
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:

@@ -17,6 +17,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scenario import Scenario, SeenMarks
+from experiments.formats.scene.mesh import with_line
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
@@ -110,8 +111,6 @@ def case_of(
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
     own = scene_of(scenario)
-    if own.network.continuum is not None:
-        raise InputError.at("scene", "a network of springs, in which needles can be simulated", "a mesh")
     truth = replace(own, network=at_rest(own.network), cameras=(), space_cameras=())
     given = truth if scene_path is None else replace(usable_scene(scene_path), cameras=(), space_cameras=())
     if scene_path is not None:
@@ -128,19 +127,29 @@ def case_of(
         plan = replace(plan, lesion=Lesion.ball(radius_m, own.network.dim))
     usual = of_phantom and needle_path is None
     ahead = resting_target(truth) - plan.insertion.entry
+    deepest_m = DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M
+    line = plan.insertion.entry + np.array([[0.0], [deepest_m]]) * plan.insertion.axis
     return Case(
         scenario,
         FIRST_SEED if of_phantom else scenario.seed,
-        truth,
-        given,
+        with_needle(truth, line),
+        with_needle(given, line),
         plan,
         replace(plan.insertion, axis=ahead) if usual else plan.insertion,
-        deepest_m=DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M,
+        deepest_m=deepest_m,
         frames_per_s=30.0 if of_phantom else 1.0 / scenario.frame_interval_s,
         seen=scenario.seen,
         warm_s=3.0 if scenario.breathing is None else BREATHING_WARM_S,
         strength=strength,
     )
+
+
+def with_needle(scene: Scene, line: Floats) -> Scene:
+    """The scene with points of its mesh on a needle's line [m], (2, dim), for forces there; of springs as it is."""
+    if scene.mesh is None:
+        return scene
+    mesh, network = with_line(scene.mesh, scene.network, line)
+    return replace(scene, mesh=mesh, network=network)
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:

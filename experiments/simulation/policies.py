@@ -75,13 +75,6 @@ class Policy:
         return None
 
 
-def covariance(estimate: TargetEstimate) -> Floats:
-    """The covariance of a filter's estimate [m²], (dim, dim)."""
-    if estimate.cov is None:
-        raise ValueError("estimate: expected a covariance, found none")
-    return estimate.cov
-
-
 def horizon_s(world: World) -> float:
     """Prediction range of the target [s], in whole frames."""
     case = world.case
@@ -218,7 +211,7 @@ class Ahead(Filtered):
         """Update the filter, then the breathing model."""
         super().see(time_s, marks, push)
         shift = 0.0 if push is None else self._compliance @ push.ravel()
-        self._breathing.update(time_s, self.estimate.mean - shift, covariance(self.estimate))
+        self._breathing.update(time_s, self.estimate.mean - shift, self.tissue.tissue_cov)
 
     def path(self, pushes: Floats) -> TargetPath:
         """By the filter's tables, and by the breathing model while it holds."""
@@ -228,6 +221,7 @@ class Ahead(Filtered):
             return path
         n, times = self._tables.n_times, path.times_s
         means, covs = self._breathing.predict(times)
+        covs = covs + self.tissue.offset_cov
         breath = TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
         return either_path(breath, path, self._breathing.holds(times))
 
@@ -238,6 +232,7 @@ class Ahead(Filtered):
             return own
         at = np.array([time_s])
         mean, cov = self._breathing.predict(at)
+        cov = cov + self.tissue.offset_cov
         holds = self._breathing.holds(at)
         return GaussianMixture(
             np.concatenate([holds, (1.0 - holds) * own.weights]),
@@ -284,7 +279,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
         tissue.predict(world.frame_s(k))
         estimate = tissue.update(marks)
         if world.frame_s(k) >= SETTLED_S:
-            breathing.update(world.frame_s(k), estimate.mean, covariance(estimate))
+            breathing.update(world.frame_s(k), estimate.mean, tissue.tissue_cov)
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
     if estimate is None:
         raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")

@@ -18,7 +18,7 @@ from dynamics import (
     NeedlePose,
     SampledForces,
     advance_steered,
-    pack,
+    steady_state,
 )
 from estimators import MarkMeasurement
 from estimators.process.target import TargetMap, target_map
@@ -39,6 +39,7 @@ class World:
     network: the tissue's; assumed: the filter's, drawn at rest; aim: from a state of the tissue to its target
     knots: external forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
     noise: of the measured marks [m], (n_frames, n_marks, dim); missed: marks that are not seen, (n_frames, n_marks)
+    misplaced: from the target of the scene to the true one [m], (dim,)
     tip_noise: standard normal, (dim,): final error of the tip, in standard deviations
     share: random number in (0, 1) for the run
     """
@@ -52,6 +53,7 @@ class World:
     start: Floats
     noise: Floats
     missed: NDArray[np.bool_]
+    misplaced: Floats
     tip_noise: Floats
     share: float
 
@@ -70,8 +72,8 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """The target in a state [m], (dim,)."""
-        return self.aim.position(state)
+        """The target in a state [m], (dim,): where its node is, but for the error of its registration."""
+        return self.aim.position(state) + self.misplaced
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
         """The marks of a state at a frame."""
@@ -94,6 +96,8 @@ class World:
 def world_of(case: Case) -> World:
     """The world of a case, determined by its seed. Raises InputError for an impossible scenario."""
     network, nodes = at_rest(true_network(case.truth.network, case.scenario, case.seed)), case.given.measured_nodes
+    if case.truth.mesh is not None:
+        network = case.truth.mesh.in_all_modes(network)
     rng = np.random.default_rng([case.seed, 7])
     lasting = case.n_frames / case.frames_per_s + 1.0
     change: dict[str, object] = {"duration_s": lasting}
@@ -111,16 +115,19 @@ def world_of(case: Case) -> World:
     true = {key: value * rng.uniform(low, high) for key, value in stated.constants().items()}
     noise = rng.normal(0.0, 1e-3 * case.seen.sd_mm, (case.n_frames, len(nodes), network.dim))
     missed, wild = misplaced(noise.shape, case.seen, np.random.default_rng([case.seed, 8]))
+    registration = np.random.default_rng([case.seed, 10]).normal(size=network.dim)
+    target = case.truth.target.point
     return World(
         case,
         network,
         at_rest(case.given.network),
-        target_map(network, case.truth.target.point),
+        target_map(network, target),
         SampledForces(knots, knot_s),
         needle_with(network, case.plan.insertion.entry, true),
-        pack(start, np.zeros_like(start)),
+        steady_state(network, start),
         noise + wild,
         missed,
+        target.sd_m * registration,
         rng.normal(size=network.dim),
         float(rng.uniform()),
     )

@@ -10,16 +10,26 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from dynamics import MassSpringNetwork
-from dynamics.elements import continuum_network, points_of
-from dynamics.mesh import MeshError, Tissue, surface
+from dynamics.elements import LEFT_OUT, continuum_network, points_of
+from dynamics.mesh import INSIDE, MeshError, Tissue, locate_on_surface, nearest_elements, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.held import held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_of
 from experiments.formats.mesh.reduced import reduced, tissue_key
 from experiments.formats.scene.network import check_name
-from experiments.formats.scene.schema import MeshTable, SceneError, check_own_names
+from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTissueTable, SceneError, check_own_names
 from experiments.formats.toml_file import key_lines
+
+LINE = "needle"
+"""What points on the line of a needle are named, with a number."""
+
+SPACING, EDGES = 0.05, 1.5
+"""Between points on a line, by the extent, and at least so many edges of elements [1]; choice: the radius of the patch
+of a force, and no more points than elements can move apart."""
+
+ON_SKIN_M = 1e-3
+"""Distance of the first point of a line from the skin, at most [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,6 +61,17 @@ class SceneMesh:
             replace(tissue, young_pa=tissue.young_pa * factor, damping_s=tissue.damping_s / factor)
             for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)
         )
+
+    def in_all_modes(self, network: MassSpringNetwork) -> MassSpringNetwork:
+        """The network of these points in all modes, with the tissues of a network of this mesh."""
+        table, points = self.table(network), {name: np.array(place) for name, place in self.points}
+        made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
+        return replace(made, masses=network.masses)
+
+    def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
+        """`[mesh]` with the tissues of a network of this mesh, and further points [m]."""
+        tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
+        return mesh_table(self.file, self.fixed, tissues, [*self.points, *further])
 
 
 def _traces(network: MassSpringNetwork) -> Floats:
@@ -88,8 +109,59 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
 
 
+def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
+    """Mesh and network with further points on the part of a straight line that is inside, `LINE 1` and so on.
+
+    ends: of the line [m], (2, 3). Masses of points, by which forces are stated, stay as they are.
+    """
+    solid = mesh_of(mesh.content, Path(mesh.file)).mesh
+    edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
+    extent_m, edge_m = np.linalg.norm(np.ptp(solid.nodes, axis=0)), np.median(np.linalg.norm(edges, axis=2))
+    spacing_m = max(SPACING * float(extent_m), EDGES * float(edge_m))
+    length_m = float(np.linalg.norm(ends[1] - ends[0]))
+    line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
+    near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
+    near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
+    further = [(f"{LINE} {k}", place) for k, place in enumerate(line[near], start=1)]
+    longer, made = mesh_network(mesh.content, Path(mesh.file), mesh.table(network, further))
+    return longer, replace(made, masses=np.full(made.n_nodes, network.masses[0]))
+
+
+def mesh_table(
+    file: str,
+    fixed: str | None,
+    tissues: Mapping[int, Tissue],
+    points: Sequence[tuple[str, Sequence[float] | Floats]],
+) -> MeshTable:
+    """`[mesh]` of tissues by region, and of points [m] by name; rounded to six digits and 0.1 µm."""
+    return MeshTable(
+        file=file,
+        fixed=fixed,
+        tissue=[
+            MeshTissueTable(
+                name=one.name,
+                region=region,
+                young_kpa=float(f"{1e-3 * one.young_pa:.6g}"),
+                poisson=one.poisson,
+                density_kg_m3=float(f"{one.density_kg_m3:.6g}"),
+                damping_s=float(f"{one.damping_s:.6g}"),
+            )
+            for region, one in tissues.items()
+        ],
+        point=[
+            MeshPointTable(name=name, position_mm=(np.round(1e3 * np.array(place), 4) + 0.0).tolist())
+            for name, place in points
+        ],
+    )
+
+
 def _made(
-    of: ProjectMesh, table: MeshTable, tissues: Sequence[Tissue], points: Mapping[str, Floats]
+    of: ProjectMesh,
+    table: MeshTable,
+    tissues: Sequence[Tissue],
+    points: Mapping[str, Floats],
+    *,
+    left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
     """The network of the points; raises SceneError."""
     own = _numbered(of, table)
@@ -98,7 +170,7 @@ def _made(
     except ValueError as error:
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
-        return continuum_network(own.mesh, tissues, fixed, points)
+        return continuum_network(own.mesh, tissues, fixed, points, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 

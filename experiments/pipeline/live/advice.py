@@ -86,7 +86,7 @@ class LiveAdvice:
         if estimate.status is Status.TRACKING and estimate.cov is not None:
             self._learn_s = min(self._learn_s, estimate.time_s + SETTLED_S)
             if estimate.time_s >= self._learn_s:
-                self._breathing.update(estimate.time_s, estimate.mean, estimate.cov)
+                self._breathing.update(estimate.time_s, estimate.mean, tissue.tissue_cov)
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
@@ -125,7 +125,8 @@ class LiveAdvice:
         if self._breathing.breath() is None:
             return path
         times = path.times_s
-        return either_path(TargetPath(times, *self._breathing.predict(times)), path, self._breathing.holds(times))
+        breath = TargetPath(times, *self._breathing.predict(times)).widened(tissue.offset_cov)
+        return either_path(breath, path, self._breathing.holds(times))
 
     def _compiled(self, tables: AheadTables) -> None:
         """Load compiled code before the first frame."""

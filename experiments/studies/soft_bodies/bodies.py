@@ -23,7 +23,7 @@ UNCERTAIN = 0.35
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
 PRESS = 0.02
-"""Largest force on the lower face of a block, by Young's modulus and its area; with 0.05 fine blocks turn inside out."""
+"""Largest force on the lower face of a block, by Young's modulus and its area; by 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
 """Cells of the breast, across and deep: of the truth, and of the filter's mesh."""
@@ -73,7 +73,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
 
 
 def breast(seed: int) -> Recording:
-    """A breast of neo-Hookean elements on a chest wall that breathes; its skin is pushed on smaller and larger areas."""
+    """A breast of neo-Hookean elements that breathes; its skin is pushed on smaller and larger areas."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
@@ -98,7 +98,7 @@ def _loads(mesh: TetMesh, wall: Floats, rng: np.random.Generator) -> Callable[[f
     areas[outside.nodes] = outside.areas
     regions = np.array([tissue.density_kg_m3 for tissue in TISSUES])
     masses = lumped_masses(mesh, regions[mesh.regions])
-    along = rng.normal(size=3) + [0.0, 2.0, 0.0]
+    along = rng.normal(size=3) + np.array([0.0, 2.0, 0.0])
     breath = rng.uniform(*BREATH_M_S2) * np.outer(masses, along / np.linalg.norm(along))
     hz, pushes, start = rng.uniform(*BREATH_HZ), [], float(rng.uniform(0.5, 1.5))
     while start < SECONDS:

@@ -10,9 +10,8 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.mesh.body import tetrahedra
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
-from experiments.formats.scenario import read_scenario
+from experiments.formats.scene.mesh import with_line
 from experiments.formats.scene.scene import network_digest, read_scene, scene_digest, usable_scene, write_scene
-from experiments.simulation.cases import case_of
 from tests.experiments.formats.mesh.shapes import box
 
 NODES, ELEMENTS = box((4, 3, 3), 0.01)
@@ -190,9 +189,37 @@ def test_the_mesh_of_another_scene_is_not_overwritten(tmp_path: Path) -> None:
     assert [path.name for path in other.iterdir()] == ["mesh.npz"]
 
 
-def test_needles_are_not_simulated_in_a_mesh(tmp_path: Path) -> None:
-    folder(tmp_path)
-    text = 'version = 1\ntitle = "m"\nscene = "scene.toml"\nseed = 1\nduration_s = 1.0\n[marks]\nsd_mm = 0.5\n'
-    (tmp_path / "scenario.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="scene: expected a network of springs, in which needles can be simulated"):
-        case_of(read_scenario(str(tmp_path / "scenario.toml")))
+def test_points_on_a_line_are_those_inside(tmp_path: Path) -> None:
+    """From the face at z = 30 mm to 15 mm below that at 0; the others and the constants stay as they are."""
+    scene = read_scene(folder(tmp_path))
+    assert scene.mesh is not None
+    line = np.array([[0.023, 0.014, 0.03], [0.023, 0.014, -0.015]])
+    mesh, network = with_line(scene.mesh, scene.network, line)
+    assert [name for name, _ in mesh.points][:3] == ["M1", "M2", "T"]
+    own = [k for k, name in enumerate(network.names) if name.startswith("needle ")]
+    assert len(own) == 2
+    assert not network.fixed[own].any()
+    z = network.positions[own, 2]
+    np.testing.assert_allclose(network.positions[own, :2], np.tile(line[0, :2], (len(own), 1)), atol=1e-6)
+    assert (np.diff(z) < -1e-3).all()
+    assert (z > -1e-9).all()
+    np.testing.assert_allclose(network.masses, scene.network.masses[0])
+    assert network.continuum is not None
+    assert scene.network.continuum is not None
+    longer, own_ = (np.linalg.inv(one.continuum.stiffness) for one in (network, scene.network))
+    np.testing.assert_allclose(longer[:9, :9], own_, atol=1e-6 * own_.max())
+
+
+def test_in_all_modes_it_has_the_stiffness_of_its_network(tmp_path: Path) -> None:
+    """More modes than the filter's, tissues as scaled: a gland twice as stiff."""
+    scene = read_scene(folder(tmp_path))
+    assert scene.mesh is not None
+    assert scene.network.continuum is not None
+    stiffer = replace(scene.network, continuum=scene.network.continuum.scaled(np.array([1.0, 2.0])))
+    whole = scene.mesh.in_all_modes(stiffer)
+    assert whole.names == scene.network.names
+    assert len(whole.continuum.rates) > len(scene.network.continuum.rates)
+    write_scene(replace(scene, network=stiffer), tmp_path / "stiffer.toml")
+    exact = read_scene(tmp_path / "stiffer.toml").network.continuum
+    np.testing.assert_allclose(whole.continuum.stiffness, exact.stiffness, rtol=1e-6, atol=1e-6 * exact.stiffness.max())
+    assert np.abs(whole.continuum.residual).max() < np.abs(exact.residual).max()

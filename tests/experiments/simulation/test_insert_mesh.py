@@ -1,0 +1,112 @@
+"""Needles in a body from a mesh: its points, its truth, and the error of its registration."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from estimators import TissueFilter, compliance
+from experiments.formats.scenario import read_scenario
+from experiments.simulation.cases import Case, case_of
+from experiments.simulation.closed_loop import attempt
+from experiments.simulation.insert import one_run
+from experiments.simulation.policies import Ahead, warmed
+from experiments.simulation.world import world_of
+from tests.experiments.formats.scene.test_mesh import SCENE, folder
+
+SCENARIO = """version = 1
+scene = "scene.toml"
+seed = 5
+[breathing]
+acceleration_m_s2 = 8.0
+direction = [0.0, 1.0, 0.0]
+shortest_s = 3.5
+longest_s = 4.5
+[constants]
+stiffness = 0.2
+[marks]
+sd_mm = 0.1
+"""
+NEEDLE = """version = 1
+entry_mm = [23.0, 14.0, 30.0]
+direction = [0.0, 0.0, -1.0]
+speed_mm_s = 50.0
+hit = "TIP"
+tip_sd_mm = 0.0
+bending_sd_mm_per_mm = 0.0
+[forces]
+puncture_N = 0.0
+cutting_N = 0.1
+friction_N_m = 1.0
+error = 0.0
+"""
+PLACES = [(40, 5, 10), (40, 25, 20), (25, 30, 15), (30, 0, 15), (15, 15, 0), (30, 20, 30)]
+MARKS = {f"M{k}": [float(x) for x in place] for k, place in enumerate(PLACES, start=3)}
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+
+def case(path: Path, sd_mm: float = 0.0) -> Case:
+    points = "".join(f'[[mesh.point]]\nname = "{name}"\nposition_mm = {place}\n' for name, place in MARKS.items())
+    marks = "".join(f'[[mark]]\nnode = "{name}"\nhue_deg = 0.0\ndiameter_mm = 2.0\n' for name in MARKS)
+    text = SCENE.replace("[[mark]]", points + marks + "[[mark]]", 1)
+    text = text.replace("position_sd_mm = 2.0", f"position_sd_mm = {sd_mm}")
+    folder(path, text)
+    (path / "scenario.toml").write_text(SCENARIO)
+    (path / "needle.toml").write_text(NEEDLE)
+    found = case_of(read_scenario(str(path / "scenario.toml")), needle_path=path / "needle.toml")
+    return replace(found, warm_s=8.0, patience_s=3.0, advice=False)
+
+
+def test_the_truth_is_not_the_model_of_the_filter(tmp_path: Path) -> None:
+    """Another stiffness in each run, and more modes; the same points, some of them on the needle's line."""
+    one = case(tmp_path)
+    world, other = world_of(one), world_of(replace(one, seed=6))
+    assert "needle 2" in one.given.network.names
+    assert world.network.names == one.given.network.names
+    assert len(world.network.continuum.rates) > len(one.given.network.continuum.rates)
+    for truth in (world.network.continuum, other.network.continuum):
+        assert np.abs(truth.stiffness / one.given.network.continuum.stiffness - 1.0).max() > 0.02
+    assert np.abs(world.network.continuum.stiffness / other.network.continuum.stiffness - 1.0).max() > 0.02
+
+
+def test_the_filter_follows_and_hits_a_body_that_breathes(tmp_path: Path) -> None:
+    """Breathing moves the target by 1.9 mm, the needle by some 3 mm more; the tip ends within half of that."""
+    known = case(tmp_path)
+    world = world_of(replace(known, scenario=known.scenario.model_copy(update={"constants": None})))
+    state, _, warm = warmed(world)
+    rest = world.aim.position(world.start)
+    assert np.linalg.norm(world.target(state) - rest) > 1.5e-3
+    assert 0.1 * np.linalg.norm(compliance(world.network, "T")[:, world.network.coordinates("T")][:, 2]) > 3e-3
+    found = attempt(world, Ahead(world, warm), state)
+    assert found.miss_m < 1.5e-3
+    assert found.probability > 0.95
+
+
+def test_every_policy_runs_in_it(tmp_path: Path) -> None:
+    done, of_advice = one_run(replace(case(tmp_path), warm_s=1.0, patience_s=1.0, advice=True))
+    assert [one.policy for one in done] == ["rest", "open-loop", "filter", "filter-ahead", "wait-for-go"]
+    assert len(of_advice) == 1
+
+
+def test_the_registration_error_is_drawn_and_considered(tmp_path: Path) -> None:
+    """3 mm an axis: of the true target by the seed, of the filter's and the breathing model's covariance."""
+    one = case(tmp_path, sd_mm=3.0)
+    off = []
+    for seed in range(40):
+        world = replace(world_of(one), misplaced=np.zeros(3)) if not seed else world_of(replace(one, seed=seed))
+        off.append(world.target(world.start) - world.aim.position(world.start))
+    assert not off[0].any()
+    assert np.std(off[1:]) == pytest.approx(3e-3, rel=0.2)
+    world = world_of(one)
+    _, _, warm = warmed(world)
+    assert isinstance(warm.tissue, TissueFilter)
+    ahead = Ahead(world, warm)
+    assert ahead._breathing.breath() is not None
+    path = ahead.path(np.zeros((warm.tables.n_times - 1, len(world.assumed.free), 3)))
+    for cov in (warm.estimate.cov, path.covs[0], path.covs[-1]):
+        assert 3e-3 < np.sqrt(np.trace(cov) / 3.0) < 4e-3
