@@ -11,6 +11,7 @@ from dynamics.lattices.moduli import (
     effective_stiffness,
     free_sided_young,
     orthotropic_moduli,
+    spring_stiffness,
     young_along,
 )
 from dynamics.lattices.structures import STRUCTURES, Structure, fibres, foam, lobules, plain, sheet
@@ -36,6 +37,7 @@ __all__ = [
     "orthotropic_moduli",
     "plain",
     "sheet",
+    "spring_stiffness",
     "van_gelder",
     "young_along",
 ]

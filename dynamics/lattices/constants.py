@@ -100,8 +100,8 @@ def _elongations(lattice: Lattice) -> csr_array:
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
     """Logarithms of the moduli that are missing, (6,), and their derivatives by the factors, (6, 6).
 
-    At equilibrium the derivative of the energy by a stiffness is half the squared elongation e of its spring. Under unit
-    tension therefore d(1/E) = -sum over springs of e² dk / V.
+    At equilibrium the derivative of the energy by a stiffness is half the squared elongation e of its spring. Under
+    unit tension therefore d(1/E) = -sum over springs of e² dk / V.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

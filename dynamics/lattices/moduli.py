@@ -59,18 +59,16 @@ class Moduli:
 
 
 def effective_moduli(network: MassSpringNetwork) -> Moduli:
-    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do.
+    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do. NetworkError for the plane."""
+    return orthotropic_moduli(effective_stiffness(spring_stiffness(network), network.positions))
 
-    Raises
-    ------
-    NetworkError
-        A network in the plane.
-    """
+
+def spring_stiffness(network: MassSpringNetwork) -> csc_array:
+    """Stiffness of the springs of a network, as drawn, [N/m], (3 n_nodes, 3 n_nodes). NetworkError for the plane."""
     if network.dim != 3:
         raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
     body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])
-    K, _ = body.tangents(network.positions.ravel(), np.zeros(body.n))
-    return orthotropic_moduli(effective_stiffness(csc_array(K), network.positions))
+    return csc_array(body.tangents(network.positions.ravel(), np.zeros(body.n))[0])
 
 
 def orthotropic_moduli(stiffness: Floats) -> Moduli:

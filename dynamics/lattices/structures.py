@@ -54,7 +54,7 @@ def sheet(rng: np.random.Generator) -> Structure:
 
 def foam(rng: np.random.Generator) -> Structure:
     """Walls between cells: those of the Voronoi diagram of shifted centres."""
-    centres = (_grid(np.arange(-1, CELLS + 1)) + 0.5) / CELLS
+    centres = (_grid(np.arange(-1.0, CELLS + 1.0)) + 0.5) / CELLS
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     nearest = cKDTree(centres)
 
@@ -68,7 +68,7 @@ def foam(rng: np.random.Generator) -> Structure:
 
 def lobules(rng: np.random.Generator) -> Structure:
     """Balls, and ducts that lead from each of them to a stem along z."""
-    centres = (_grid(np.arange(CELLS - 1)) + 0.5) / (CELLS - 1)
+    centres = (_grid(np.arange(CELLS - 1.0)) + 0.5) / (CELLS - 1)
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     fork = np.array([0.5, 0.5, 0.5])
     ducts = [(fork, np.array([0.5, 0.5, -0.1])), *((fork, centre) for centre in centres)]
