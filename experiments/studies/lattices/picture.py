@@ -31,6 +31,9 @@ SHOWN_SEED = 1000
 COLORS = ("0.75", OURS, VERMILLION)
 """Of springs by tissue: the ground, and those within it."""
 
+PLANES = {"lobules": 0.35, "fibres": 0.375}
+"""Place of the plane drawn, across y, by the side; of other structures the middle."""
+
 STYLES = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
     "lloyd": {"color": PURPLE, "marker": "D"},
@@ -40,7 +43,7 @@ STYLES = {
 
 @styled
 def picture(rows: Sequence[Mapping[str, Any]], cells: int) -> Figure:
-    """A column for each structure: springs in the middle plane across y, and moduli."""
+    """A column for each structure: springs in a plane across y, and moduli."""
     figure = new_figure(PAGE_MM, 95.0)
     axes = figure.subplots(2, len(rows), squeeze=False, height_ratios=[1.0, 1.1])
     for (slice_, moduli), row in zip(axes.T, rows, strict=True):
@@ -54,10 +57,10 @@ def picture(rows: Sequence[Mapping[str, Any]], cells: int) -> Figure:
 
 
 def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
-    """Springs near the middle plane; those of a stiffer tissue wide."""
+    """Springs near the plane; those of the structure's tissues wide."""
     lattice, tissues = lattice_by_seed(kind, SHOWN_SEED, cells)
     ends = 1e3 * lattice.mesh.nodes[lattice.springs]
-    near = (np.abs(ends[:, :, 1] - 500.0 * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)
+    near = (np.abs(ends[:, :, 1] - 1e3 * PLANES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)
     region = np.zeros(len(lattice.springs), dtype=int)
     for k in range(1, len(tissues)):
         region[lattice.edges[lattice.mesh.regions == k]] = k
@@ -78,5 +81,6 @@ def _draw_moduli(ax: Axes, methods: Mapping[str, Mapping[str, Any]]) -> None:
     for k, (name, style) in enumerate(STYLES.items()):
         found = 1e-3 * np.array(methods[name]["young_pa"])
         ax.plot(places + 0.2 * (k - 1), found, ls="none", ms=2.5, label=WORDS[name], **style)
-    ax.set(xticks=places, xticklabels=AXES, ylim=(0.0, None), xlabel="along")
+    highest = max(max(methods[name]["young_pa"]) for name in (MATERIAL, *STYLES))
+    ax.set(xticks=places, xticklabels=AXES, ylim=(0.0, 1.08e-3 * highest), xlabel="along")
     ax.grid(axis="y", lw=0.3, color=GREY)

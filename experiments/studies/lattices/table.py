@@ -88,27 +88,20 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _moduli(rows: Sequence[Mapping[str, Any]]) -> str:
-    heads = (
-        *("structure", "tissues, share [%]", "alignment", "crossing [%]"),
-        *("E of x, y, z [kPa]", "ν of yz, xz, xy", "anisotropy"),
-        *("springs: E [kPa]", "ν", "anisotropy"),
-    )
+    heads = ("structure", "tissues [%]", "alignment", "crossing [%]", "E [kPa]", "springs", "anisotropy", "springs")
     entries = []
     for row in rows:
         named = zip(STRUCTURES[row["structure"]][1], row["shares"], strict=True)
         shares = ", ".join(f"{name} {100 * share:.0f}" for name, share in named if share > 0.0)
-        own = [""] if row["alignment"] is None else [f"{row['alignment']:.2f}"]
-        own += [f"{100 * row['crossing']:.1f}"]
-        for name in (MATERIAL, "fitted"):
-            found = row["methods"][name]
-            own += [_kpa(found["young_pa"][:3]), ", ".join(f"{one:.2f}" for one in found["poisson"])]
-            own += [f"{found['anisotropy']:.2f}"]
-        entries.append((row["structure"], shares, *own))
+        alignment = "" if row["alignment"] is None else f"{row['alignment']:.2f}"
+        both = [row["methods"][name] for name in (MATERIAL, "fitted")]
+        young, anisotropy = [_kpa(one["young_pa"][:3]) for one in both], [f"{one['anisotropy']:.2f}" for one in both]
+        entries.append((row["structure"], shares, alignment, f"{100 * row['crossing']:.1f}", *young, *anisotropy))
     return markdown_table(heads, entries, left=(0, 1))
 
 
 def _kpa(values: Sequence[float]) -> str:
-    return ", ".join(f"{1e-3 * one:.3g}" for one in values)
+    return ", ".join(f"{1e-3 * one:#.3g}".rstrip(".") for one in values)
 
 
 def _errors(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -121,10 +114,15 @@ def _errors(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _limits(rows: Sequence[Mapping[str, Any]]) -> str:
-    heads = ("structure", "shear modulus [kPa]", "springs", "bulk modulus [kPa]", "springs", "E, free sides", "springs")
-    entries = []
-    for row in rows:
-        true, found = row["methods"][MATERIAL], row["methods"]["fitted"]
-        shear, free = ((_kpa(true[key]), _kpa(found[key])) for key in ("shear_pa", "free_sided_pa"))
-        entries.append((row["structure"], *shear, _kpa([true["bulk_pa"]]), _kpa([found["bulk_pa"]]), *free))
-    return markdown_table(heads, entries)
+    parts = {
+        "Poisson's ratio": lambda one: ", ".join(f"{nu:.2f}" for nu in one["poisson"]),
+        "shear modulus [kPa]": lambda one: _kpa(one["shear_pa"]),
+        "bulk modulus [kPa]": lambda one: _kpa([one["bulk_pa"]]),
+        "E, free sides [kPa]": lambda one: _kpa(one["free_sided_pa"]),
+    }
+    both = [[row["methods"][name] for name in (MATERIAL, "fitted")] for row in rows]
+    entries = [
+        (row["structure"], *(part(one) for part in parts.values() for one in pair))
+        for row, pair in zip(rows, both, strict=True)
+    ]
+    return markdown_table(("structure", *(head for part in parts for head in (part, "springs"))), entries)
