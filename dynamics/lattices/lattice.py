@@ -167,5 +167,5 @@ def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
 
 
 def _gradients(depth: Depth, x: Floats) -> Floats:
-    """Of a depth at points, (n, 3), by central differences."""
+    """Gradients of a depth at points, (n, 3), by central differences."""
     return np.stack([(depth(x + step) - depth(x - step)) / (2.0 * STEP) for step in STEP * np.eye(3)], axis=1)

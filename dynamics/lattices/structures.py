@@ -26,7 +26,7 @@ CELLS = 3
 """Cells of a foam, and centres of lobules less one, along a side."""
 
 RADIUS = 0.16
-"""Of a lobule, by the side."""
+"""Radius of lobules, by the side."""
 
 FIBRES = 4
 """Fibres along a side; all of them run along x."""

@@ -31,7 +31,7 @@ from dynamics.mesh.tissues import TISSUES
 from experiments.arrays import Floats
 
 SIDE_M = 0.024
-"""Of a box; moduli do not depend on it."""
+"""Side length; moduli do not depend on it."""
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")

@@ -34,7 +34,7 @@ COLORS = ("0.75", OURS, VERMILLION)
 PLANES = {"lobules": 0.35, "fibres": 0.375}
 """Place of the plane drawn, across y, by the side; of other structures the middle."""
 
-STYLES = {
+STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
     "lloyd": {"color": PURPLE, "marker": "D"},
     "fitted": {"color": OURS, "marker": "o"},
