@@ -13,15 +13,17 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+
 from dynamics.lattices import STRUCTURES
 from experiments.engine.workers import chosen_workers, workers_for
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.page import rewrite_page
 from experiments.plots.style import saved
 from experiments.studies.grid import DOCS, add_seeds, chosen, command, runs_of, seeds_of, study_options
-from experiments.studies.lattices.boxes import Box, fit, tested
+from experiments.studies.lattices.boxes import fit, tested
 from experiments.studies.lattices.picture import picture
-from experiments.studies.lattices.table import flat, summary, tables
+from experiments.studies.lattices.table import summary, tables
 
 FITTED_SEEDS = range(4)
 """Boxes to which factors are fitted; choice: with two of them the moduli of other boxes are up to 6 % off."""
@@ -45,19 +47,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         workers = chosen_workers(given)
         factors = dict(zip(kinds, runs_of(fit, fits, workers_for(len(fits), workers)), strict=True))
         jobs = [(kind, seed, given.cells, factors[kind]) for kind in kinds for seed in seeds_of(given)]
-        boxes: list[Box] = runs_of(tested, jobs, workers_for(len(jobs), workers))
-        rows = summary(boxes, factors)
-        page = tables(rows)
+        rows = pd.DataFrame([row for box in runs_of(tested, jobs, workers_for(len(jobs), workers)) for row in box])
+        means = summary(rows)
+        page = tables(means)
+        methods = {kind: json.loads(means.loc[kind].to_json(orient="index")) for kind in kinds}
         content = {
             "cells": given.cells,
             "fitted_seeds": list(FITTED_SEEDS),
             "seeds": list(seeds_of(given)),
-            "rows": rows,
+            "factors": {kind: own.tolist() for kind, own in factors.items()},
+            "methods": methods,
         }
         write_whole(folder / "summary.json", json.dumps(content, indent=2) + "\n")
-        write_whole(folder / "rows.csv", flat(boxes).to_csv(index=False))
+        write_whole(folder / "rows.csv", rows.to_csv(index=False))
         write_whole(folder / "tables.md", "\n".join(page.values()))
-        write_whole(folder / "lattices.png", saved(picture(rows, given.cells), "png"))
+        write_whole(folder / "lattices.png", saved(picture(means, given.cells), "png"))
     sys.stdout.write("\n".join(page.values()))
     if given.page:
         rewrite_page(DOCS / "lattices.md", page)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -12,7 +12,6 @@ from dynamics.lattices import (
     DIRECTIONS,
     STRUCTURES,
     Lattice,
-    Moduli,
     Sample,
     directed,
     effective_stiffness,
@@ -37,33 +36,9 @@ MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
 """Formulas; factors fitted to other boxes of the structure; factors fitted to the box itself."""
 
+AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Found:
-    """Moduli of a box.
-
-    along: Young's moduli along `DIRECTIONS` [Pa], (6,); free: along the axes with free sides [Pa], (3,)
-    """
-
-    moduli: Moduli
-    along: Floats
-    free: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Box:
-    """What is found of one box, by `MATERIAL` and `METHODS`.
-
-    alignment: mean over springs of the structure, None without one; crossing: share of springs that cross a surface
-    shares: of the tissues, of the volume
-    """
-
-    kind: str
-    seed: int
-    alignment: float | None
-    crossing: float
-    shares: tuple[float, ...]
-    found: dict[str, Found]
+Row = dict[str, Any]
 
 
 def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tissue]]:
@@ -84,34 +59,46 @@ def fit(job: tuple[str, Sequence[int], int]) -> Floats:
     return fitted_factors(samples)
 
 
-def tested(job: tuple[str, int, int, Floats]) -> Box:
-    """One box with these factors of its structure."""
+def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
+    """Rows of one box with these factors of its structure: of the material, and of springs by each method.
+
+    alignment: mean over springs of the structure; crossing: share of springs that cross a surface; share: of the
+    structure's tissues, of the volume
+    """
     kind, seed, cells, factors = job
     lattice, tissues = lattice_by_seed(kind, seed, cells)
-    material = _found(lattice.element_stiffness(tissues), lattice)
-    sample = _sample(lattice, tissues, material.along)
+    elements, inside = lattice.element_stiffness(tissues), lattice.mesh.regions > 0
+    wanted = young_along(effective_stiffness(elements, lattice.mesh.nodes), DIRECTIONS)
+    sample = _sample(lattice, tissues, wanted)
     stiffness = {
         "van_gelder": sample.stiffness,
         "lloyd": lloyd(lattice, lattice.of_elements(tissues, "young_pa")),
         "fitted": directed(lattice, sample.stiffness, factors),
         "own": directed(lattice, sample.stiffness, fitted_factors([sample])),
     }
-    found = {MATERIAL: material}
-    for name in METHODS:
-        found[name] = _found(spring_stiffness(lattice_network(lattice, stiffness[name], tissues)), lattice)
-    inside = lattice.edges[lattice.mesh.regions > 0].ravel()
-    alignment = float(lattice.alignment[np.unique(inside)].mean()) if len(inside) else None
-    shares = (
-        np.bincount(lattice.mesh.regions, lattice.mesh.volumes, minlength=len(tissues)) / lattice.mesh.volumes.sum()
-    )
-    return Box(kind, seed, alignment, float(lattice.crossing.mean()), tuple(shares.tolist()), found)
+    box = {
+        "structure": kind,
+        "seed": seed,
+        "alignment": float(lattice.alignment[np.unique(lattice.edges[inside])].mean()) if inside.any() else np.nan,
+        "crossing": float(lattice.crossing.mean()),
+        "share": float(lattice.mesh.volumes[inside].sum() / lattice.mesh.volumes.sum()),
+    }
+    bodies = {name: spring_stiffness(lattice_network(lattice, stiffness[name], tissues)) for name in METHODS}
+    return [box | {"method": name} | _moduli(K, lattice) for name, K in ({MATERIAL: elements} | bodies).items()]
 
 
 def _sample(lattice: Lattice, tissues: Sequence[Tissue], young: Floats) -> Sample:
     return Sample(lattice, van_gelder(lattice, lattice.of_elements(tissues, "young_pa")), young)
 
 
-def _found(K: csc_array, lattice: Lattice) -> Found:
-    stiffness = effective_stiffness(K, lattice.mesh.nodes)
-    along = young_along(stiffness, DIRECTIONS)
-    return Found(orthotropic_moduli(stiffness), along, free_sided_young(K, lattice.mesh.nodes))
+def _moduli(K: csc_array, lattice: Lattice) -> Row:
+    found = orthotropic_moduli(effective_stiffness(K, lattice.mesh.nodes))
+    along, free = young_along(found.stiffness, DIRECTIONS), free_sided_young(K, lattice.mesh.nodes)
+    named = {f"young_{name}_pa": value for name, value in zip(AXES + PLANES, along, strict=True)}
+    named |= {f"free_sided_{name}_pa": value for name, value in zip(AXES, free, strict=True)}
+    for key, values in (("shear_{}_pa", found.shear), ("poisson_{}", found.poisson)):
+        named |= {key.format(name): value for name, value in zip(PLANES, values, strict=True)}
+    return {key: float(value) for key, value in named.items()} | {
+        "bulk_pa": found.bulk,
+        "anisotropy": found.anisotropy,
+    }

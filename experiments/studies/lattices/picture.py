@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
@@ -22,8 +22,8 @@ from experiments.plots.style import (
     new_figure,
     styled,
 )
-from experiments.studies.lattices.boxes import MATERIAL, SIDE_M, lattice_by_seed
-from experiments.studies.lattices.table import AXES, WORDS
+from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, lattice_by_seed
+from experiments.studies.lattices.table import WORDS, YOUNG
 
 SHOWN_SEED = 1000
 """Of the lattices drawn."""
@@ -31,7 +31,7 @@ SHOWN_SEED = 1000
 COLORS = ("0.75", OURS, VERMILLION)
 """Of springs by tissue: the ground, and those within it."""
 
-PLANES = {"lobules": 0.35, "fibres": 0.375}
+PLACES = {"lobules": 0.35, "fibres": 0.375}
 """Place of the plane drawn, across y, by the side; of other structures the middle."""
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -42,14 +42,15 @@ STYLES: dict[str, dict[str, Any]] = {
 
 
 @styled
-def picture(rows: Sequence[Mapping[str, Any]], cells: int) -> Figure:
+def picture(means: pd.DataFrame, cells: int) -> Figure:
     """A column for each structure: springs in a plane across y, and moduli."""
     figure = new_figure(PAGE_MM, 95.0)
-    axes = figure.subplots(2, len(rows), squeeze=False, height_ratios=[1.0, 1.1])
-    for (slice_, moduli), row in zip(axes.T, rows, strict=True):
-        _draw_slice(slice_, row["structure"], cells)
-        slice_.set_title(row["structure"])
-        _draw_moduli(moduli, row["methods"])
+    kinds = list(means.index.unique("structure"))
+    axes = figure.subplots(2, len(kinds), squeeze=False, height_ratios=[1.0, 1.1])
+    for (slice_, moduli), kind in zip(axes.T, kinds, strict=True):
+        _draw_slice(slice_, kind, cells)
+        slice_.set_title(kind)
+        _draw_moduli(moduli, 1e-3 * means.loc[kind][YOUNG])
     axes[0, 0].set(ylabel="z [mm]")
     axes[1, 0].set(ylabel="Young's modulus [kPa]")
     legend_below(figure, axes[1, 0], 1 + len(STYLES))
@@ -60,7 +61,7 @@ def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
     """Springs near the plane; those of the structure's tissues wide."""
     lattice, tissues = lattice_by_seed(kind, SHOWN_SEED, cells)
     ends = 1e3 * lattice.mesh.nodes[lattice.springs]
-    near = (np.abs(ends[:, :, 1] - 1e3 * PLANES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)
+    near = (np.abs(ends[:, :, 1] - 1e3 * PLACES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)
     region = np.zeros(len(lattice.springs), dtype=int)
     for k in range(1, len(tissues)):
         region[lattice.edges[lattice.mesh.regions == k]] = k
@@ -74,13 +75,11 @@ def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
     ax.set(yticks=(0, 12, 24))
 
 
-def _draw_moduli(ax: Axes, methods: Mapping[str, Mapping[str, Any]]) -> None:
-    places = np.arange(len(AXES))
-    true = 1e-3 * np.array(methods[MATERIAL]["young_pa"])
-    ax.hlines(true, places - 0.4, places + 0.4, color=BLACK, lw=1.2, label="material")
+def _draw_moduli(ax: Axes, young_kpa: pd.DataFrame) -> None:
+    places = np.arange(len(YOUNG))
+    ax.hlines(young_kpa.loc[MATERIAL], places - 0.4, places + 0.4, color=BLACK, lw=1.2, label="material")
     for k, (name, style) in enumerate(STYLES.items()):
-        found = 1e-3 * np.array(methods[name]["young_pa"])
-        ax.plot(places + 0.2 * (k - 1), found, ls="none", ms=2.5, label=WORDS[name], **style)
-    highest = max(max(methods[name]["young_pa"]) for name in (MATERIAL, *STYLES))
-    ax.set(xticks=places, xticklabels=AXES, ylim=(0.0, 1.08e-3 * highest), xlabel="along")
+        ax.plot(places + 0.2 * (k - 1), young_kpa.loc[name], ls="none", ms=2.5, label=WORDS[name], **style)
+    highest = young_kpa.loc[[MATERIAL, *STYLES]].to_numpy().max()
+    ax.set(xticks=places, xticklabels=AXES + PLANES, ylim=(0.0, 1.08 * highest), xlabel="along")
     ax.grid(axis="y", lw=0.3, color=GREY)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
-import numpy as np
 import pandas as pd
 
 from dynamics.lattices import STRUCTURES
-from experiments.arrays import Floats
 from experiments.studies.grid import markdown_table
-from experiments.studies.lattices.boxes import MATERIAL, METHODS, Box, Found
-
-AXES = ("x", "y", "z", "yz", "xz", "xy")
-"""Of Young's moduli; pairs are diagonals, and planes of shear moduli and Poisson's ratios."""
+from experiments.studies.lattices.boxes import AXES, MATERIAL, METHODS, PLANES
 
 WORDS = {
     "van_gelder": "Van Gelder",
@@ -24,105 +18,57 @@ WORDS = {
 }
 """Methods in words."""
 
+YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
+"""Columns of Young's moduli along axes and diagonals."""
 
-def summary(boxes: Sequence[Box], factors: Mapping[str, Floats]) -> list[dict[str, Any]]:
-    """A row for each structure: means over its boxes, by method, and its fitted factors."""
-    rows = []
-    for kind, own in factors.items():
-        these = [box for box in boxes if box.kind == kind]
-        alignments = [box.alignment for box in these if box.alignment is not None]
-        rows.append(
-            {
-                "structure": kind,
-                "factors": own.tolist(),
-                "shares": np.mean([box.shares for box in these], axis=0).tolist(),
-                "alignment": float(np.mean(alignments)) if alignments else None,
-                "crossing": float(np.mean([box.crossing for box in these])),
-                "methods": {name: _means(these, name) for name in (MATERIAL, *METHODS)},
-            }
-        )
-    return rows
+PARTS = {
+    "Poisson's ratio": [f"poisson_{name}" for name in PLANES],
+    "shear modulus [kPa]": [f"shear_{name}_pa" for name in PLANES],
+    "bulk modulus [kPa]": ["bulk_pa"],
+    "E, free sides [kPa]": [f"free_sided_{name}_pa" for name in AXES],
+}
+"""Columns of what springs cannot follow."""
 
 
-def _means(boxes: Sequence[Box], method: str) -> dict[str, Any]:
-    found, material = ([box.found[name] for box in boxes] for name in (method, MATERIAL))
-    errors = np.array([one.along / true.along - 1.0 for one, true in zip(found, material, strict=True)])
-    free = np.array([one.free / true.free - 1.0 for one, true in zip(found, material, strict=True)])
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means over boxes, by structure and method, with the errors of Young's modulus.
+
+    `largest_mean_error`: over directions, of the mean over boxes; `largest_error`: of any box as well
+    """
+    by = ["structure", "method"]
+    true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]
+    errors = rows.set_index(["structure", "seed", "method"])[YOUNG].div(true) - 1.0
+    means = rows.drop(columns="seed").groupby(by, sort=False).mean()
+    means["largest_mean_error"] = errors.groupby(by, sort=False).mean().abs().max(axis=1)
+    means["largest_error"] = errors.abs().groupby(by, sort=False).max().max(axis=1)
+    return means
+
+
+def tables(means: pd.DataFrame) -> dict[str, str]:
+    """The tables of a page, by name, from a `summary`."""
+    kinds = list(means.index.unique("structure"))
+    heads = ("structure", "tissues", "alignment", "crossing [%]", "E [kPa]", "springs", "anisotropy", "springs")
+    entries, errors, limits = [], [], []
+    for kind in kinds:
+        true, found = means.loc[(kind, MATERIAL)], means.loc[(kind, "fitted")]
+        ground, *others = STRUCTURES[kind][1]
+        tissues = f"{ground}, {100 * true.share:.0f} % {' and '.join(others)}" if true.share else ground
+        alignment = f"{true.alignment:.2f}" if true.share else ""
+        young = [_listed(one, YOUNG[:3]) for one in (true, found)]
+        anisotropy = [f"{one.anisotropy:.2f}" for one in (true, found)]
+        entries.append((kind, tissues, alignment, f"{100 * true.crossing:.1f}", *young, *anisotropy))
+        own = [means.loc[(kind, name)] for name in METHODS]
+        errors.append((kind, *(f"{100 * one.largest_mean_error:.1f}, {100 * one.largest_error:.1f}" for one in own)))
+        limits.append((kind, *(_listed(one, part) for part in PARTS.values() for one in (true, found))))
     return {
-        "young_pa": np.mean([one.along for one in found], axis=0).tolist(),
-        "shear_pa": np.mean([one.moduli.shear for one in found], axis=0).tolist(),
-        "poisson": np.mean([one.moduli.poisson for one in found], axis=0).tolist(),
-        "bulk_pa": float(np.mean([one.moduli.bulk for one in found])),
-        "anisotropy": float(np.mean([one.moduli.anisotropy for one in found])),
-        "free_sided_pa": np.mean([one.free for one in found], axis=0).tolist(),
-        "mean_error": errors.mean(axis=0).tolist(),
-        "largest_mean_error": float(np.abs(errors.mean(axis=0)).max()),
-        "largest_error": float(np.abs(errors).max()),
-        "largest_free_sided_error": float(np.abs(free).max()),
+        "moduli": markdown_table(heads, entries, left=(0, 1)),
+        "errors": markdown_table(("structure", *(f"{word} [%]" for word in WORDS.values())), errors),
+        "limits": markdown_table(("structure", *(head for part in PARTS for head in (part, "springs"))), limits),
     }
 
 
-def flat(boxes: Sequence[Box]) -> pd.DataFrame:
-    """One line for each box and method."""
-    return pd.DataFrame([_line(box, name, found) for box in boxes for name, found in box.found.items()])
-
-
-def _line(box: Box, method: str, found: Found) -> dict[str, Any]:
-    moduli = found.moduli
-    named = {"young": found.along, "shear": moduli.shear, "poisson": moduli.poisson, "free_sided": found.free}
-    units = {"young": "_pa", "shear": "_pa", "poisson": "", "free_sided": "_pa"}
-    values = {
-        f"{key}_{axis}{units[key]}": float(value)
-        for key, each in named.items()
-        for axis, value in zip(
-            AXES if len(each) == 6 else AXES[:3] if key == "free_sided" else AXES[3:], each, strict=True
-        )
-    }
-    head = {"structure": box.kind, "seed": box.seed, "method": method}
-    return head | values | {"bulk_pa": moduli.bulk, "anisotropy": moduli.anisotropy}
-
-
-def tables(rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
-    """The tables of a page, by name."""
-    return {"moduli": _moduli(rows), "errors": _errors(rows), "limits": _limits(rows)}
-
-
-def _moduli(rows: Sequence[Mapping[str, Any]]) -> str:
-    heads = ("structure", "tissues [%]", "alignment", "crossing [%]", "E [kPa]", "springs", "anisotropy", "springs")
-    entries = []
-    for row in rows:
-        named = zip(STRUCTURES[row["structure"]][1], row["shares"], strict=True)
-        shares = ", ".join(f"{name} {100 * share:.0f}" for name, share in named if share > 0.0)
-        alignment = "" if row["alignment"] is None else f"{row['alignment']:.2f}"
-        both = [row["methods"][name] for name in (MATERIAL, "fitted")]
-        young, anisotropy = [_kpa(one["young_pa"][:3]) for one in both], [f"{one['anisotropy']:.2f}" for one in both]
-        entries.append((row["structure"], shares, alignment, f"{100 * row['crossing']:.1f}", *young, *anisotropy))
-    return markdown_table(heads, entries, left=(0, 1))
-
-
-def _kpa(values: Sequence[float]) -> str:
-    return ", ".join(f"{1e-3 * one:#.3g}".rstrip(".") for one in values)
-
-
-def _errors(rows: Sequence[Mapping[str, Any]]) -> str:
-    entries = []
-    for row in rows:
-        found = [row["methods"][name] for name in METHODS]
-        errors = [f"{100 * one['largest_mean_error']:.1f}, {100 * one['largest_error']:.1f}" for one in found]
-        entries.append((row["structure"], *errors))
-    return markdown_table(("structure", *(f"{word} [%]" for word in WORDS.values())), entries)
-
-
-def _limits(rows: Sequence[Mapping[str, Any]]) -> str:
-    parts = {
-        "Poisson's ratio": lambda one: ", ".join(f"{nu:.2f}" for nu in one["poisson"]),
-        "shear modulus [kPa]": lambda one: _kpa(one["shear_pa"]),
-        "bulk modulus [kPa]": lambda one: _kpa([one["bulk_pa"]]),
-        "E, free sides [kPa]": lambda one: _kpa(one["free_sided_pa"]),
-    }
-    both = [[row["methods"][name] for name in (MATERIAL, "fitted")] for row in rows]
-    entries = [
-        (row["structure"], *(part(one) for part in parts.values() for one in pair))
-        for row, pair in zip(rows, both, strict=True)
-    ]
-    return markdown_table(("structure", *(head for part in parts for head in (part, "springs"))), entries)
+def _listed(row: pd.Series, columns: Sequence[str]) -> str:
+    """Values of some columns, moduli in kPa."""
+    return ", ".join(
+        f"{1e-3 * row[key]:#.3g}".rstrip(".") if key.endswith("_pa") else f"{row[key]:.2f}" for key in columns
+    )
