@@ -94,26 +94,44 @@ def test_elements_in_layers_have_the_moduli_of_a_laminate():
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-5)
 
 
-def test_moduli_lie_below_those_with_all_displacements_given():
-    """Fewer displacements are given in mixed tests, and fewer again with free sides, so that less energy is stored."""
+@pytest.fixture(name="layers", scope="module")
+def _layers():
+    """Nodes and stiffness of a box of uneven layers."""
     lattice = lattice_of(sheet(np.random.default_rng(2)), 0.02, 5, np.random.default_rng(2))
-    nodes = lattice.mesh.nodes
-    K = lattice.element_stiffness([TISSUES["fat"], TISSUES["fascia"]])
+    return lattice.mesh.nodes, lattice.element_stiffness([TISSUES["fat"], TISSUES["fascia"]])
+
+
+def test_moduli_lie_below_those_with_all_displacements_given(layers):
+    """Fewer displacements are given in mixed tests, and fewer again with free sides, so that less energy is stored."""
+    nodes, K = layers
     mixed = effective_stiffness(K, nodes)
-    given = affine_stiffness(K, nodes)
+    inner = ((nodes > 1e-9) & (nodes < 0.02 - 1e-9)).all(axis=1)
+    given = relaxed(K, nodes, np.repeat(~inner, 3).reshape(-1, 3))
     assert np.linalg.eigvalsh(given[:3, :3] - mixed[:3, :3]).min() > 0.0
     assert (np.diag(given) > 1.001 * np.diag(mixed)).all()
     assert (free_sided_young(K, nodes) < 0.9999 * orthotropic_moduli(mixed).young).all()
 
 
-def affine_stiffness(K, nodes):
-    """Stiffness with the displacements of all faces given, by dense algebra."""
+def test_boundaries_are_those_of_a_symmetric_periodic_body(layers):
+    """Given by [pahr2008] in the shear xy: along y, z on faces across x, along x, z on those across y, z on the others."""
+    nodes, K = layers
+    mixed = effective_stiffness(K, nodes)
+    on_x, on_y, on_z = np.isclose(nodes % 0.02, 0.0, atol=1e-9).T | np.isclose(nodes, 0.02).T
+    sheared = relaxed(K, nodes, np.stack([on_y, on_x, on_x | on_y | on_z], axis=1))
+    assert mixed[5, 5] == pytest.approx(sheared[5, 5], rel=1e-9)
+    normal = relaxed(K, nodes, np.stack([on_x, on_y, on_z], axis=1))
+    np.testing.assert_allclose(mixed[:3, :3], normal[:3, :3], rtol=1e-9)
+    np.testing.assert_array_equal(mixed[:3, 3:], 0.0)
+    np.testing.assert_array_equal(mixed[3:, 3:], np.diag(np.diag(mixed)[3:]))
+
+
+def relaxed(K, nodes, given):
+    """Stiffness by six affine strains with some displacements given, by node and axis, by dense algebra."""
     moved = np.zeros((len(nodes), 3, 6))
     for q, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]):
         moved[:, i, q] += 0.5 * nodes[:, j]
         moved[:, j, q] += 0.5 * nodes[:, i]
-    inner = ((nodes > 1e-9) & (nodes < 0.02 - 1e-9)).all(axis=1)
-    free, u, dense = np.repeat(inner, 3), moved.reshape(-1, 6), csc_array(K).toarray()
+    free, u, dense = ~given.ravel(), moved.reshape(-1, 6), csc_array(K).toarray()
     u[free] = np.linalg.solve(dense[np.ix_(free, free)], -dense[np.ix_(free, ~free)] @ u[~free])
     return u.T @ dense @ u / 0.02**3
 
