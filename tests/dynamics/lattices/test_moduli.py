@@ -113,7 +113,7 @@ def test_moduli_lie_below_those_with_all_displacements_given(layers):
 
 
 def test_boundaries_are_those_of_a_symmetric_periodic_body(layers):
-    """Given by [pahr2008] in the shear xy: along y, z on faces across x, along x, z on those across y, z on the others."""
+    """Given by [pahr2008] in the shear xy: y, z on faces across x; x, z on those across y; z on the others."""
     nodes, K = layers
     mixed = effective_stiffness(K, nodes)
     on_x, on_y, on_z = np.isclose(nodes % 0.02, 0.0, atol=1e-9).T | np.isclose(nodes, 0.02).T
