@@ -23,7 +23,7 @@ LAYERS, WAVE = 3, 0.04
 """Layers, and how far they wave, by the side."""
 
 CELLS = 3
-"""Cells of a foam, and centres of lobules less one, along a side."""
+"""Cells of a foam along a side; lobules are one fewer."""
 
 RADIUS = 0.16
 """Radius of lobules, by the side."""
