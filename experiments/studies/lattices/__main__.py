@@ -26,7 +26,7 @@ from experiments.studies.lattices.picture import picture
 from experiments.studies.lattices.table import summary, tables
 
 FITTED_SEEDS = range(4)
-"""Boxes to which factors are fitted; choice: with two of them the moduli of other boxes are up to 6 % off."""
+"""Boxes to which factors are fitted; choice, apart from those that are reported."""
 
 CELLS = 10
 """Along a side of a box; choice: a box takes some seconds."""
