@@ -1,0 +1,43 @@
+"""Boxes of tissue as springs that follow its structure, their constants, and virtual tests of their moduli.
+
+What may enter: another structure, formula or virtual test.
+"""
+
+from dynamics.lattices.constants import DIRECTIONS, Sample, directed, fitted_factors, lloyd, van_gelder
+from dynamics.lattices.lattice import Lattice, lattice_network, lattice_of
+from dynamics.lattices.moduli import (
+    Moduli,
+    effective_moduli,
+    effective_stiffness,
+    free_sided_young,
+    orthotropic_moduli,
+    spring_stiffness,
+    young_along,
+)
+from dynamics.lattices.structures import STRUCTURES, Structure, fibres, foam, lobules, plain, sheet
+
+__all__ = [
+    "DIRECTIONS",
+    "STRUCTURES",
+    "Lattice",
+    "Moduli",
+    "Sample",
+    "Structure",
+    "directed",
+    "effective_moduli",
+    "effective_stiffness",
+    "fibres",
+    "fitted_factors",
+    "foam",
+    "free_sided_young",
+    "lattice_network",
+    "lattice_of",
+    "lloyd",
+    "lobules",
+    "orthotropic_moduli",
+    "plain",
+    "sheet",
+    "spring_stiffness",
+    "van_gelder",
+    "young_along",
+]

@@ -1,0 +1,114 @@
+"""Spring constants of a lattice from Young's modulus: by published formulas, and by a fit to virtual tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array, diags_array
+
+from dynamics.arrays import Floats
+from dynamics.lattices.lattice import Lattice
+from dynamics.lattices.moduli import PAIRS, directions_of, mean_stiffness, strained, tension, young_along
+
+DIRECTIONS = directions_of(PAIRS)
+"""Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
+
+STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
+"""Steps of the fit at most, the largest change of a factor in a step, and that at its end [1]; numerical."""
+
+
+def van_gelder(lattice: Lattice, young: Floats) -> Floats:
+    """Stiffness of the springs [N/m], (n_springs,), by Young's modulus of each tetrahedron [Pa], (m,).
+
+    Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
+    """
+    return _added(lattice, young * lattice.mesh.volumes) / lattice.lengths**2
+
+
+def lloyd(lattice: Lattice, young: Floats) -> Floats:
+    """Stiffness of the springs [N/m], (n_springs,), by Young's modulus of each tetrahedron [Pa], (m,).
+
+    Each tetrahedron adds 2 sqrt(2) / 25 E l, l the edge of a regular one of its volume [lloyd2007].
+    """
+    edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
+    return _added(lattice, 2.0 * np.sqrt(2.0) / 25.0 * young * edge)
+
+
+def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
+    """Stiffness [N/m], (n_springs,), times a factor by the direction n of each spring, by six numbers [1], (6,).
+
+    The factor is exp(sum over q of factors_q (n_i n_j)²), i and j the axes of Voigt's component q.
+    """
+    return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
+
+
+class Sample(NamedTuple):
+    """A lattice, first stiffness of its springs [N/m], (n_springs,), and Young's moduli wanted [Pa], (6,).
+
+    The moduli are those along `DIRECTIONS`.
+    """
+
+    lattice: Lattice
+    stiffness: Floats
+    young: Floats
+
+
+def fitted_factors(samples: Sequence[Sample]) -> Floats:
+    """Factors of `directed` [1], (6,), by which lattices of one structure have the Young's moduli wanted.
+
+    Gauss-Newton on logarithms of the moduli. With one lattice they are met, with several by least squares. A network of
+    central springs has no other moduli to choose: Poisson's ratios and shear moduli follow.
+    Raises ValueError where no factors are found.
+    """
+    factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
+    for _ in range(STEPS):
+        parts = [_linearised(sample, box, factors) for sample, box in zip(samples, boxes, strict=True)]
+        missing, slopes = (np.concatenate(part) for part in zip(*parts, strict=True))
+        step = np.linalg.lstsq(slopes, missing, rcond=None)[0]
+        factors = factors + np.clip(step, -LARGEST, LARGEST)
+        if np.abs(step).max() < CONVERGED:
+            return factors
+    raise ValueError(f"expected factors that meet the moduli, found none in {STEPS} steps")
+
+
+def _added(lattice: Lattice, shares: Floats) -> Floats:
+    """Shares of the tetrahedra, (m,), added over those about each spring, (n_springs,)."""
+    return np.asarray(np.bincount(lattice.edges.ravel(), np.repeat(shares, 6), minlength=len(lattice.springs)))
+
+
+def _along(lattice: Lattice) -> Floats:
+    """Directions of the springs, (n_springs, 3)."""
+    nodes, (i, j) = lattice.mesh.nodes, lattice.springs.T
+    return np.asarray((nodes[j] - nodes[i]) / lattice.lengths[:, None])
+
+
+def _quartics(lattice: Lattice) -> Floats:
+    return tension(_along(lattice)) ** 2
+
+
+def _elongations(lattice: Lattice) -> csr_array:
+    """Elongation of the springs by the displacements of all nodes, (n_springs, 3 n)."""
+    n, columns = len(lattice.springs), 3 * lattice.springs[:, :, None] + np.arange(3)
+    along = _along(lattice)
+    entries = np.stack([-along, along], axis=1).ravel()
+    where = (np.repeat(np.arange(n), 6), columns.ravel())
+    return csr_array((entries, where), shape=(n, 3 * len(lattice.mesh.nodes)))
+
+
+def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
+    """Logarithms of the moduli that are missing, (6,), and their derivatives by the factors, (6, 6).
+
+    At equilibrium the derivative of the energy by a stiffness is half the squared elongation e of its spring. Under
+    unit tension therefore d(1/E) = -sum over springs of e² dk / V.
+    """
+    nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
+    volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)
+    moved = strained(K, nodes)
+    C = mean_stiffness(K, moved, volume)
+    young, strain = young_along(C, DIRECTIONS), np.linalg.solve(C, tension(DIRECTIONS).T)
+    elongation = np.asarray(box @ moved)
+    squared = (elongation[:, :3] @ strain[:3]) ** 2 + elongation[:, 3:] ** 2 @ strain[3:] ** 2
+    slopes = young[:, None] * (k[:, None] * squared).T / volume
+    return np.log(sample.young / young), slopes @ _quartics(sample.lattice)

@@ -1,0 +1,171 @@
+"""A cube of points that follow the structure of a tissue, tetrahedra between them, springs along their edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.spatial import Delaunay, cKDTree
+
+from dynamics.arrays import Floats
+from dynamics.equilibrium.build import build_network
+from dynamics.lattices.structures import Structure
+from dynamics.mesh import TetMesh, Tissue, lumped_masses, patches, rest_stiffness
+from dynamics.network import MassSpringNetwork, spring_lengths
+
+Depth = Callable[[Floats], Floats]
+
+JITTER = 0.2
+"""How far points are moved aside at random, by the cell [1]; choice: a regular grid has flat tetrahedra."""
+
+CLOSEST = 0.45
+"""Distance of two points, by the cell, below which one is left out [1]; choice, for the same reason."""
+
+FLATTEST = 1e-3
+"""Volume of a tetrahedron by its longest edge cubed, at least [1]; choice: flatter ones are left out,
+some 1e-5 of the cube."""
+
+MOVES, STEP = 5, 1e-4
+"""Steps of Newton's method onto a surface, and the difference by which its normal is found, by the side; numerical."""
+
+NEARLY_INCOMPRESSIBLE = 0.46
+"""Poisson's ratio above which dilatation is averaged over patches of elements [1]; choice, as of continua."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Points that follow the structure of a tissue, with springs along the edges of their tetrahedra.
+
+    Attributes
+    ----------
+    mesh : TetMesh
+        A cube from the origin; region 0 is the ground, the others are the structure's tissues.
+    springs : (n_springs, 2) int
+        Ends of each spring.
+    edges : (m, 6) int
+        Springs of each tetrahedron.
+    depths : (n,)
+        Distance of each point to the nearest surface of the structure [m], negative inside.
+    alignment : (n_springs,)
+        Squared cosine between spring and nearest surface of the structure [1]: 1 along a layer, wall, duct or fibre, 0
+        across. Its mean over random directions is 2/3.
+    """
+
+    mesh: TetMesh
+    springs: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    depths: Floats
+    alignment: Floats
+
+    @property
+    def lengths(self) -> Floats:
+        """Of the springs [m], (n_springs,)."""
+        return spring_lengths(self.mesh.nodes, self.springs)
+
+    @property
+    def crossing(self) -> NDArray[np.bool_]:
+        """Whether a spring crosses a surface of the structure by more than a hundredth of its length, (n_springs,)."""
+        ends = self.depths[self.springs]
+        return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
+
+    def of_elements(self, tissues: Sequence[Tissue], key: str) -> Floats:
+        """A constant of each element, (m,), by its tissue."""
+        return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
+
+    def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
+        """Stiffness of the tetrahedra of these tissues, by region [N/m], (3 n, 3 n), node-major."""
+        young, poisson = (self.of_elements(tissues, key) for key in ("young_pa", "poisson"))
+        patch = patches(self.mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else None
+        return rest_stiffness(self.mesh, young, poisson, None, patch)
+
+
+def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.Generator) -> Lattice:
+    """A lattice whose springs lie along the surfaces of a structure.
+
+    Parameters
+    ----------
+    structure : Structure
+        Where the tissues lie in the unit cube.
+    side_m : float
+        Of the cube [m].
+    cells : int
+        Along a side; it has some (cells + 1)³ points.
+    rng : numpy.random.Generator
+        For the places of points.
+
+    Returns
+    -------
+    Lattice
+
+    Notes
+    -----
+    Points of a grid, moved aside at random, are moved onto the nearest surface if it is within half a cell; those on a
+    face of the cube stay on it. Few edges of their Delaunay triangulation cross a surface, see `Lattice.crossing`.
+    """
+
+    def depth(x: Floats) -> Floats:
+        return np.asarray(structure(x).min(axis=0))
+
+    x = _points(depth, cells, rng)
+    elements = Delaunay(x).simplices.astype(np.int64)
+    edges = x[elements[:, 1:]] - x[elements[:, :1]]
+    volumes = np.linalg.det(edges) / 6.0
+    elements[volumes < 0.0] = elements[volumes < 0.0][:, [1, 0, 2, 3]]
+    sides = np.concatenate([edges, edges[:, [1, 2, 0]] - edges], axis=1)
+    elements = elements[np.abs(volumes) > FLATTEST * (sides**2).sum(axis=2).max(axis=1) ** 1.5]
+    within = structure(x[elements].mean(axis=1))
+    mesh = TetMesh(side_m * x, elements, np.where(within.min(axis=0) < 0.0, 1 + within.argmin(axis=0), 0))
+    pairs = np.sort(elements[:, np.transpose(np.triu_indices(4, 1))], axis=2)
+    springs, which = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
+    normals = _gradients(depth, x[springs].mean(axis=1))
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), STEP)
+    along = (x[springs[:, 1]] - x[springs[:, 0]]) / spring_lengths(x, springs)[:, None]
+    alignment = 1.0 - (along * normals).sum(axis=1) ** 2
+    return Lattice(mesh, springs, which.reshape(-1, 6), side_m * depth(x), alignment)
+
+
+def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
+    """The network of a lattice: nothing holds it, it has no weight and rests as drawn.
+
+    stiffness: of the springs [N/m], (n_springs,); tissues: by region, for masses and damping
+    """
+    weights = lattice.of_elements(tissues, "damping_s") * lattice.mesh.volumes
+    shares = [np.bincount(lattice.edges.ravel(), np.repeat(each, 6)) for each in (weights, lattice.mesh.volumes)]
+    return build_network(
+        [f"n{k}" for k in range(len(lattice.mesh.nodes))],
+        lattice.mesh.nodes,
+        [(i, j) for i, j in lattice.springs.tolist()],
+        stiffness=stiffness,
+        masses=lumped_masses(lattice.mesh, lattice.of_elements(tissues, "density_kg_m3")),
+        gravity=np.zeros(3),
+        damping=stiffness * shares[0] / shares[1],
+    )
+
+
+def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
+    """Points of the unit cube, (n, 3), those near a surface on it."""
+    cell, along = 1.0 / cells, np.linspace(0.0, 1.0, cells + 1)
+    x = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
+    moves = (x > 0.5 * cell) & (x < 1.0 - 0.5 * cell)
+    x += np.where(moves, JITTER * cell * rng.uniform(-1.0, 1.0, x.shape), 0.0)
+    near = np.abs(depth(x)) < 0.5 * cell
+    lowest = np.where(moves[near], 0.25 * cell, 0.0)
+    for _ in range(MOVES):
+        slopes = _gradients(depth, x[near]) * moves[near]
+        step = depth(x[near]) / np.maximum((slopes**2).sum(axis=1), 0.1)
+        x[near] -= np.clip(step, -0.5 * cell, 0.5 * cell)[:, None] * slopes
+        x[near] = np.clip(x[near], lowest, 1.0 - lowest)
+    kept = np.ones(len(x), dtype=bool)
+    bound = moves.sum(axis=1)  # a point on an edge or face of the cube stays
+    for i, j in sorted(cKDTree(x).query_pairs(CLOSEST * cell)):
+        first, second = (i, j) if bound[i] < bound[j] else (j, i)
+        kept[second] &= not kept[first]
+    return x[kept]
+
+
+def _gradients(depth: Depth, x: Floats) -> Floats:
+    """Gradients of a depth at points, (n, 3), by central differences."""
+    return np.stack([(depth(x + step) - depth(x - step)) / (2.0 * STEP) for step in STEP * np.eye(3)], axis=1)

@@ -1,0 +1,164 @@
+"""Elastic moduli of a box by virtual tests.
+
+Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
+
+Boundaries are mixed, those of [pahr2008]: under a normal strain each face moves along its normal and slides without
+friction; under a shear strain the sheared faces move along their planes, and the others slide without friction. The
+moduli lie between those with displacements given on all faces and those with stresses given. They are those of a
+periodic body if the box is its cell and symmetric to its three planes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from dynamics.arrays import Floats
+from dynamics.elements import Assembly, Springs
+from dynamics.network import MassSpringNetwork, NetworkError
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+"""Axes of each component of strain."""
+
+ON_FACE = 1e-6
+"""Distance of a node to a face that it lies on, at most, by the side of the box [1]; numerical."""
+
+BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moduli:
+    """Moduli of an orthotropic material along its axes.
+
+    Attributes
+    ----------
+    stiffness : (6, 6)
+        By Voigt's order [Pa].
+    young : (3,)
+        Young's moduli along x, y, z [Pa].
+    shear : (3,)
+        Shear moduli of yz, xz, xy [Pa].
+    poisson : (3,)
+        Contraction along the second axis by tension along the first, for yz, xz, xy [1].
+    bulk : float
+        Bulk modulus [Pa]: pressure by the loss of volume.
+    anisotropy : float
+        Largest by smallest Young's modulus along axes and diagonals [1].
+    """
+
+    stiffness: Floats
+    young: Floats
+    shear: Floats
+    poisson: Floats
+    bulk: float
+    anisotropy: float
+
+
+def effective_moduli(network: MassSpringNetwork) -> Moduli:
+    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do. NetworkError for the plane."""
+    return orthotropic_moduli(effective_stiffness(spring_stiffness(network), network.positions))
+
+
+def spring_stiffness(network: MassSpringNetwork) -> csc_array:
+    """Stiffness of the springs of a network, as drawn, [N/m], (3 n_nodes, 3 n_nodes). NetworkError for the plane."""
+    if network.dim != 3:
+        raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
+    body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])
+    return csc_array(body.tangents(network.positions.ravel(), np.zeros(body.n))[0])
+
+
+def orthotropic_moduli(stiffness: Floats) -> Moduli:
+    """The moduli of a material of this stiffness [Pa], (6, 6)."""
+    S = np.linalg.inv(stiffness)
+    young, shear = 1.0 / np.diag(S)[:3], 1.0 / np.diag(S)[3:]
+    poisson = np.array([-S[i, j] * young[i] for i, j in PAIRS[3:]])
+    along = young_along(stiffness, np.vstack([directions_of(PAIRS), BODY_DIAGONAL]))
+    return Moduli(stiffness, young, shear, poisson, float(1.0 / S[:3, :3].sum()), float(along.max() / along.min()))
+
+
+def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
+    """Unit vectors between pairs of axes, (n, 3): an axis itself, or the diagonal of two."""
+    each = np.array([np.eye(3)[i] + np.eye(3)[j] for i, j in pairs])
+    return np.asarray(each / np.linalg.norm(each, axis=1, keepdims=True))
+
+
+def young_along(stiffness: Floats, directions: Floats) -> Floats:
+    """Young's modulus [Pa], (n,), along unit vectors, (n, 3), by stiffness [Pa], (6, 6)."""
+    stress = tension(directions)
+    return np.asarray(1.0 / np.einsum("da,ab,db->d", stress, np.linalg.inv(stiffness), stress))
+
+
+def tension(directions: Floats) -> Floats:
+    """Unit tension along unit vectors, (n, 3), as stress by Voigt's order, (n, 6)."""
+    return np.stack([directions[:, i] * directions[:, j] for i, j in PAIRS], axis=1)
+
+
+def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
+    """Stiffness [Pa], (6, 6), of a box by six virtual tests; normal and shear strains are taken as uncoupled.
+
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3)
+    """
+    return mean_stiffness(K, strained(K, nodes), float(np.ptp(nodes, axis=0).prod()))
+
+
+def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
+    """Stiffness of a box of this volume by the energy of its six tests, (3 n, 6)."""
+    C = moved.T @ (K @ moved) / volume
+    C[:3, 3:] = C[3:, :3] = 0.0
+    C[3:, 3:] = np.diag(np.diag(C)[3:])
+    return np.asarray(C)
+
+
+def strained(K: csc_array, nodes: Floats) -> Floats:
+    """Displacements of all nodes at unit strains, (3 n, 6)."""
+    on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
+    for q, (i, j) in enumerate(PAIRS):  # Affine: strain times place
+        moved[:, i, q] += 0.5 * nodes[:, j]
+        moved[:, j, q] += 0.5 * nodes[:, i]
+    flat = moved.reshape(-1, 6)
+    _relax(K, flat[:, :3], on)
+    for q, (i, j) in enumerate(PAIRS[3:], start=3):
+        k = 3 - i - j
+        given = np.zeros_like(on)
+        given[:, i], given[:, j], given[:, k] = on[:, j], on[:, i], on.any(axis=1)
+        _relax(K, flat[:, q : q + 1], given)
+    return flat
+
+
+def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
+    """Young's moduli [Pa], (3,), along the axes of a box stretched between two faces without friction, its sides free.
+
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3)
+    """
+    lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
+    found = np.empty(3)
+    for a in range(3):
+        b, c = np.delete(np.arange(3), a)
+        given, moved = np.zeros_like(on), np.zeros(nodes.shape)
+        given[:, a], moved[:, a] = on[:, a], nodes[:, a] - lowest[a]
+        corner = np.where(np.arange(3) == b, size, 0.0)  # Two corners hold it against rigid motion
+        near, far = (int(np.linalg.norm(nodes - lowest - place, axis=1).argmin()) for place in (0.0 * size, corner))
+        given[near], given[far, c] = True, True
+        flat = moved.reshape(-1, 1)
+        _relax(K, flat, given)
+        found[a] = (flat.T @ (K @ flat)).item() / size.prod()
+    return found
+
+
+def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
+    """Whether each node lies on a face across each axis, (n, 3)."""
+    lowest, highest = nodes.min(axis=0), nodes.max(axis=0)
+    return np.asarray(np.minimum(nodes - lowest, highest - nodes) < ON_FACE * (highest - lowest))
+
+
+def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
+    """Set the displacements (3 n, k) that are not given, by node and axis (n, 3), to those without force."""
+    free, held = np.flatnonzero(~given.ravel()), np.flatnonzero(given.ravel())
+    rows = csc_array(K[:, free])
+    options = {"SymmetricMode": True}
+    factor = splu(csc_array(rows[free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    moved[free] = factor.solve(-np.asarray(rows[held].T @ moved[held]))

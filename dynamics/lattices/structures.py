@@ -1,0 +1,112 @@
+"""Where a second and third tissue lie in a cube: layers, cell walls, lobules with ducts, fibres.
+
+A structure is a function of points of the unit cube, (n, 3), by its side: distances to the surface of each of its
+tissues, (n_tissues, n), negative inside. Every number below defines these structures; none is a setting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dynamics.arrays import Floats
+
+Structure = Callable[[Floats], Floats]
+"""Distances to the surface of each tissue but the ground, (n_tissues, n), at points (n, 3), by the cube's side."""
+
+THICK, WALL = 0.12, 0.08
+"""Thickness of layers, ducts and fibres, and of the walls of a foam, by the side; ten cells of a lattice resolve it."""
+
+LAYERS, WAVE = 3, 0.04
+"""Layers, and how far they wave, by the side."""
+
+CELLS = 3
+"""Cells of a foam along a side; lobules are one fewer."""
+
+RADIUS = 0.16
+"""Radius of lobules, by the side."""
+
+FIBRES = 4
+"""Fibres along a side; all of them run along x."""
+
+SHIFT = 0.06
+"""How far centres and fibres are moved aside at random, by the side."""
+
+
+def plain(rng: np.random.Generator) -> Structure:
+    """The ground alone."""
+    del rng
+    return lambda x: np.ones((1, len(x)))
+
+
+def sheet(rng: np.random.Generator) -> Structure:
+    """Wavy layers across z."""
+    phases, heights = rng.uniform(0.0, 2.0 * np.pi, 2), (np.arange(LAYERS) + 0.5) / LAYERS
+
+    def distances(x: Floats) -> Floats:
+        wave = WAVE * np.sin(2.0 * np.pi * x[:, 0] + phases[0]) * np.cos(2.0 * np.pi * x[:, 1] + phases[1])
+        return np.asarray(np.abs((x[:, 2] + wave)[:, None] - heights).min(axis=1) - 0.5 * THICK)[None]
+
+    return distances
+
+
+def foam(rng: np.random.Generator) -> Structure:
+    """Walls between cells: those of the Voronoi diagram of shifted centres."""
+    centres = (_grid(np.arange(-1.0, CELLS + 1.0)) + 0.5) / CELLS
+    centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
+    nearest = cKDTree(centres)
+
+    def distances(x: Floats) -> Floats:
+        a, b = (centres[which] for which in nearest.query(x, 2)[1].T)
+        further = ((x - b) ** 2).sum(axis=1) - ((x - a) ** 2).sum(axis=1)
+        return np.asarray(0.5 * further / np.linalg.norm(b - a, axis=1) - 0.5 * WALL)[None]
+
+    return distances
+
+
+def lobules(rng: np.random.Generator) -> Structure:
+    """Balls, and ducts that lead from each of them to a stem along z."""
+    centres = (_grid(np.arange(CELLS - 1.0)) + 0.5) / (CELLS - 1)
+    centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
+    fork = np.array([0.5, 0.5, 0.5])
+    ducts = [(fork, np.array([0.5, 0.5, -0.1])), *((fork, centre) for centre in centres)]
+
+    def distances(x: Floats) -> Floats:
+        balls = cKDTree(centres).query(x)[0] - RADIUS
+        return np.stack([balls, np.min([_to_segment(x, a, b) for a, b in ducts], axis=0) - 0.5 * THICK])
+
+    return distances
+
+
+def fibres(rng: np.random.Generator) -> Structure:
+    """Wavy fibres along x."""
+    middles = _grid((np.arange(FIBRES) + 0.5) / FIBRES)[::FIBRES, :2]
+    middles = middles + 0.5 * SHIFT * rng.uniform(-1.0, 1.0, middles.shape)
+    phases = rng.uniform(0.0, 2.0 * np.pi, middles.shape)
+
+    def distances(x: Floats) -> Floats:
+        wave = 0.5 * SHIFT * np.sin(2.0 * np.pi * x[:, 0, None, None] + phases)
+        return np.asarray(np.linalg.norm(x[:, None, 1:] - middles - wave, axis=2).min(axis=1) - 0.5 * THICK)[None]
+
+    return distances
+
+
+def _grid(along: Floats) -> Floats:
+    return np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3).astype(float)
+
+
+def _to_segment(x: Floats, a: Floats, b: Floats) -> Floats:
+    share = np.clip((x - a) @ (b - a) / ((b - a) @ (b - a)), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(x - a - share[:, None] * (b - a), axis=1))
+
+
+STRUCTURES: Mapping[str, tuple[Callable[[np.random.Generator], Structure], tuple[str, ...]]] = {
+    "plain": (plain, ("fat", "fat")),
+    "sheet": (sheet, ("fat", "fascia")),
+    "foam": (foam, ("fat", "fibrous")),
+    "lobules": (lobules, ("fat", "gland", "fibrous")),
+    "fibres": (fibres, ("fat", "fibrous")),
+}
+"""Structures by name, each with its tissues, of `dynamics.mesh.tissues.TISSUES`: the ground, then those within it."""

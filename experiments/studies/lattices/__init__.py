@@ -1,0 +1,1 @@
+"""Moduli of lattices of springs, beside those of the tissue that they stand for."""
