@@ -21,7 +21,6 @@ from dynamics import rest_shape
 from estimators import Obstacle
 from experiments.arrays import Floats
 from experiments.pipeline.plan import Planned, next_best
-from experiments.plots.path import ellipse
 from experiments.plots.style import (
     BLUE,
     PAGE_MM,
@@ -30,6 +29,7 @@ from experiments.plots.style import (
     SMALL_PT,
     TEXT_PT,
     VERMILLION,
+    ellipse,
     legend_below,
     new_figure,
     styled,

@@ -1,0 +1,298 @@
+"""A body in space from two sides: its shaded surface or its springs, with marks, target and needle.
+
+Views are orthographic. What is nearer to the viewer is drawn later, larger or darker.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import hsv_to_rgb, to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from dynamics.mesh import surface
+from estimators import Insertion
+from experiments.arrays import Floats
+from experiments.formats.estimate_rows import AXES
+from experiments.formats.mesh.project_file import mesh_of
+from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.space_marks import outward
+from experiments.plots.style import BLACK, HALO, OURS, PURPLE, SMALL_PT, ellipse
+
+TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
+"""Directions of views: to the right of z, and from above. The second view is the one that adds most marks."""
+
+N_FACES = 4000
+"""Most faces that are drawn: of more, corners in the same cell of a grid become one."""
+
+N_SPRINGS = 600
+"""Most springs that are drawn: more hide each other."""
+
+SKIN, NEAR, FAR = to_rgb("#ece7e1"), np.array([0.25] * 3), np.array([0.8] * 3)
+"""Colour of a surface in full light, and of springs near and far."""
+
+DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
+"""Share of light on a face that is turned away from the lamp; the lamp, right, up and toward the viewer."""
+
+MARGIN = 0.06
+"""Room around a body, by its size."""
+
+SHAFT_M = 1.0
+"""Drawn length of a needle behind its tip: beyond every plot."""
+
+WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
+"""Directions in which a name may stand beside its mark."""
+
+
+Outside: TypeAlias = tuple[Floats, NDArray[np.int64]]
+"""Corners of a surface [m], (n, 3), and its faces, (n_faces, 3), counter-clockwise from outside."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """A viewing direction: across (2, 3), right and up in the plot; toward (3,), towards the viewer."""
+
+    across: Floats
+    toward: Floats
+
+    def seen_mm(self, places_m: Floats) -> Floats:
+        """Places [m], (..., 3), in the plot [mm], (..., 2)."""
+        return np.asarray(1e3 * places_m @ self.across.T)
+
+
+def view_from(turn_deg: float) -> View:
+    """The view turned by this angle about y from along z, obliquely from above."""
+    turn, up = np.radians([turn_deg, RAISED_DEG])
+    right = np.array([np.cos(turn), 0.0, -np.sin(turn)])
+    toward = np.array([np.sin(turn) * np.cos(up), np.sin(up), np.cos(turn) * np.cos(up)])
+    return View(np.stack([right, np.cross(toward, right)]), toward)
+
+
+def two_views(scene: Scene) -> tuple[View, View]:
+    """Two sides of a body: together they show most marks."""
+    first, *others = map(view_from, TURNS_DEG)
+    measured = np.array([mark.measured for mark in scene.marks])
+    hidden = ~facing(first, scene) & measured
+    shown = [facing(view, scene) for view in others]
+    counts = [(int((near & hidden).sum()), int((near & measured).sum())) for near in shown]
+    return first, others[counts.index(max(counts))]
+
+
+def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
+    """Which marks of a scene are on the side towards the viewer, (n_marks,)."""
+    return np.asarray(outward(scene.network, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
+
+
+def outside_of(scene: Scene) -> Outside:
+    """The surface of a mesh at rest, or the convex hull of springs as drawn."""
+    if scene.mesh is not None:
+        mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
+        return fewer(mesh.nodes, surface(mesh).faces)
+    x = scene.network.positions
+    try:
+        hull = ConvexHull(x)
+    except QhullError:  # flat
+        return x, np.empty((0, 3), dtype=np.int64)
+    a, b, c = (x[hull.simplices[:, k]] for k in range(3))
+    turned = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    return x, np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int64)
+
+
+def fewer(corners: Floats, faces: NDArray[np.int64]) -> Outside:
+    """A surface of at most `N_FACES` faces: corners in one cell of a grid become their mean."""
+    cell = float(np.ptp(corners, axis=0).max()) / 200.0
+    found, kept = corners, faces
+    while len(kept) > N_FACES:
+        _, own = np.unique(np.round(corners / cell).astype(int), axis=0, return_inverse=True)
+        counts = np.bincount(own.ravel())
+        found = np.stack([np.bincount(own.ravel(), axis) / counts for axis in corners.T], axis=1)
+        kept = own.ravel()[faces]
+        kept = kept[(kept != np.roll(kept, 1, axis=1)).all(axis=1)]
+        cell *= 1.25
+    return found, kept
+
+
+def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, width_mm: float, *within_m: Floats) -> None:
+    """The body as drawn in its scene, with names of the marks on this side.
+
+    width_mm: of the axes in print; within_m: other places that are to lie within the axes [m], (n, 3)
+    """
+    network = scene.network
+    corners, faces = outside
+    draw_surface(ax, view, corners, faces)
+    frame(ax, view, np.vstack([corners, network.positions, *within_m]))
+    draw_springs(ax, view, network.positions, network.springs)
+    held = view.seen_mm(network.positions[network.fixed])
+    if len(held) and scene.mesh is None:
+        ax.plot(*held.T, "s", color="0.3", ms=2.5, ls="", zorder=3)
+    draw_marks(ax, view, scene, width_mm)
+
+
+def draw_surface(ax: Axes, view: View, corners_m: Floats, faces: NDArray[np.int64]) -> None:
+    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp."""
+    normals = np.cross(corners_m[faces[:, 1]] - corners_m[faces[:, 0]], corners_m[faces[:, 2]] - corners_m[faces[:, 0]])
+    at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
+    smooth = at_corners[faces].mean(axis=1)
+    near = np.flatnonzero(normals @ view.toward > 0.0)
+    near = near[np.argsort(corners_m[faces[near]].mean(axis=1) @ view.toward)]
+    lamp = LIGHT @ np.vstack([view.across, view.toward]) / np.linalg.norm(LIGHT)
+    lit = smooth[near] @ lamp / np.maximum(np.linalg.norm(smooth[near], axis=1), 1e-30)
+    colours = (DIM + (1.0 - DIM) * lit.clip(0.0))[:, None] * np.array(SKIN)
+    ax.add_collection(
+        PolyCollection(view.seen_mm(corners_m[faces[near]]), facecolors=colours, edgecolors=colours, lw=0.2, zorder=1),
+        autolim=False,
+    )
+
+
+def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int64], tint: str | None = None) -> None:
+    """Springs between places [m], (n, 3), the far ones paler, thinner and first; tint: a colour in place of grey."""
+    if not 0 < len(springs) <= N_SPRINGS:
+        return
+    depth = nearness(view, places_m[springs].mean(axis=1))
+    order, near = np.argsort(depth), NEAR if tint is None else np.array(to_rgb(tint))
+    colours = FAR + depth[order, None] * (near - FAR)
+    segments = list(view.seen_mm(places_m[springs[order]]))
+    ax.add_collection(LineCollection(segments, colors=colours, lw=0.3 + 0.5 * depth[order], zorder=2), autolim=False)
+
+
+def nearness(view: View, places_m: Floats) -> Floats:
+    """How near places [m], (n, 3), are to the viewer: 0 for the farthest, 1 for the nearest, (n,)."""
+    depth = places_m @ view.toward
+    return np.asarray((depth - depth.min()) / max(float(np.ptp(depth)), 1e-12))
+
+
+def draw_marks(ax: Axes, view: View, scene: Scene, width_mm: float) -> None:
+    """Marks in their hues: large with names on this side, small and pale on the far side; rings for scoring only."""
+    network, near = scene.network, facing(view, scene)
+    places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
+    named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
+    for k, mark in enumerate(scene.marks):
+        if mark.node == scene.target.node and not mark.measured:  # the target stands there
+            continue
+        style = (
+            {"mec": "0.2", "mew": 0.4, "ms": 3.6, "zorder": 5} if k in named else {"mew": 0.0, "ms": 2.2, "zorder": 4}
+        )
+        colour = hsv_to_rgb((mark.hue_deg / 360.0, 0.9, 0.85) if near[k] else (mark.hue_deg / 360.0, 0.4, 0.95))
+        style |= {"mfc": colour} if mark.measured else {"mfc": "none", "mec": colour, "mew": 0.8, "ms": 3.6}
+        ax.plot(*places[k], "o", ls="", **style)
+    names = [scene.marks[k].node for k in named]
+    corners = name_places(places[named], names, float(np.ptp(ax.get_xlim())) / width_mm)
+    for name, (x, y) in zip(names, corners, strict=True):
+        ax.text(x, y, name, fontsize=SMALL_PT, path_effects=HALO, zorder=8, ha="left", va="bottom")
+
+
+def name_places(places: Floats, names: Sequence[str], scale: float) -> Floats:
+    """Lower left corners of names beside places, (n, 2), each where it covers least of marks and of names before it.
+
+    scale: units of the plot for a millimetre in print
+    """
+    disc, gap = 1.3 * scale * np.ones(2), 0.9 * scale
+    taken = [np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places]
+    found: list[Floats] = []
+    for place, name in zip(places, names, strict=True):
+        size = scale * np.array([0.6 + 1.3 * len(name), 2.1])
+        tries = [place + gap * np.array(way) + 0.5 * size * (np.array(way) - 1.0) for way in WAYS]
+        covered = [sum(_overlap(np.array([corner, corner + size]), one) for one in taken) for corner in tries]
+        found.append(tries[int(np.argmin(covered))])
+        taken.append(np.array([found[-1], found[-1] + size]))
+    return np.array(found).reshape(-1, 2)
+
+
+def _overlap(one: Floats, other: Floats) -> float:
+    """Common area of two boxes, (2, 2) each: lower left and upper right corner."""
+    sides = np.minimum(one[1], other[1]) - np.maximum(one[0], other[0])
+    return float(np.prod(sides.clip(0.0)))
+
+
+def frame(ax: Axes, view: View, places_m: Floats) -> None:
+    """Equal scales around places [m], (n, 3), with the directions of the axes and a bar for the scale."""
+    at = view.seen_mm(places_m)
+    low, high = at.min(axis=0), at.max(axis=0)
+    reach = float((high - low).max())
+    (left, bottom), (right, top) = low - MARGIN * reach, high + MARGIN * reach
+    bottom -= 0.2 * reach  # room for the bar and the axes
+    ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xticks=[], yticks=[])
+    ax.spines[:].set_visible(False)
+    scale_bar(ax, reach)
+    origin, length = np.array([right - 0.14 * reach, bottom + 0.11 * reach]), 0.09 * reach
+    for axis, way in zip(AXES, view.across.T, strict=True):
+        ends = np.array([origin, origin + length * way])
+        ax.plot(*ends.T, color="0.4", lw=0.7, zorder=6)
+        ax.text(*(origin + 1.35 * length * way), axis, color="0.4", fontsize=SMALL_PT, ha="center", va="center")
+
+
+def scale_bar(ax: Axes, reach: float) -> None:
+    """A bar of about a quarter of the reach [mm] in the lower left corner, with its length."""
+    decade = 10.0 ** np.floor(np.log10(0.3 * reach))
+    length = decade * max(k for k in (1, 2, 5) if k * decade <= 0.3 * reach)
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    x, y = left + 0.04 * (right - left), bottom + 0.04 * (top - bottom)
+    ax.plot([x, x + length], [y, y], color="0.2", lw=1.4, solid_capstyle="butt", zorder=6)
+    ax.annotate(f"{length:g} mm", (x, y), (0, 2), textcoords="offset points", fontsize=SMALL_PT, color="0.2", zorder=6)
+
+
+def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Floats | None) -> None:
+    """The lesion as a disc, and the outline of the ellipsoid of two standard deviations; cov: [m²], (3, 3)."""
+    middle = view.seen_mm(place_m)
+    ax.add_patch(Circle((middle[0], middle[1]), 1e3 * radius_m, fc=PURPLE, ec=PURPLE, lw=0.6, alpha=0.5, zorder=6))
+    ax.plot(*middle, "+", color=PURPLE, ms=4, mew=0.8, zorder=6)
+    if cov is not None:
+        shown = 1e6 * view.across @ cov @ view.across.T
+        ax.add_patch(ellipse(middle, shown, 2.0, fc="none", ec=OURS, lw=0.8, zorder=7))
+
+
+def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> None:
+    """The needle to its tip as far as the plot reaches, and its line ahead of the tip [m], dashed."""
+    tip = insertion.entry + insertion.depth_m * insertion.axis
+    shaft, ahead = (view.seen_mm(np.stack([tip, tip + by * insertion.axis])) for by in (-SHAFT_M, ahead_m))
+    ax.plot(*shaft.T, color=BLACK, lw=1.4, zorder=7, scalex=False, scaley=False)
+    ax.plot(*ahead.T, color=BLACK, lw=0.7, ls=(0, (3, 2)), zorder=7, scalex=False, scaley=False)
+
+
+def close_up(ax: Axes, middle: Floats, reach: float) -> None:
+    """Limits around a place in the plot [mm], (2,), as far as this [mm], with a bar of its own."""
+    ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
+    ax.set(xticks=[], yticks=[])
+    ax.spines[:].set(visible=True, color="0.6")
+    scale_bar(ax, 1.6 * reach)
+
+
+def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Line2D | Patch]:
+    """Entries of a legend by label for what `draw_body` shows from these sides."""
+    near = np.array([facing(view, scene) for view in views])
+    measured = np.array([mark.measured for mark in scene.marks])
+    scored = any(not mark.measured and mark.node != scene.target.node for mark in scene.marks)
+    springs = 0 < len(scene.network.springs) <= N_SPRINGS
+    name = "convex hull" if scene.mesh is None else "surface at rest"
+    shown: dict[str, tuple[bool, Line2D | Patch]] = {
+        name: (len(outside[1]) > 0, Patch(fc=SKIN, ec="0.6", lw=0.4)),
+        "springs as drawn": (springs, Line2D([], [], color=tuple(NEAR), lw=0.8)),
+        "anchors": (scene.mesh is None and bool(scene.network.fixed.any()), _dot("s", mfc="0.3", mec="0.3", ms=2.5)),
+        "marks": (bool((near & measured).any()), _dot(mfc="0.6", mec="0.2", mew=0.4, ms=3.6)),
+        "on the far side": (bool((~near & measured).any()), _dot(mfc="0.75", mec="none", ms=2.2)),
+        "marks for scoring only": (scored, _dot(mfc="none", mec="0.4", mew=0.8, ms=3.6)),
+    }
+    return {label: handle for label, (is_shown, handle) in shown.items() if is_shown}
+
+
+def _dot(marker: str = "o", **style: object) -> Line2D:
+    return Line2D([], [], marker=marker, ls="", **style)
+
+
+TARGET_KEYS: dict[str, Line2D | Patch] = {
+    "lesion": Patch(fc=PURPLE, alpha=0.5, ec=PURPLE, lw=0.6),
+    "2-sigma ellipsoid": _dot(mfc="none", mec=OURS, mew=0.8, ms=5),
+}
+NEEDLE_KEYS: dict[str, Line2D | Patch] = {
+    "needle": Line2D([], [], color=BLACK, lw=1.4),
+    "its line ahead": Line2D([], [], color=BLACK, lw=0.7, ls=(0, (3, 2))),
+}
