@@ -15,11 +15,13 @@ from matplotlib.gridspec import SubplotSpec
 
 from estimators import Advice
 from experiments.arrays import Floats
+from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.advise import Advised, table
 from experiments.plain import counted
 from experiments.plots.bands import draw_bands, spans_of
 from experiments.plots.limits import highest, mark_beyond, thinned
 from experiments.plots.space import (
+    N_FACES,
     NEEDLE_KEYS,
     TARGET_KEYS,
     close_up,
@@ -27,7 +29,6 @@ from experiments.plots.space import (
     draw_needle,
     draw_target,
     keys,
-    outside_of,
     two_views,
 )
 from experiments.plots.style import (
@@ -119,7 +120,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
     if aimed is not None:
         latest = done.guidance[aimed]
         lesion, cov, ahead = latest.aim, latest.cov, latest.depth_m
-    views, outline = two_views(scene), outside_of(scene)
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
     axes = place.subgridspec(1, 4, width_ratios=(VIEW_MM, CLOSE_MM) * 2)
     for k, view in enumerate(views):
         whole, close = (figure.add_subplot(axes[2 * k + column]) for column in (0, 1))

@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from experiments.arrays import Floats
-from experiments.plots.space import TARGET_KEYS, draw_body, draw_springs, draw_target, keys, outside_of, two_views
+from experiments.formats.scene.outside import outside_of
+from experiments.plots.space import N_FACES, TARGET_KEYS, draw_body, draw_springs, draw_target, keys, two_views
 from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILLION, grid_figure, legend_below, styled
 from experiments.projects.check import SceneCheck
 
@@ -51,7 +52,7 @@ def _in_plane(done: SceneCheck) -> Figure:
 def _in_space(done: SceneCheck) -> Figure:
     scene, network = done.scene, done.scene.network
     figure, [[*bodies, shares]] = grid_figure(PAGE_MM, 82.0, ncols=3, width_ratios=(VIEW_MM, VIEW_MM, 30.0))
-    views, outline = two_views(scene), outside_of(scene)
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
     target = done.rest[network.index(scene.target.node)] + np.array(scene.target.offset_m or np.zeros(3))
     shown = keys(scene, outline, views) | {"lesion": TARGET_KEYS["lesion"]}
     for ax, view in zip(bodies, views, strict=True):

@@ -12,13 +12,14 @@ from matplotlib.lines import Line2D
 
 from estimators import TargetEstimate
 from experiments.arrays import Floats
+from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.scores.fit import MISSED
 from experiments.pipeline.track import Track
 from experiments.plain import counted
 from experiments.plots.limits import FAR, N_DRAWN, body_box, body_size, outside, widened, within
 from experiments.plots.motion import AROUND, draw_motion, means_mm
-from experiments.plots.space import TARGET_KEYS, View, close_up, draw_body, draw_target, keys, outside_of, two_views
+from experiments.plots.space import N_FACES, TARGET_KEYS, View, close_up, draw_body, draw_target, keys, two_views
 from experiments.plots.style import (
     HALO,
     OURS,
@@ -86,7 +87,7 @@ def _in_space(done: Track) -> Figure:
     over_time[-1].set_xlabel("time [s]")
     span(over_time[-1], done.times_s)
     last = _last(done)
-    views, outline = two_views(scene), outside_of(scene)
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
     for k, view in enumerate(views):
         whole, close = (figure.add_subplot(grid[3 * k : 3 * k + 3, column]) for column in (1, 2))
         draw_body(whole, view, scene, outline, VIEW_MM)

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,13 +15,11 @@ from matplotlib.colors import hsv_to_rgb, to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
-from dynamics.mesh import surface
 from estimators import Insertion
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
-from experiments.formats.mesh.project_file import mesh_of
+from experiments.formats.scene.outside import Outside
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import BLACK, HALO, OURS, PURPLE, SMALL_PT, ellipse
@@ -32,7 +28,7 @@ TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
 """Directions of views: to the right of z, and from above. The second view is the one that adds most marks."""
 
 N_FACES = 4000
-"""Most faces that are drawn: of more, corners in the same cell of a grid become one."""
+"""Most faces that are drawn."""
 
 N_SPRINGS = 600
 """Most springs that are drawn: more hide each other."""
@@ -51,10 +47,6 @@ SHAFT_M = 1.0
 
 WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
 """Directions in which a name may stand beside its mark."""
-
-
-Outside: TypeAlias = tuple[Floats, NDArray[np.int64]]
-"""Corners of a surface [m], (n, 3), and its faces, (n_faces, 3), counter-clockwise from outside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,44 +84,14 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
     return np.asarray(outward(scene.network, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
 
 
-def outside_of(scene: Scene) -> Outside:
-    """The surface of a mesh at rest, or the convex hull of springs as drawn."""
-    if scene.mesh is not None:
-        mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
-        return fewer(mesh.nodes, surface(mesh).faces)
-    x = scene.network.positions
-    try:
-        hull = ConvexHull(x)
-    except QhullError:  # flat
-        return x, np.empty((0, 3), dtype=np.int64)
-    a, b, c = (x[hull.simplices[:, k]] for k in range(3))
-    turned = np.einsum("ni,ni->n", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
-    return x, np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int64)
-
-
-def fewer(corners: Floats, faces: NDArray[np.int64]) -> Outside:
-    """A surface of at most `N_FACES` faces: corners in one cell of a grid become their mean."""
-    cell = float(np.ptp(corners, axis=0).max()) / 200.0
-    found, kept = corners, faces
-    while len(kept) > N_FACES:
-        _, own = np.unique(np.round(corners / cell).astype(int), axis=0, return_inverse=True)
-        counts = np.bincount(own.ravel())
-        found = np.stack([np.bincount(own.ravel(), axis) / counts for axis in corners.T], axis=1)
-        kept = own.ravel()[faces]
-        kept = kept[(kept != np.roll(kept, 1, axis=1)).all(axis=1)]
-        cell *= 1.25
-    return found, kept
-
-
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, width_mm: float, *within_m: Floats) -> None:
     """The body as drawn in its scene, with names of the marks on this side.
 
     width_mm: of the axes in print; within_m: other places that are to lie within the axes [m], (n, 3)
     """
     network = scene.network
-    corners, faces = outside
-    draw_surface(ax, view, corners, faces)
-    frame(ax, view, np.vstack([corners, network.positions, *within_m]))
+    draw_surface(ax, view, outside)
+    frame(ax, view, np.vstack([outside.corners, network.positions, *within_m]))
     draw_springs(ax, view, network.positions, network.springs)
     held = view.seen_mm(network.positions[network.fixed])
     if len(held) and scene.mesh is None:
@@ -137,9 +99,9 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, width_mm: fl
     draw_marks(ax, view, scene, width_mm)
 
 
-def draw_surface(ax: Axes, view: View, corners_m: Floats, faces: NDArray[np.int64]) -> None:
+def draw_surface(ax: Axes, view: View, outside: Outside) -> None:
     """The faces towards the viewer, the far ones first, shaded by the angle to the lamp."""
-    normals = np.cross(corners_m[faces[:, 1]] - corners_m[faces[:, 0]], corners_m[faces[:, 2]] - corners_m[faces[:, 0]])
+    corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
     near = np.flatnonzero(normals @ view.toward > 0.0)
@@ -274,7 +236,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
     springs = 0 < len(scene.network.springs) <= N_SPRINGS
     name = "convex hull" if scene.mesh is None else "surface at rest"
     shown: dict[str, tuple[bool, Line2D | Patch]] = {
-        name: (len(outside[1]) > 0, Patch(fc=SKIN, ec="0.6", lw=0.4)),
+        name: (len(outside.faces) > 0, Patch(fc=SKIN, ec="0.6", lw=0.4)),
         "springs as drawn": (springs, Line2D([], [], color=tuple(NEAR), lw=0.8)),
         "anchors": (scene.mesh is None and bool(scene.network.fixed.any()), _dot("s", mfc="0.3", mec="0.3", ms=2.5)),
         "marks": (bool((near & measured).any()), _dot(mfc="0.6", mec="0.2", mew=0.4, ms=3.6)),

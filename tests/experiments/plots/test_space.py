@@ -1,26 +1,24 @@
 """Views of a body in space: faces towards the viewer, far ones first; names apart; scale and axes of the body."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
+from experiments.formats.scene.outside import outside_of
 from experiments.formats.scene.scene import read_scene
 from experiments.plots.space import (
     DIM,
+    N_FACES,
     SKIN,
     draw_body,
     draw_springs,
     draw_surface,
     draw_target,
     facing,
-    fewer,
     frame,
     keys,
     name_places,
-    outside_of,
     two_views,
     view_from,
 )
@@ -40,12 +38,6 @@ def empty_axes():
     return Figure().subplots()
 
 
-def volume(corners: np.ndarray, faces: np.ndarray) -> float:
-    """Of a closed surface whose faces are counter-clockwise from outside."""
-    a, b, c = (corners[faces[:, k]] for k in range(3))
-    return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0)
-
-
 def test_views_are_orthonormal_and_right_handed() -> None:
     for turn in (35.0, -145.0):
         view = view_from(turn)
@@ -55,27 +47,23 @@ def test_views_are_orthonormal_and_right_handed() -> None:
         assert view.across[1] @ [0.0, 1.0, 0.0] > 0.9  # y is up
 
 
-def test_the_outside_of_a_mesh_is_its_surface_and_of_springs_their_hull(tmp_path) -> None:
-    """A box of 40 x 30 x 30 mm, and a block of 60 x 60 x 40 mm: faces counter-clockwise hold that volume."""
+def test_a_legend_names_what_is_drawn_of_a_body(tmp_path) -> None:
     mesh = read_scene(folder(tmp_path))
-    corners, faces = outside_of(mesh)
-    assert volume(corners, faces) == pytest.approx(36e-6)
-    assert len(faces) == 2 * 2 * (4 * 3 + 4 * 3 + 3 * 3)
-    assert volume(*outside_of(block())) == pytest.approx(144e-6)
-    shown = keys(mesh, (corners, faces), two_views(mesh))
-    assert "surface at rest" in shown
-    assert not {"springs as drawn", "anchors", "marks for scoring only"} & set(shown)
-    assert {"convex hull", "springs as drawn", "anchors"} <= set(keys(block(), outside_of(block()), two_views(block())))
+    shown = set(keys(mesh, outside_of(mesh, N_FACES), two_views(mesh)))
+    assert {"surface at rest", "marks"} <= shown
+    assert not {"springs as drawn", "anchors", "marks for scoring only"} & shown
+    shown = set(keys(block(), outside_of(block(), N_FACES), two_views(block())))
+    assert {"convex hull", "springs as drawn", "anchors"} <= shown
 
 
 def test_faces_towards_the_viewer_are_drawn_the_nearest_last_and_brighter_towards_the_lamp() -> None:
     """Of a cube's twelve triangles the six of three sides; top is brighter than the right side, away from the lamp."""
-    scene = replace(block(), mesh=None)
-    corners, faces = outside_of(scene)
+    scene = block()
+    outside = outside_of(scene, N_FACES)
+    corners, faces, normals = outside.corners, outside.faces, outside.normals
     ax, view = empty_axes(), view_from(35.0)
-    draw_surface(ax, view, corners, faces)
+    draw_surface(ax, view, outside)
     (drawn,) = [one for one in ax.collections if isinstance(one, PolyCollection)]
-    normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
     near = normals @ view.toward > 0.0
     assert len(drawn.get_paths()) == near.sum() < len(faces)
     expected = {tuple(np.round(view.seen_mm(corners[face]).mean(axis=0), 6)) for face in faces[near]}
@@ -84,19 +72,6 @@ def test_faces_towards_the_viewer_are_drawn_the_nearest_last_and_brighter_toward
     assert shades.min() >= DIM - 1e-9
     assert shades.max() <= 1.0 + 1e-9
     assert np.ptp(shades) > 0.1
-
-
-def test_a_surface_of_many_faces_is_drawn_of_fewer_and_keeps_its_shape(monkeypatch) -> None:
-    turn, up = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False), np.linspace(0.02, np.pi - 0.02, 30))
-    ball = np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), np.cos(up)], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(29), np.arange(60), indexing="ij")
-    a, b, c, d = (((i + p) * 60 + (j + q) % 60).ravel() for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    faces = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    monkeypatch.setattr("experiments.plots.space.N_FACES", 1000)
-    corners, kept = fewer(ball, faces)
-    assert 300 < len(kept) <= 1000
-    assert volume(corners, kept) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.1)
-    np.testing.assert_array_equal(fewer(ball, faces[:1000])[1], faces[:1000])
 
 
 def test_near_springs_are_drawn_last_and_darker() -> None:
@@ -116,7 +91,7 @@ def test_each_mark_on_the_near_side_has_one_name_and_names_keep_apart() -> None:
     scene = dome()
     view = two_views(scene)[0]
     ax = empty_axes()
-    draw_body(ax, view, scene, outside_of(scene), 60.0)
+    draw_body(ax, view, scene, outside_of(scene, N_FACES), 60.0)
     names = [mark.node for mark, near in zip(scene.marks, facing(view, scene), strict=True) if near]
     assert 20 < len(names) < 60
     assert sorted(text.get_text() for text in ax.texts if text.get_text().startswith("S")) == sorted(names)
