@@ -66,8 +66,8 @@ MOST_CHANGES = 40
 SAME, STEADY = 0.01, 0.2
 """Difference of probabilities that print does not show, and range of misses that is none, by the lesion's radius."""
 
-VIEW_MM, CLOSE_MM = 56.0, 26.0
-"""Widths in print of a body and of a close-up in space [mm]."""
+VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
+"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
@@ -120,12 +120,14 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
     if aimed is not None:
         latest = done.guidance[aimed]
         lesion, cov, ahead = latest.aim, latest.cov, latest.depth_m
+    spread_m = 0.0 if cov is None else 2.0 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+    reach_m = max(2.0 * plan.lesion.radius_m, min(spread_m, 6.0 * plan.lesion.radius_m))
     views, outline = two_views(scene), outside_of(scene, N_FACES)
     axes = place.subgridspec(1, 4, width_ratios=(VIEW_MM, CLOSE_MM) * 2)
     for k, view in enumerate(views):
         whole, close = (figure.add_subplot(axes[2 * k + column]) for column in (0, 1))
-        draw_body(whole, view, scene, outline, VIEW_MM, plan.insertion.entry[None])
-        close_up(close, view.seen_mm(lesion), 2.2e3 * plan.lesion.radius_m)
+        draw_body(whole, view, scene, outline, ROOM_MM, plan.insertion.entry[None])
+        close_up(close, view.seen_mm(lesion), 1.1e3 * reach_m)
         for ax in (whole, close):
             draw_target(ax, view, lesion, plan.lesion.radius_m, cov)
             draw_needle(ax, view, plan.insertion, ahead or 0.0)

@@ -39,8 +39,8 @@ N_ELLIPSES = 40
 MOST_NAMES = 30
 """Most nodes of a network whose unmarked nodes are labelled."""
 
-VIEW_MM, CLOSE_MM = 60.0, 28.0
-"""Widths in print of a body and of a close-up in space [mm]."""
+VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
+"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
 FAINT = 0.3
 """Opacity of an ellipse whose frame had no marks that fit."""
@@ -90,7 +90,7 @@ def _in_space(done: Track) -> Figure:
     views, outline = two_views(scene), outside_of(scene, N_FACES)
     for k, view in enumerate(views):
         whole, close = (figure.add_subplot(grid[3 * k : 3 * k + 3, column]) for column in (1, 2))
-        draw_body(whole, view, scene, outline, VIEW_MM)
+        draw_body(whole, view, scene, outline, ROOM_MM)
         _near_target(done, close, view, last)
         if last is not None:
             for ax in (whole, close):

@@ -84,10 +84,10 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
     return np.asarray(outward(scene.network, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
 
 
-def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, width_mm: float, *within_m: Floats) -> None:
+def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
     """The body as drawn in its scene, with names of the marks on this side.
 
-    width_mm: of the axes in print; within_m: other places that are to lie within the axes [m], (n, 3)
+    room_mm: side of the square in print that the axes fill; within_m: other places that the axes contain [m], (n, 3)
     """
     network = scene.network
     draw_surface(ax, view, outside)
@@ -96,7 +96,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, width_mm: fl
     held = view.seen_mm(network.positions[network.fixed])
     if len(held) and scene.mesh is None:
         ax.plot(*held.T, "s", color="0.3", ms=2.5, ls="", zorder=3)
-    draw_marks(ax, view, scene, width_mm)
+    draw_marks(ax, view, scene, room_mm)
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside) -> None:
@@ -132,7 +132,7 @@ def nearness(view: View, places_m: Floats) -> Floats:
     return np.asarray((depth - depth.min()) / max(float(np.ptp(depth)), 1e-12))
 
 
-def draw_marks(ax: Axes, view: View, scene: Scene, width_mm: float) -> None:
+def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
     """Marks in their hues: large with names on this side, small and pale on the far side; rings for scoring only."""
     network, near = scene.network, facing(view, scene)
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
@@ -147,7 +147,8 @@ def draw_marks(ax: Axes, view: View, scene: Scene, width_mm: float) -> None:
         style |= {"mfc": colour} if mark.measured else {"mfc": "none", "mec": colour, "mew": 0.8, "ms": 3.6}
         ax.plot(*places[k], "o", ls="", **style)
     names = [scene.marks[k].node for k in named]
-    corners = name_places(places[named], names, float(np.ptp(ax.get_xlim())) / width_mm)
+    side = max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim()))
+    corners = name_places(places[named], names, float(side) / room_mm)
     for name, (x, y) in zip(names, corners, strict=True):
         ax.text(x, y, name, fontsize=SMALL_PT, path_effects=HALO, zorder=8, ha="left", va="bottom")
 

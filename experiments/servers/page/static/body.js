@@ -14,6 +14,7 @@ const LAMP = [-0.35, 0.45, 0.82]; // right, up, toward the viewer
 const SKIN = [150, 166, 182];
 const SHADE = 0.35; // light on what is turned away from the lamp
 const SHAFT_MM = 1000;
+const CLOSER = 0.3; // side of the close-up, by the height of the canvas
 const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class Body {
@@ -53,7 +54,9 @@ export class Body {
   draw(context, scene, state, { width, height, old, near }) {
     if (state.nodes_mm === null) return "there are no positions of nodes to show";
     if (this.scene !== scene) this.prepare(scene);
-    const whole = view(this.axes(), this.middle, [width / 2, height / 2], (0.5 * Math.min(width, height)) / this.reach);
+    // Beside the close-up, which stands in a corner
+    const room = width - (near ? Math.round(CLOSER * height) : 0);
+    const whole = view(this.axes(), this.middle, [room / 2, height / 2], (0.5 * Math.min(room, height)) / this.reach);
     this.surface(context, scene, state, whole);
     springs(context, scene, state, whole);
     this.marks(context, scene, state, whole);
@@ -71,7 +74,7 @@ export class Body {
     const all = [...corners, ...drawn];
     const ends = [0, 1, 2].map((k) => [Math.min(...all.map((p) => p[k])), Math.max(...all.map((p) => p[k]))]);
     this.middle = ends.map(([low, high]) => (low + high) / 2);
-    this.reach = 1.15 * Math.max(10, ...all.map((p) => Math.hypot(...p.map((x, k) => x - this.middle[k]))));
+    this.reach = 1.03 * Math.max(10, ...all.map((p) => Math.hypot(...p.map((x, k) => x - this.middle[k]))));
     // By the inverse square of the distance; a corner at a node follows that alone
     this.follows = corners.map((corner) => {
       const nearest = drawn.map((p, k) => [distance(p, corner), k]).sort((a, b) => a[0] - b[0]).slice(0, NEIGHBOURS);
@@ -147,18 +150,22 @@ export class Body {
     }
   }
 
-  compass(context, { axes }, height) {
+  // Directions of the axes, and a bar for the scale
+  compass(context, { axes, scale }, height) {
     const origin = [44, height - 44];
     [..."xyz"].forEach((name, k) => {
       const end = [origin[0] + 26 * axes[0][k], origin[1] - 26 * axes[1][k]];
       trace(context, [origin, end], SPRING, 1.5);
       word(context, name, origin[0] + 36 * axes[0][k] - 4, origin[1] - 36 * axes[1][k] + 4, SPRING, 12);
     });
+    const mm = [100, 50, 20, 10, 5].find((length) => length * scale < 120) ?? 1;
+    trace(context, [[92, height - 20], [92 + mm * scale, height - 20]], SPRING, 2);
+    word(context, `${mm} mm`, 92, height - 26, SPRING, 12);
   }
 
   // The target enlarged in a corner
   closeUp(context, scene, state, { width, height, old }) {
-    const side = Math.round(0.3 * height);
+    const side = Math.round(CLOSER * height);
     const [left, top] = [width - side - 12, height - side - 12];
     const spread = state.sigma_mm === null ? 0 : WITHIN_95[3] * state.sigma_mm;
     const reach = Math.min(1.3 * Math.max(2 * scene.target.radius_mm, spread), this.reach);

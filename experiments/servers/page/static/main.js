@@ -118,6 +118,7 @@ function show() {
   say("health", health);
   say("advice", advice);
   find("advice").querySelector(".word").classList.toggle("long", advice.word.length > 7);
+  find("advice").querySelector(".word").classList.toggle("middling", advice.word.length === 7);
   find("probability").hidden = advice.probability === null;
   text("percent", advice.probability === null ? "" : `${Math.floor(100 * advice.probability)} %`);
   text("turn", live && advice.probability !== null ? turning(now.state) : "");

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from estimators import Advice
 from tests.experiments.servers.page import messages
 from tests.experiments.servers.page.served import Served, served
 from tests.experiments.servers.page.test_browser import STALE_S, colour, press, stop_clock, word
@@ -93,7 +94,12 @@ def test_nothing_overflows(browser: Any, shown: Served, width: int, height: int)
     try:
         size(browser, width, height)
         whole = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
-        assert browser.execute_script(f"return {whole}") == [width, height]
+        for frames, advice in enumerate(Advice, start=10):
+            publish(shown, browser, frames, advice={**messages.breast_state()["advice"], "advice": str(advice)})
+            shown.until(lambda advice=advice: word(browser) == str(advice).replace("_", " "))
+            assert browser.execute_script(f"return {whole}") == [width, height]
+            box = "document.getElementById('outlook')"
+            assert browser.execute_script(f"return {box}.scrollWidth - {box}.clientWidth") == 0, advice
         box = browser.execute_script("return document.getElementById('picture').getBoundingClientRect().toJSON()")
         assert box["width"] > 300
         assert box["height"] > 300
@@ -111,6 +117,6 @@ def test_a_stale_state_is_shown_over_the_body(browser: Any, shown: Served) -> No
         assert not same(picture(browser), before)  # the target is dashed and faint
     finally:
         browser.execute_script("delete performance.now")
-    publish(shown, browser, 4)
+    publish(shown, browser, 20)
     shown.until(lambda: word(browser) == "GO")
     assert browser.get_log("browser") == []
