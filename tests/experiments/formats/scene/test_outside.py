@@ -15,7 +15,7 @@ def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
 
 
 def volume(of: Outside) -> float:
-    """Of a closed surface whose faces are counter-clockwise from outside."""
+    """The volume inside a closed surface whose faces are counter-clockwise from outside."""
     a, b, c = (of.corners[of.faces[:, k]] for k in range(3))
     return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0)
 
