@@ -51,14 +51,22 @@ WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A viewing direction: across (2, 3), right and up in the plot; toward (3,), towards the viewer."""
+    """A viewing direction: across (2, dim), right and up in the plot; toward (dim,), towards the viewer."""
 
     across: Floats
     toward: Floats
 
     def seen_mm(self, places_m: Floats) -> Floats:
-        """Places [m], (..., 3), in the plot [mm], (..., 2)."""
+        """Places [m], (..., dim), in the plot [mm], (..., 2)."""
         return np.asarray(1e3 * places_m @ self.across.T)
+
+    def seen_cov_mm2(self, cov: Floats) -> Floats:
+        """A covariance [m²], (dim, dim), in the plot [mm²], (2, 2)."""
+        return np.asarray(1e6 * self.across @ cov @ self.across.T)
+
+
+FLAT = View(np.eye(2), np.zeros(2))
+"""Of a flat body: in its plane."""
 
 
 def view_from(turn_deg: float) -> View:
@@ -209,8 +217,7 @@ def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Flo
     ax.add_patch(Circle((middle[0], middle[1]), 1e3 * radius_m, fc=PURPLE, ec=PURPLE, lw=0.6, alpha=0.5, zorder=6))
     ax.plot(*middle, "+", color=PURPLE, ms=4, mew=0.8, zorder=6)
     if cov is not None:
-        shown = 1e6 * view.across @ cov @ view.across.T
-        ax.add_patch(ellipse(middle, shown, 2.0, fc="none", ec=OURS, lw=0.8, zorder=7))
+        ax.add_patch(ellipse(middle, view.seen_cov_mm2(cov), 2.0, fc="none", ec=OURS, lw=0.8, zorder=7))
 
 
 def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> None:
