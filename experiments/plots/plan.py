@@ -79,9 +79,10 @@ def _in_plane(done: Planned) -> Figure:
 def _in_space(done: Planned) -> Figure:
     scene, chosen = done.scene, next_best(done.plan)
     figure = new_figure(PAGE_MM, 152.0)
-    above, below = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
-    wholes = above.subgridspec(1, 2).subplots()
-    *closes, words = below.subgridspec(1, 3, width_ratios=(1.0, 1.0, 2.0)).subplots()
+    rows = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
+    above, below = rows[0].subgridspec(1, 2), rows[1].subgridspec(1, 3, width_ratios=(1.0, 1.0, 2.0))
+    wholes = [figure.add_subplot(above[k]) for k in range(2)]
+    *closes, words = (figure.add_subplot(below[k]) for k in range(3))
     views, outline = two_views(scene), outside_of(scene, N_FACES)
     for view, whole, close in zip(views, wholes, closes, strict=True):
         draw_body(whole, view, scene, outline, ROOM_MM, done.plan.entries, done.plan.tips)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -118,7 +119,9 @@ def draw_surface(ax: Axes, view: View, outside: Outside) -> None:
     lit = smooth[near] @ lamp / np.maximum(np.linalg.norm(smooth[near], axis=1), 1e-30)
     colours = (DIM + (1.0 - DIM) * lit.clip(0.0))[:, None] * np.array(SKIN)
     ax.add_collection(
-        PolyCollection(view.seen_mm(corners_m[faces[near]]), facecolors=colours, edgecolors=colours, lw=0.2, zorder=1),
+        PolyCollection(
+            list(view.seen_mm(corners_m[faces[near]])), facecolors=colours, edgecolors=colours, lw=0.2, zorder=1
+        ),
         autolim=False,
     )
 
@@ -148,7 +151,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
     for k, mark in enumerate(scene.marks):
         if mark.node == scene.target.node and not mark.measured:  # the target stands there
             continue
-        style = (
+        style: dict[str, Any] = (
             {"mec": "0.2", "mew": 0.4, "ms": 3.6, "zorder": 5} if k in named else {"mew": 0.0, "ms": 2.2, "zorder": 4}
         )
         colour = hsv_to_rgb((mark.hue_deg / 360.0, 0.9, 0.85) if near[k] else (mark.hue_deg / 360.0, 0.4, 0.95))
@@ -198,7 +201,8 @@ def frame(ax: Axes, view: View, places_m: Floats) -> None:
     for axis, way in zip(AXES, view.across.T, strict=True):
         ends = np.array([origin, origin + length * way])
         ax.plot(*ends.T, color="0.4", lw=0.7, zorder=6)
-        ax.text(*(origin + 1.35 * length * way), axis, color="0.4", fontsize=SMALL_PT, ha="center", va="center")
+        x, y = origin + 1.35 * length * way
+        ax.text(x, y, axis, color="0.4", fontsize=SMALL_PT, ha="center", va="center")
 
 
 def scale_bar(ax: Axes, reach: float) -> None:
@@ -254,7 +258,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
     return {label: handle for label, (is_shown, handle) in shown.items() if is_shown}
 
 
-def _dot(marker: str = "o", **style: object) -> Line2D:
+def _dot(marker: str = "o", **style: Any) -> Line2D:
     return Line2D([], [], marker=marker, ls="", **style)
 
 
