@@ -67,7 +67,7 @@ class View:
 
 
 FLAT = View(np.eye(2), np.zeros(2))
-"""Of a flat body: in its plane."""
+"""The view of a flat body, across its plane."""
 
 
 def view_from(turn_deg: float) -> View:
