@@ -3,18 +3,34 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
 
 from estimators import Advice
+from experiments.arrays import Floats
+from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.advise import Advised, table
 from experiments.plain import counted
 from experiments.plots.bands import draw_bands, spans_of
 from experiments.plots.limits import highest, mark_beyond, thinned
+from experiments.plots.space import (
+    N_FACES,
+    NEEDLE_KEYS,
+    TARGET_KEYS,
+    close_up,
+    draw_body,
+    draw_needle,
+    draw_target,
+    keys,
+    two_views,
+)
 from experiments.plots.style import (
     BLACK,
     BLUE,
@@ -25,12 +41,14 @@ from experiments.plots.style import (
     PURPLE,
     SMALL_PT,
     VERMILLION,
-    legend_below,
     new_figure,
     span,
     styled,
     write_picture,
 )
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 COLOURS = {
     Advice.GO: GREEN,
@@ -45,6 +63,12 @@ LANE_MM = 6.5
 MOST_CHANGES = 40
 """Most changes of advice drawn as lines: more would merge."""
 
+SAME, STEADY = 0.01, 0.2
+"""Difference of probabilities that print does not show, and range of misses that is none, by the lesion's radius."""
+
+VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
+"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
+
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
@@ -55,42 +79,110 @@ def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) ->
 
 @styled
 def advice_figure(done: Advised) -> Figure:
-    """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice."""
-    rows, reasons = table(done), reasons_of(done)
-    parts = (46.0, 26.0, LANE_MM * len(reasons)) if rows["lateral_mm"].notna().any() else (46.0, LANE_MM * len(reasons))
-    figure = new_figure(PAGE_MM, 20.0 + sum(parts))
-    above, *others = figure.subplots(nrows=len(parts), sharex=True, height_ratios=parts)
-    for ax in (above, *others[:-1]):
+    """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice.
+
+    A miss that does not change is stated in words. In space the needle is shown in the body from two sides.
+    """
+    reasons, missed = reasons_of(done), _misses_change(done)
+    parts = [46.0, *([26.0] if missed else []), LANE_MM * len(reasons)]
+    in_space = done.recording.scene.network.dim == 3
+    rows = [*parts, *([VIEW_MM] if in_space else [])]
+    figure = new_figure(PAGE_MM, 20.0 + sum(rows) + 5.0 * in_space)
+    grid = figure.add_gridspec(len(rows), 1, height_ratios=rows)
+    over_time = [figure.add_subplot(grid[k]) for k in range(len(parts))]
+    for ax in over_time[:-1]:
+        ax.sharex(over_time[-1])
+        ax.tick_params(labelbottom=False)
         draw_bands(ax, np.array(done.times_s), [one.advice for one in done.guidance], COLOURS)
-    _probabilities(done, above)
-    if len(others) > 1:
-        _misses(done, others[0])
-    _reasons(done, others[-1], reasons)
-    others[-1].set_xlabel("time [s]")
-    span(others[-1], np.array(done.times_s))
-    legend_below(figure, above, 4)
+    _probabilities(done, over_time[0])
+    if missed:
+        _misses(done, over_time[1])
+    else:
+        over_time[0].set_title(_constant_miss(done))
+    _reasons(done, over_time[-1], reasons)
+    over_time[-1].set_xlabel("time [s]")
+    span(over_time[-1], np.array(done.times_s))
+    handles, labels = over_time[0].get_legend_handles_labels()
+    if missed:
+        own = over_time[1].get_legend_handles_labels()
+        handles, labels = handles + own[0][-1:], labels + own[1][-1:]
+    shown = _in_space(done, figure, grid[-1]) if in_space else {}
+    figure.legend([*handles, *shown.values()], [*labels, *shown], loc="outside lower center", ncols=4)
     return figure
 
 
+def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
+    """The needle and its latest aim in the body, and close up, from two sides; returns entries of a legend."""
+    scene, plan = done.recording.scene, done.plan
+    aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
+    at_rest = scene.network.positions[scene.network.index(scene.target.node)]
+    lesion, cov, ahead = at_rest + np.array(scene.target.offset_m or np.zeros(3)), None, None
+    if aimed is not None:
+        latest = done.guidance[aimed]
+        lesion, cov, ahead = latest.aim, latest.cov, latest.depth_m
+    spread_m = 0.0 if cov is None else 2.0 * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+    reach_m = max(2.0 * plan.lesion.radius_m, min(spread_m, 6.0 * plan.lesion.radius_m))
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
+    axes = place.subgridspec(1, 4, width_ratios=(VIEW_MM, CLOSE_MM) * 2)
+    for k, view in enumerate(views):
+        whole, close = (figure.add_subplot(axes[2 * k + column]) for column in (0, 1))
+        draw_body(whole, view, scene, outline, ROOM_MM, plan.insertion.entry[None])
+        close_up(close, view.seen_mm(lesion), 1.1e3 * reach_m)
+        for ax in (whole, close):
+            draw_target(ax, view, lesion, plan.lesion.radius_m, cov)
+            draw_needle(ax, view, plan.insertion, ahead or 0.0)
+        if k == 0:
+            when = "lesion as drawn" if aimed is None else f"aim at {done.times_s[aimed]:.1f} s"
+            whole.set_title(f"needle; {when}")
+    without = {"2-sigma ellipsoid"} if cov is None else set()
+    shown = keys(scene, outline, views) | TARGET_KEYS | NEEDLE_KEYS
+    if not ahead:
+        without.add("its line ahead")
+    return {label: handle for label, handle in shown.items() if label not in without}
+
+
 def _probabilities(done: Advised, ax: Axes) -> None:
+    """Probabilities of a hit; of a later or turned insertion only where it differs from one now."""
     rows, go = table(done), done.plan.settings.go
     times = rows["time_s"].to_numpy()
-    ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
-    ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="insertion at the best later time")
-    ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
-    if "observed" in rows:
+    if _differ(rows, "p_turned"):
+        ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
+    if _differ(rows, "p_best"):
+        ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="insertion at the best later time")
+    if rows["p_hit"].notna().any():
+        ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
+    if "observed" in rows and rows["observed"].notna().any():
         ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="observed, insertion now")
     ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")
     ax.set(ylim=(0.0, 1.02), ylabel="probability of a hit [–]")
 
 
+def _differ(rows: pd.DataFrame, column: str) -> bool:
+    """Whether a probability differs visibly from that of an insertion now, in any frame."""
+    return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
+
+
+def _lateral_mm(done: Advised) -> Floats:
+    return np.asarray(table(done)["lateral_mm"].to_numpy(), dtype=np.float64)
+
+
+def _misses_change(done: Advised) -> bool:
+    known = _lateral_mm(done)[np.isfinite(_lateral_mm(done))]
+    return len(known) > 0 and float(np.ptp(known)) > STEADY * 1e3 * done.plan.lesion.radius_m
+
+
+def _constant_miss(done: Advised) -> str:
+    known = _lateral_mm(done)[np.isfinite(_lateral_mm(done))]
+    return f"lateral miss {known.min():.1f} to {known.max():.1f} mm" if len(known) else ""
+
+
 def _misses(done: Advised, ax: Axes) -> None:
-    rows = table(done)
-    times, lateral = rows["time_s"].to_numpy(), rows["lateral_mm"].to_numpy()
+    times, lateral = np.array(done.times_s), _lateral_mm(done)
     size = np.ptp(done.recording.scene.network.positions, axis=0)
-    least = 2e3 * done.recording.scene.target.radius_m
-    ax.set_ylim(0.0, max(least, highest(1e3 * float(np.linalg.norm(size)), lateral)))
+    radius = 1e3 * done.plan.lesion.radius_m
+    ax.set_ylim(0.0, max(1.2 * radius, highest(1e3 * float(np.linalg.norm(size)), lateral)))
     ax.plot(*thinned(times, lateral), color=BLACK, lw=0.9)
+    ax.axhline(radius, color=GREY, lw=0.6, ls=(0, (1, 1)), label="radius of the lesion")
     beyond = mark_beyond(ax, times, lateral, BLACK)
     ax.set_ylabel("lateral miss [mm]")
     if beyond:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from experiments.arrays import Floats
-from experiments.formats.estimate_rows import AXES
+from experiments.formats.scene.outside import outside_of
+from experiments.plots.space import N_FACES, TARGET_KEYS, draw_body, draw_springs, draw_target, keys, two_views
 from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILLION, grid_figure, legend_below, styled
 from experiments.projects.check import SceneCheck
 
@@ -27,65 +27,70 @@ LEAST_BARS = 6
 
 MARGIN = 0.12
 
-HIDES = 0.02
-"""Least distance of a labelled node from the labelled ones before it, by the size of the plot [1]."""
+SAME_MM = 0.05
+"""Largest distance of drawn and rest positions that the print does not show [mm]: then one of them is drawn."""
 
-TURNED, RAISED = np.radians(35.0), np.radians(25.0)
-"""Direction of the oblique view of a body in space: to the right of z, and from above."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """A viewing direction: across (2, dim), the axes of the plot; toward (dim,), towards the viewer."""
-
-    across: Floats
-    toward: Floats
-    labels: tuple[str, str]
-
-
-def _views(dim: int) -> list[View]:
-    labels = (f"{AXES[0]} [mm]", f"{AXES[1]} [mm]")
-    if dim == 2:
-        return [View(np.eye(2), np.zeros(2), labels)]
-    right = np.array([np.cos(TURNED), 0.0, -np.sin(TURNED)])
-    toward = np.array([np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED), np.cos(TURNED) * np.cos(RAISED)])
-    oblique = np.stack([right, np.cross(toward, right)])
-    return [View(np.eye(3)[:2], np.eye(3)[2], labels), View(oblique, toward, ("obliquely from above [mm]", "up [mm]"))]
+VIEW_MM = 62.0
+"""Width of a view of a body in space in print [mm]."""
 
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """The network from the front, in space also obliquely, and the share of information by mark."""
-    views = _views(done.scene.network.dim)
-    widths = [3.0] * len(views) + [1.6]
-    figure, axes = grid_figure(PAGE_MM, 75.0 if len(views) > 1 else 105.0, ncols=len(widths), width_ratios=widths)
-    *bodies, shares = axes[0]
-    for ax, view in zip(bodies, views, strict=True):
-        _network(ax, done, view)
-    bodies[0].set_title(_title(done))
+    """The network as drawn and at rest, in space from two sides, and the share of information by mark."""
+    return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
+
+
+def _in_plane(done: SceneCheck) -> Figure:
+    figure, [[body, shares]] = grid_figure(PAGE_MM, 105.0, ncols=2, width_ratios=(3.0, 1.6))
+    _network(body, done)
+    body.set_title(_title(done))
     _shares(shares, done)
-    legend_below(figure, bodies[0], 7)
+    legend_below(figure, body, 7)
     return figure
 
 
+def _in_space(done: SceneCheck) -> Figure:
+    scene, network = done.scene, done.scene.network
+    figure, [[*bodies, shares]] = grid_figure(PAGE_MM, 82.0, ncols=3, width_ratios=(VIEW_MM, VIEW_MM, 30.0))
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
+    target = done.rest[network.index(scene.target.node)] + np.array(scene.target.offset_m or np.zeros(3))
+    shown = keys(scene, outline, views) | {"lesion": TARGET_KEYS["lesion"]}
+    for ax, view in zip(bodies, views, strict=True):
+        draw_body(ax, view, scene, outline, VIEW_MM, done.rest)
+        draw_target(ax, view, target, scene.target.radius_m, None)
+        if _moves(done):
+            draw_springs(ax, view, done.rest, network.springs, VERMILLION)
+            shown["springs at rest"] = Line2D([], [], color=VERMILLION, lw=0.8)
+    bodies[0].set_title(_title(done))
+    _shares(shares, done)
+    figure.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=5)
+    return figure
+
+
+def _moves(done: SceneCheck) -> bool:
+    return bool(1e3 * done.offsets_m.max() > SAME_MM)
+
+
 def _title(done: SceneCheck) -> str:
+    if not _moves(done):
+        return "rests as drawn"
     worst = int(done.offsets_m.argmax())
     name = done.scene.network.names[worst]
     return f"as drawn and at rest, largest difference {1e3 * done.offsets_m[worst]:.1f} mm ({name})"
 
 
-def _network(ax: Axes, done: SceneCheck, view: View) -> None:
+def _network(ax: Axes, done: SceneCheck) -> None:
     scene, network = done.scene, done.scene.network
-    at, rest = 1e3 * network.positions @ view.across.T, 1e3 * done.rest @ view.across.T
+    at, rest = 1e3 * network.positions, 1e3 * done.rest
     ax.add_collection(LineCollection(list(at[network.springs]), colors=GREY, linewidths=0.8, label="as drawn"))
-    ax.add_collection(
-        LineCollection(list(rest[network.springs]), colors=VERMILLION, linewidths=0.8, linestyles="--", label="at rest")
-    )
+    if _moves(done):
+        lines = LineCollection(list(rest[network.springs]), colors=VERMILLION, lw=0.8, ls="--", label="at rest")
+        ax.add_collection(lines)
+        ax.plot(*rest[~network.fixed].T, ".", color=VERMILLION, ms=2.5, ls="")
     fixed = network.fixed
     if fixed.any():
         ax.plot(*at[fixed].T, "s", color="0.25", ms=4, ls="", label="anchors")
     ax.plot(*at[~fixed].T, "o", color="0.45", ms=2, ls="")
-    ax.plot(*rest[~fixed].T, ".", color=VERMILLION, ms=2.5, ls="")
     for measured, style in ((True, {"mec": "0.2", "mew": 0.6}), (False, {"mfc": "none", "mew": 1.3})):
         marks = [mark for mark in scene.marks if mark.measured is measured]
         label = "marks" if measured else "marks for scoring only"
@@ -93,35 +98,31 @@ def _network(ax: Axes, done: SceneCheck, view: View) -> None:
             colour = hsv_to_rgb((mark.hue_deg / 360.0, 0.9, 0.85))
             (line,) = ax.plot(*at[network.index(mark.node)], "o", ms=5.5, ls="", label=label if k == 0 else None)
             line.set(**style, **({"mfc": colour} if measured else {"mec": colour}))
-    _target(ax, done, at, view)
-    _names(ax, done, at, view)
+    _target(ax, done, at)
+    _names(ax, done, at)
     # both shapes are in the plot, with equal scales: a large sag is visible
     both = np.vstack([at, rest])
     middle = 0.5 * (both.min(axis=0) + both.max(axis=0))
     reach = (0.5 + MARGIN) * float(np.ptp(both, axis=0).max())
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
-    ax.set(xlabel=view.labels[0], ylabel=view.labels[1], aspect="equal")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
 
 
-def _target(ax: Axes, done: SceneCheck, at: Floats, view: View) -> None:
+def _target(ax: Axes, done: SceneCheck, at: Floats) -> None:
     target = done.scene.target
-    offset = 1e3 * np.array(target.offset_m or np.zeros(done.scene.network.dim)) @ view.across.T
+    offset = 1e3 * np.array(target.offset_m or np.zeros(2))
     middle = at[done.scene.network.index(target.node)] + offset
     ax.add_patch(Circle((middle[0], middle[1]), 1e3 * target.radius_m, fc=BLUE, ec="none", alpha=0.4))
     ax.plot(*middle, "+", color=BLUE, ms=9, mew=1.0, ls="", label=f"target {target.node}")
 
 
-def _names(ax: Axes, done: SceneCheck, at: Floats, view: View) -> None:
+def _names(ax: Axes, done: SceneCheck, at: Floats) -> None:
     network = done.scene.network
     marked = {mark.node for mark in done.scene.marks}
-    near = HIDES * float(np.ptp(at, axis=0).max())
-    named: list[Floats] = []
-    for i in np.argsort(-(network.positions @ view.toward), kind="stable"):
-        if all(np.linalg.norm(at[i] - place) > near for place in named):
-            named.append(at[i])
-            if network.n_nodes <= MANY or network.names[i] in marked:
-                words = ax.annotate(network.names[i], at[i], xytext=(3, 3), textcoords="offset points")
-                words.set(fontsize=SMALL_PT, path_effects=HALO)
+    for name, place in zip(network.names, at, strict=True):
+        if network.n_nodes <= MANY or name in marked:
+            words = ax.annotate(name, place, xytext=(3, 3), textcoords="offset points")
+            words.set(fontsize=SMALL_PT, path_effects=HALO)
 
 
 def _shares(ax: Axes, done: SceneCheck) -> None:

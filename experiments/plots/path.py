@@ -1,4 +1,4 @@
-"""The path of the target, coloured by time: in the scene, and in close-up with ellipses; in space from two sides."""
+"""The path of the target: in the plane coloured by time, in space over time and from two sides."""
 
 from __future__ import annotations
 
@@ -9,23 +9,38 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse
 
+from estimators import TargetEstimate
 from experiments.arrays import Floats
-from experiments.formats.estimate_rows import AXES
+from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.scores.fit import MISSED
 from experiments.pipeline.track import Track
 from experiments.plain import counted
-from experiments.plots.limits import FAR, N_DRAWN, body_box, outside, widened, within
-from experiments.plots.style import HALO, OURS, PAGE_MM, PAPERS, SMALL_PT, TIME_MAP, TRUE, grid_figure, styled
+from experiments.plots.limits import FAR, N_DRAWN, body_box, body_size, outside, widened, within
+from experiments.plots.motion import AROUND, draw_motion, means_mm
+from experiments.plots.space import N_FACES, TARGET_KEYS, View, close_up, draw_body, draw_target, keys, two_views
+from experiments.plots.style import (
+    HALO,
+    OURS,
+    PAGE_MM,
+    PAPERS,
+    SMALL_PT,
+    TIME_MAP,
+    TRUE,
+    ellipse,
+    grid_figure,
+    new_figure,
+    span,
+    styled,
+)
 
 N_ELLIPSES = 40
 MOST_NAMES = 30
 """Most nodes of a network whose unmarked nodes are labelled."""
 
-AROUND = 0.5
-"""Margin of a plot around the body, by the body's size."""
+VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
+"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
 FAINT = 0.3
 """Opacity of an ellipse whose frame had no marks that fit."""
@@ -38,51 +53,98 @@ OURS_IN_TIME = colormaps[TIME_MAP](0.35)
 def path_figure(done: Track) -> Figure:
     """Path of the hidden target over a frame of the film, and in close-up with 2-sigma ellipses of the filter.
 
-    In space two rows: seen along z and along y.
+    In space: its coordinates over time, beside the body from two sides and a close-up of the target from each.
     """
-    dim = done.recording.scene.network.dim
-    sides = [(0, 1)] if dim == 2 else [(0, 1), (0, 2)]
-    figure, axes = grid_figure(PAGE_MM, 12.0 + 70.0 * len(sides), nrows=len(sides), ncols=2)
-    for (whole, close), side in zip(axes, sides, strict=True):
-        seen = "" if dim == 2 else f", seen along {AXES[3 - sum(side)]}"
-        _whole(done, whole, side)
-        whole.set_title(f"target {done.recording.scene.target.node} in the scene{seen}")
-        n_drawn, n_larger = _close(done, close, side)
-        larger = f"; {n_larger} more are larger" if n_larger else ""
-        close.set_title(f"close up{seen}\n2-sigma ellipses of {counted(n_drawn, 'frame')}{larger}")
-        for ax in (whole, close):
-            ax.set(xlabel=f"{AXES[side[0]]} [mm]", ylabel=f"{AXES[side[1]]} [mm]")
-        figure.colorbar(close.collections[0], cax=close.inset_axes((1.03, 0.0, 0.035, 1.0)), label="time [s]")
-    handles, labels = axes[0, 1].get_legend_handles_labels()
+    return _in_plane(done) if done.recording.scene.network.dim == 2 else _in_space(done)
+
+
+def _in_plane(done: Track) -> Figure:
+    figure, [[whole, close]] = grid_figure(PAGE_MM, 82.0, ncols=2)
+    _whole(done, whole)
+    whole.set_title(f"target {done.recording.scene.target.node} in the scene")
+    n_drawn, n_larger = _close(done, close)
+    larger = f"; {n_larger} more are larger" if n_larger else ""
+    close.set_title(f"close up\n2-sigma ellipses of {counted(n_drawn, 'frame')}{larger}")
+    for ax in (whole, close):
+        ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    figure.colorbar(close.collections[0], cax=close.inset_axes((1.03, 0.0, 0.035, 1.0)), label="time [s]")
+    handles, labels = close.get_legend_handles_labels()
     keys = _ellipse_keys(done)
     figure.legend([*handles, *keys.values()], [*labels, *keys], loc="outside lower center", ncols=4)
     return figure
 
 
-def _means_mm(done: Track, method: str, side: tuple[int, int]) -> Floats:
-    return 1e3 * np.array([e.mean[list(side)] for e in done.estimates(method)])
+def _in_space(done: Track) -> Figure:
+    scene = done.recording.scene
+    figure = new_figure(PAGE_MM, 125.0)
+    grid = figure.add_gridspec(6, 3, width_ratios=(75.0, VIEW_MM, CLOSE_MM))
+    over_time = [figure.add_subplot(grid[2 * a : 2 * a + 2, 0]) for a in range(3)]
+    for a, ax in enumerate(over_time):
+        ax.sharex(over_time[-1])
+        draw_motion(done, ax, a)
+        ax.tick_params(labelbottom=a == len(over_time) - 1)
+    over_time[0].set_title(f"target {scene.target.node}")
+    over_time[-1].set_xlabel("time [s]")
+    span(over_time[-1], done.times_s)
+    last = _last(done)
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
+    for k, view in enumerate(views):
+        whole, close = (figure.add_subplot(grid[3 * k : 3 * k + 3, column]) for column in (1, 2))
+        draw_body(whole, view, scene, outline, ROOM_MM)
+        _near_target(done, close, view, last)
+        if last is not None:
+            for ax in (whole, close):
+                draw_target(ax, view, last.mean, scene.target.radius_m, last.cov)
+        if k == 0:
+            whole.set_title("from two sides, as drawn")
+            close.set_title("path" if last is None else f"path; lesion at {last.time_s:.1f} s")
+    handles, labels = over_time[0].get_legend_handles_labels()
+    others = keys(scene, outline, views) | (TARGET_KEYS if last is not None else {})
+    figure.legend([*handles, *others.values()], [*labels, *others], loc="outside lower center", ncols=5)
+    return figure
 
 
-def _whole(done: Track, ax: Axes, side: tuple[int, int]) -> None:
+def _last(done: Track) -> TargetEstimate | None:
+    """The last estimate near the body whose ellipsoid is no larger than the body; None if there is none."""
+    box, size = widened(body_box(done), AROUND), body_size(done)
+    near = [e for e in done.estimates(FILTER) if e.cov is not None and not outside(e.mean[None], box)[0]]
+    return next((e for e in reversed(near) if e.cov is not None and _fits(e.cov, 0.5 * size)), None)
+
+
+def _near_target(done: Track, ax: Axes, view: View, last: TargetEstimate | None) -> None:
+    """Paths of the truth and of the filter where it is near the body, seen from a side."""
+    means = within(np.array([e.mean for e in done.estimates(FILTER)]), widened(body_box(done), AROUND))
+    truth = done.truth[np.isfinite(done.truth).all(axis=1)]
+    paths = {OURS: view.seen_mm(means), TRUE: view.seen_mm(truth)}
+    drawn = np.vstack([*paths.values(), *([] if last is None else [view.seen_mm(last.mean)[None]])])
+    radius_mm = 1e3 * done.recording.scene.target.radius_m
+    if len(drawn):
+        low, high = drawn.min(axis=0), drawn.max(axis=0)
+        close_up(ax, 0.5 * (low + high), 0.55 * float((high - low).max()) + 1.1 * radius_mm)
+    for colour, path in paths.items():
+        ax.plot(*path[:: -(-len(path) // N_DRAWN) or 1].T, color=colour, lw=0.5, zorder=4)
+
+
+def _whole(done: Track, ax: Axes) -> None:
     """The network or the film, and the paths in it."""
-    means, papers = _means_mm(done, FILTER, side), _means_mm(done, OPEN_LOOP, side)
+    means, papers = means_mm(done, FILTER), means_mm(done, OPEN_LOOP)
     ax.set_aspect("equal")
-    filmed = side == (0, 1) and _film(done, ax)
+    filmed = _film(done, ax)
     if not filmed:
-        body = 1e3 * body_box(done)[:, list(side)]
+        body = 1e3 * body_box(done)
         around = widened(body, AROUND)
         points = np.vstack([body, within(means, around), within(papers, around)])
         (left, low), (right, high) = widened(np.array([points.min(axis=0), points.max(axis=0)]), 0.08)
         ax.set(xlim=(left, right), ylim=(low, high))
-    _network(done, ax, side, lines=not filmed)
-    _paths(done, ax, side, thick=0.7)
+    _network(done, ax, lines=not filmed)
+    _paths(done, ax, thick=0.7)
 
 
-def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
+def _close(done: Track, ax: Axes) -> tuple[int, int]:
     """The paths alone, with ellipses; returns how many were drawn, and how many were larger than the plot."""
-    means, truth = _means_mm(done, FILTER, side), 1e3 * done.truth[:, list(side)]
+    means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
-    body = 1e3 * body_box(done)[:, list(side)]
+    body = 1e3 * body_box(done)
     errors = np.linalg.norm(means - truth, axis=1)
     usual = ~(errors > FAR * np.nanmedian(errors)) if len(known) else np.full(len(means), True)
     near = np.vstack([within(means[usual], widened(body, AROUND)), known])
@@ -90,14 +152,14 @@ def _close(done: Track, ax: Axes, side: tuple[int, int]) -> tuple[int, int]:
     middle, reach = 0.5 * (points.min(axis=0) + points.max(axis=0)), 0.6 * max(1.0, float(np.ptp(points, axis=0).max()))
     ax.set_aspect("equal")
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))
-    _paths(done, ax, side, thick=1.0)
-    return _ellipses(done, ax, side, reach)
+    _paths(done, ax, thick=1.0)
+    return _ellipses(done, ax, reach)
 
 
-def _paths(done: Track, ax: Axes, side: tuple[int, int], thick: float) -> None:
+def _paths(done: Track, ax: Axes, thick: float) -> None:
     """The filter's path coloured by time, the truth's, the paper's; points outside the plot are marked and counted."""
-    means, papers, times = _means_mm(done, FILTER, side), _means_mm(done, OPEN_LOOP, side), done.times_s
-    truth = 1e3 * done.truth[:, list(side)]
+    means, papers, times = means_mm(done, FILTER), means_mm(done, OPEN_LOOP), done.times_s
+    truth = 1e3 * done.truth
     shown = slice(None, None, -(-len(means) // N_DRAWN))
     box = np.array([ax.get_xlim(), ax.get_ylim()]).T
     n_gone, n = int(outside(papers, box).sum()), len(papers)
@@ -134,16 +196,15 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
     }
 
 
-def _ellipses(done: Track, ax: Axes, side: tuple[int, int], reach: float) -> tuple[int, int]:
+def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
     """2-sigma ellipses of some frames, faint where the estimate is not based on fitting marks."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
-    pair = np.ix_(side, side)
-    covs = {k: 1e6 * cov[pair] for k in chosen if (cov := estimates[k].cov) is not None}
+    covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}
     drawn = [k for k, cov in covs.items() if _fits(cov, reach)]
     for k in drawn:
         alpha, colour = FAINT if estimates[k].status in MISSED else 0.9, colours(norm(estimates[k].time_s))
-        mean_mm = 1e3 * estimates[k].mean[list(side)]
+        mean_mm = 1e3 * estimates[k].mean
         ax.add_patch(ellipse(mean_mm, covs[k], 2.0, ec=colour, fc="none", lw=0.6, alpha=alpha, zorder=3))
     return len(drawn), len(covs) - len(drawn)
 
@@ -167,11 +228,11 @@ def _film(done: Track, ax: Axes) -> bool:
     return True
 
 
-def _network(done: Track, ax: Axes, side: tuple[int, int], *, lines: bool) -> None:
+def _network(done: Track, ax: Axes, *, lines: bool) -> None:
     """Names of the nodes where they are drawn; also springs and nodes if there is no film."""
     scene = done.recording.scene
     network = scene.network
-    x = 1e3 * network.positions[:, list(side)]
+    x = 1e3 * network.positions
     if lines:
         ax.add_collection(LineCollection(list(x[network.springs]), colors="0.8", linewidths=0.5), autolim=False)
         ax.plot(*x[~network.fixed].T, "o", color="0.5", ms=2.5, zorder=1.2)
@@ -187,11 +248,3 @@ def _network(done: Track, ax: Axes, side: tuple[int, int], *, lines: bool) -> No
 def _fits(cov: Floats, reach: float) -> bool:
     """Whether the 2-sigma ellipse of a covariance (2, 2) is finite and no larger than a picture of this reach."""
     return bool(np.isfinite(cov).all() and 2.0 * np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)) <= 2.0 * reach)
-
-
-def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
-    """The ellipse at this many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
-    values, vectors = np.linalg.eigh(cov)
-    angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular one the least is rounding
-    return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -20,8 +21,10 @@ from scipy.stats import chi2
 from dynamics import rest_shape
 from estimators import Obstacle
 from experiments.arrays import Floats
+from experiments.formats.estimate_rows import AXES
+from experiments.formats.scene.outside import outside_of
 from experiments.pipeline.plan import Planned, next_best
-from experiments.plots.path import ellipse
+from experiments.plots.space import FLAT, N_FACES, View, draw_body, keys, scale_bar, two_views
 from experiments.plots.style import (
     BLUE,
     PAGE_MM,
@@ -30,6 +33,7 @@ from experiments.plots.style import (
     SMALL_PT,
     TEXT_PT,
     VERMILLION,
+    ellipse,
     legend_below,
     new_figure,
     styled,
@@ -41,6 +45,9 @@ TISSUE, SKIN = "#f8ece4", "#b98b6b"
 ROUND = float(np.sqrt(chi2.ppf(0.95, 2)))
 """Standard deviations of the 95 % region in the plane of the picture."""
 
+ROOM_MM = 76.0
+"""Side of the square in print that a body in space fills [mm]."""
+
 
 def _xy(place: Floats) -> tuple[float, float]:
     return float(place[0]), float(place[1])
@@ -48,26 +55,66 @@ def _xy(place: Floats) -> tuple[float, float]:
 
 @styled
 def plan_figure(done: Planned) -> Figure:
-    """The whole scene beside a close-up of the lesion, with numbers of the best path; in space seen along z."""
+    """The tissue with paths beside a close-up of the lesion, and numbers of the best path; in space from two sides."""
+    return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
+
+
+def _in_plane(done: Planned) -> Figure:
     figure = new_figure(PAGE_MM, 105.0)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.55, 1.0), height_ratios=(1.0, 1.0))
     whole, close = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[0, 1])
-    words = figure.add_subplot(grid[1, 1])
     for ax in (whole, close):
         ax.set_aspect("equal")
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
-    _tissue(done, whole)
     chosen = next_best(done.plan)
-    _paths(done, whole, chosen)
-    for ax in (whole, close):
-        for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
-            _obstacle(ax, one, FILLS[kind], _path_x(done, chosen) if ax is whole else None)
-        _lesion(done, ax, chosen, close=ax is close)
+    _tissue(done, whole)
+    _sides(done, FLAT, whole, close, chosen)
     _frame(done, whole)
     whole.set_title(f"Needle paths to {done.scene.target.node}", fontweight="bold")
     legend_below(figure, (whole, close), 4)
+    _words(done, figure.add_subplot(grid[1, 1]), chosen)
+    return figure
+
+
+def _in_space(done: Planned) -> Figure:
+    scene, chosen = done.scene, next_best(done.plan)
+    figure = new_figure(PAGE_MM, 152.0)
+    rows = figure.add_gridspec(2, 1, height_ratios=(1.6, 1.0))
+    above, below = rows[0].subgridspec(1, 2), rows[1].subgridspec(1, 3, width_ratios=(1.0, 1.0, 2.0))
+    wholes = [figure.add_subplot(above[k]) for k in range(2)]
+    *closes, words = (figure.add_subplot(below[k]) for k in range(3))
+    views, outline = two_views(scene), outside_of(scene, N_FACES)
+    for view, whole, close in zip(views, wholes, closes, strict=True):
+        draw_body(whole, view, scene, outline, ROOM_MM, done.plan.entries, done.plan.tips)
+        box = np.array([done.task.skin.start, done.task.skin.end])
+        corners = np.unique([[box[k, axis] for axis, k in enumerate(ends)] for ends in np.ndindex(2, 2, 2)], axis=0)
+        edges = [pair for pair in combinations(corners, 2) if np.count_nonzero(pair[0] != pair[1]) == 1]
+        lines = view.seen_mm(np.array(edges)) if edges else np.empty((0, 2, 2))
+        whole.add_collection(LineCollection(list(lines), colors=SKIN, lw=1.2, label="entry allowed"), autolim=False)
+        limits = whole.axis()
+        _sides(done, view, whole, close, chosen)
+        whole.axis(limits)
+        close.set(aspect="equal", xticks=[], yticks=[])
+        if close is not closes[0]:
+            close.set_title("")
+        close.spines[:].set(visible=True, color="0.6")
+        scale_bar(close, float(np.ptp(close.get_xlim())))
+    wholes[0].set_title(f"Needle paths to {scene.target.node}, from two sides", fontweight="bold")
+    entries = [ax.get_legend_handles_labels() for ax in (wholes[0], closes[0])]
+    shown = {label: handle for handles, labels in entries for handle, label in zip(handles, labels, strict=True)}
+    shown |= keys(scene, outline, views)
+    figure.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=4)
     _words(done, words, chosen)
     return figure
+
+
+def _sides(done: Planned, view: View, whole: Axes, close: Axes, chosen: list[int]) -> None:
+    """Paths, obstacles and the lesion, seen from one side: whole and close up."""
+    _paths(done, view, whole, chosen)
+    for ax in (whole, close):
+        for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
+            _obstacle(ax, view, one, FILLS[kind], _path_x(done, view, chosen) if ax is whole else None)
+        _lesion(done, view, ax, chosen, close=ax is close)
 
 
 def _tissue(done: Planned, ax: Axes) -> None:
@@ -87,8 +134,8 @@ def _tissue(done: Planned, ax: Axes) -> None:
     ax.plot(*ends.T, color=SKIN, lw=5, alpha=0.55, solid_capstyle="round", zorder=1, label="entry allowed")
 
 
-def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], float] | None) -> None:
-    ends = 1e3 * np.array([one.start[:2], one.end[:2]])
+def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[float], float] | None) -> None:
+    ends = view.seen_mm(np.array([one.start, one.end]))
     outline = _capsule(ends, 1e3 * one.radius_m)
     if one.margin_m > 0.0:
         margin = _capsule(ends, 1e3 * (one.radius_m + one.margin_m))
@@ -111,12 +158,16 @@ def _obstacle(ax: Axes, one: Obstacle, fill: str, path_x: Callable[[float], floa
         )
 
 
-def _path_x(done: Planned, chosen: list[int]) -> Callable[[float], float]:
-    """The x of the best path's line at a height y [mm]; without a best path, that of the lesion."""
-    if not chosen or abs(done.plan.directions[chosen[0], 1]) < 1e-6:
-        return lambda _y: float(1e3 * done.lesion.mean[0])
-    (x, y), (dx, dy) = 1e3 * done.plan.tips[chosen[0], :2], done.plan.directions[chosen[0], :2]
-    return lambda height: float(x + (height - y) * dx / dy)
+def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
+    """Across the view, the best path's line at a height in it [mm]; without a best path, that of the lesion."""
+    found = done.plan
+    tip, entry = (
+        view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))
+    )
+    if abs(entry[1] - tip[1]) < 1e-3:
+        middle = float(view.seen_mm(done.lesion.mean)[0])
+        return lambda _height: middle
+    return lambda height: float(tip[0] + (height - tip[1]) * (entry[0] - tip[0]) / (entry[1] - tip[1]))
 
 
 def _capsule(ends: Floats, radius: float) -> Floats:
@@ -132,7 +183,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
     return np.vstack(caps)
 
 
-def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
+def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
     """One path from each entry, the most probable; the best and the next best stand out."""
     found = done.plan
     n_aims = done.task.n_aims
@@ -145,20 +196,20 @@ def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
         bad = bool(found.reasons[k])
         label = "forbidden" if bad else "possible"
         color, alpha = (FORBIDDEN, 0.28) if bad else (NEXT, 0.35)
-        ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+        ends = view.seen_mm(np.array([found.entries[k], found.tips[k]]))
         ax.plot(*ends.T, lw=0.8, zorder=3, color=color, alpha=alpha, label=None if label in labelled else label)
         labelled.add(label)
     for rank, k in reversed(list(enumerate(chosen))):
-        ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+        ends = view.seen_mm(np.array([found.entries[k], found.tips[k]]))
         best = rank == 0
         name = "best path" if best else ("next best" if rank == 1 else None)
         color, width = (BEST, 2.8) if best else (NEXT, 1.8)
         ax.plot(*ends.T, solid_capstyle="round", label=name, color=color, lw=width, zorder=6 if best else 5)
-        if best:
-            above = 1e3 * (found.entries[k] - found.tips[k])[:2]
+        if best and view is FLAT:
+            above = ends[0] - ends[1]
             above = above / max(1e-9, float(np.linalg.norm(above)))
             ax.annotate(
-                f"enter at ({ends[0, 0]:.0f}, {ends[0, 1]:.0f}) mm\n{1e3 * found.lengths[k]:.0f} mm deep"
+                f"enter at ({_place(found.entries[k])}) mm\n{1e3 * found.lengths[k]:.0f} mm deep"
                 f"\nhit {found.hits[k]:.0%}",
                 _xy(ends[0]),
                 _xy(14.0 * above + [0.0, 4.0]),
@@ -174,33 +225,34 @@ def _paths(done: Planned, ax: Axes, chosen: list[int]) -> None:
             )
 
 
-def _lesion(done: Planned, ax: Axes, chosen: list[int], *, close: bool) -> None:
+def _lesion(done: Planned, view: View, ax: Axes, chosen: list[int], *, close: bool) -> None:
     lesion, found = done.lesion, done.plan
-    mean, radius = 1e3 * lesion.mean[:2], 1e3 * lesion.radius_m
+    mean, radius = view.seen_mm(lesion.mean), 1e3 * lesion.radius_m
     label = "lesion at arrival" if close else "lesion and its 95 % region"
     if not chosen:
         alone = "lesion" if close else label
         ax.add_patch(Circle(_xy(mean), radius, fc=LESION, ec=LESION, alpha=0.55, zorder=6, label=alone))
-        ax.add_patch(ellipse(mean, 1e6 * lesion.cov[:2, :2], ROUND, fc="none", ec=LESION, lw=1.4, zorder=6))
+        ax.add_patch(ellipse(mean, view.seen_cov_mm2(lesion.cov), ROUND, fc="none", ec=LESION, lw=1.4, zorder=6))
     else:
         k = chosen[0]
-        there = 1e3 * found.means[k, :2]
-        region = 1e6 * (lesion.cov + done.task.needle.force_sd**2 * np.outer(found.pushed[k], found.pushed[k]))[:2, :2]
+        there = view.seen_mm(found.means[k])
+        forces = done.task.needle.force_sd**2 * np.outer(found.pushed[k], found.pushed[k])
+        region = view.seen_cov_mm2(lesion.cov + forces)
         centre = "95 % region of its centre" if close else None
         before = "lesion before insertion" if close else None
         ax.add_patch(Circle(_xy(mean), radius, fc="none", ec=LESION, ls=(0, (2, 2)), lw=1.2, zorder=6, label=before))
         ax.add_patch(Circle(_xy(there), radius, fc=LESION, ec=LESION, alpha=0.5, zorder=6, label=label))
         ax.add_patch(ellipse(there, region, ROUND, fc="none", ec=LESION, lw=1.4, zorder=6, label=centre))
         if close:
-            _aimed(done, ax, k)
+            _aimed(done, view, ax, k)
     if close:
-        _close_up(done, ax, chosen)
+        _close_up(done, view, ax, chosen)
 
 
-def _aimed(done: Planned, ax: Axes, k: int) -> None:
+def _aimed(done: Planned, view: View, ax: Axes, k: int) -> None:
     found = done.plan
-    mean, there = 1e3 * done.lesion.mean[:2], 1e3 * found.means[k, :2]
-    ends = 1e3 * np.array([found.entries[k, :2], found.tips[k, :2]])
+    mean, there = view.seen_mm(np.stack([done.lesion.mean, found.means[k]]))
+    ends = view.seen_mm(np.array([found.entries[k], found.tips[k]]))
     ax.plot(*ends.T, color=BEST, lw=2.8, zorder=5)
     ax.plot(*ends[1], marker="o", ms=5, mfc="white", mec=BEST, mew=1.8, zorder=8)
     ax.annotate(
@@ -212,14 +264,14 @@ def _aimed(done: Planned, ax: Axes, k: int) -> None:
     )
 
 
-def _close_up(done: Planned, ax: Axes, chosen: list[int]) -> None:
+def _close_up(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
     lesion, found = done.lesion, done.plan
-    places = [1e3 * lesion.mean[:2]]
+    places = [view.seen_mm(lesion.mean)]
     reach = 1e3 * lesion.radius_m
     widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(lesion.cov)[-1]))
     if chosen:
         k = chosen[0]
-        places.append(1e3 * found.means[k, :2])
+        places.append(view.seen_mm(found.means[k]))
         widest = 1e3 * ROUND * np.sqrt(float(np.linalg.eigvalsh(found.covs[k])[-1]))
         moved = 1e3 * float(np.linalg.norm(found.pushed[k]))
         title = f"at the lesion, pushed by {moved:.1f} mm (arrow)"
@@ -267,7 +319,7 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
         rows = [
             [
                 "best" if rank == 0 else f"{rank + 1}",
-                f"{1e3 * found.entries[k, 0]:.0f}, {1e3 * found.entries[k, 1]:.0f}",
+                _place(found.entries[k]),
                 f"{1e3 * found.lengths[k]:.0f}",
                 f"{np.degrees(found.angles[k]):.0f}°",
                 f"{found.hits[k]:.0%}",
@@ -275,7 +327,7 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
             ]
             for rank, k in enumerate(chosen)
         ]
-        heads = ["mm", "entry x, y", "depth", "angle", "hit", "room"]
+        heads = ["mm", f"entry {', '.join(AXES[: done.scene.network.dim])}", "depth", "angle", "hit", "room"]
         shown = ax.table(
             rows, colLabels=heads, bbox=Bbox.from_bounds(0.0, 0.0, 1.0, 0.43), cellLoc="center", edges="horizontal"
         )
@@ -284,6 +336,10 @@ def _words(done: Planned, ax: Axes, chosen: list[int]) -> None:
         for column in range(len(heads)):
             shown[1, column].get_text().set_color(BEST)
             shown[1, column].get_text().set_fontweight("bold")
+
+
+def _place(entry: Floats) -> str:
+    return ", ".join(f"{1e3 * x:.0f}" for x in entry)
 
 
 def _rejections(done: Planned) -> list[tuple[str, int]]:

@@ -16,6 +16,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Ellipse
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
@@ -112,6 +113,14 @@ def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> N
     handles = [one for handles, _ in entries for one in handles]
     labels = [one for _, labels in entries for one in labels]
     figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
+
+
+def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
+    """The ellipse at this many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
+    values, vectors = np.linalg.eigh(cov)
+    angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular one the least is rounding
+    return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 
 def saved(figure: Figure, form: str) -> bytes:

@@ -12,15 +12,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER, OPEN_LOOP
-from experiments.pipeline.track import Track, table
-from experiments.plots.bands import STATUS_COLOURS, draw_bands
+from experiments.pipeline.track import Track
 from experiments.plots.consistency import consistency_figure, has_innovations, has_sigmas, sigma_figure, withheld_figure
-from experiments.plots.limits import body_box, body_size, highest, mark_beyond, thinned, widened
-from experiments.plots.path import AROUND, path_figure
-from experiments.plots.style import OURS, PAGE_MM, PAPERS, TRUE, grid_figure, legend_below, span, styled, write_picture
+from experiments.plots.limits import body_size, highest
+from experiments.plots.motion import draw_motion, draw_over_time, means_mm, sigma_mm
+from experiments.plots.path import path_figure
+from experiments.plots.style import PAGE_MM, TRUE, grid_figure, legend_below, span, styled, write_picture
 
 ERROR_TITLE, MOTION_TITLE = "error of the hidden target", "the hidden target"
 
@@ -30,16 +29,16 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    path.png; with truth error.png and sigma.png, without it motion.png in their place; consistency.png where marks were
-    taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for a vector file beside
-    each; advance: is called with the share done
+    path.png; with truth error.png and sigma.png; without it motion.png, in space part of path.png; consistency.png
+    where marks were taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for a vector
+    file beside each; advance: is called with the share done
     """
     pictures = {"path": path_figure(done)}
     if done.has_truth:
         pictures["error"] = error_figure(done)
         if has_sigmas(done):
             pictures["sigma"] = sigma_figure(done)
-    else:
+    elif done.recording.scene.network.dim == 2:
         pictures["motion"] = motion_figure(done)
     if has_innovations(done):
         pictures["consistency"] = consistency_figure(done)
@@ -56,13 +55,13 @@ def write_track_plots(
 def error_figure(done: Track) -> Figure:
     """Error of each axis over time within its 1, 2 and 3-sigma envelope."""
     size = 1e3 * body_size(done)
-    errors, papers = (_means_mm(done, method) - 1e3 * done.truth for method in (FILTER, OPEN_LOOP))
+    errors, papers = (means_mm(done, method) - 1e3 * done.truth for method in (FILTER, OPEN_LOOP))
     figure, axes = _an_axis_each(done)
     for a, ax in enumerate(axes):
-        sigma = _sigma_mm(done, a)
+        sigma = sigma_mm(done, a)
         top = highest(size, 3.0 * sigma, errors[:, a], papers[:, a])
         ax.set_ylim(-top, top)
-        _over_time(done, ax, errors[:, a], papers[:, a], np.minimum(sigma, top), multiples=(3, 2, 1))
+        draw_over_time(done, ax, errors[:, a], papers[:, a], np.minimum(sigma, top), multiples=(3, 2, 1))
         ax.axhline(0.0, color=TRUE, lw=0.4)
         ax.set_ylabel(f"{AXES[a]} error [mm]")
     axes[0].set_title(ERROR_TITLE)
@@ -73,14 +72,9 @@ def error_figure(done: Track) -> Figure:
 @styled
 def motion_figure(done: Track) -> Figure:
     """The target on each axis over time: the filter with a band of two sigma, and the open loop."""
-    means, papers = _means_mm(done, FILTER), _means_mm(done, OPEN_LOOP)
     figure, axes = _an_axis_each(done)
     for a, ax in enumerate(axes):
-        sigma = _sigma_mm(done, a)
-        low, high = _usual_range(done, a)
-        ax.set_ylim(low, high)
-        _over_time(done, ax, means[:, a], papers[:, a], np.minimum(sigma, high - low), multiples=(2,))
-        ax.set_ylabel(f"{AXES[a]} [mm]")
+        draw_motion(done, ax, a)
     axes[0].set_title(MOTION_TITLE)
     legend_below(figure, axes[0], 6)
     return figure
@@ -92,47 +86,3 @@ def _an_axis_each(done: Track) -> tuple[Figure, list[Axes]]:
     grid[-1, 0].set_xlabel("time [s]")
     span(grid[-1, 0], done.times_s)
     return figure, list(grid[:, 0])
-
-
-def _usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis that shows the filter's path near the body, and its usual sigmas."""
-    (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], _means_mm(done, FILTER)[:, axis]
-    near = places[(places >= low) & (places <= high)]
-    if not len(near):
-        return float(low), float(high)
-    sigmas = _sigma_mm(done, axis)
-    usual = float(np.median(sigmas[np.isfinite(sigmas)])) if np.isfinite(sigmas).any() else 0.0
-    margin = 0.1 * float(np.ptp(near)) + min(3.0 * usual, float(high - low)) + 1e-3
-    return float(near.min()) - margin, float(near.max()) + margin
-
-
-def _means_mm(done: Track, method: str) -> Floats:
-    return 1e3 * np.array([e.mean for e in done.estimates(method)])
-
-
-def _sigma_mm(done: Track, axis: int) -> Floats:
-    return np.sqrt(table(done, FILTER)[AXES[axis] * 2].to_numpy())
-
-
-def _over_time(
-    done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
-) -> None:
-    """A coordinate of the filter and the open loop, with bands of multiples of sigma about the filter's."""
-    times = done.times_s
-    at, spread = thinned(times, sigma)
-    about = np.zeros(len(at)) if len(multiples) > 1 else np.interp(at, times, ours)
-    label: str | None = f"{', '.join(str(m) for m in reversed(multiples))} predicted standard deviations"
-    for k in multiples:
-        ax.fill_between(at, about - k * spread, about + k * spread, color=OURS, alpha=0.17, lw=0, label=label)
-        label = None  # once for all
-    draw_bands(ax, times, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
-    ax.plot(*thinned(times, papers), color=PAPERS, lw=0.5, alpha=0.8, label="paper's open loop")
-    ax.plot(*thinned(times, ours), color=OURS, lw=0.8, label="filter")
-    gone = {
-        name: n
-        for name, values, colour in (("filter", ours, OURS), ("open loop", papers, PAPERS))
-        if (n := mark_beyond(ax, times, values, colour))
-    }
-    if gone:
-        text = ", ".join(f"{name} {n}" for name, n in gone.items())
-        ax.set_title(f"outside the plot: {text} of {len(times)} frames", loc="right")

@@ -15,6 +15,7 @@ from experiments.arrays import Floats
 from experiments.film.overlay import WITHIN_95, MarkDrawn, NeedleDrawn, Overlay
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.outside import Outside, outside_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import pose_line
 from experiments.pipeline.live.shown import Counters
@@ -23,6 +24,9 @@ from experiments.version import version
 VERSION = 1
 STALE_MS = 200
 """Age of the newest state above which a viewer calls it stale [ms]; a requirement of users at the needle."""
+
+N_FACES = 1500
+"""Most faces of a surface for viewers: what a browser shades at each state; chosen."""
 
 
 def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
@@ -60,6 +64,7 @@ def scene_message(
             for name, fixed, place in zip(network.names, network.fixed, network.positions, strict=True)
         ],
         "springs": network.springs.tolist(),
+        "surface": None if network.dim == 2 else _surface(outside_of(scene, N_FACES)),
         "marks": [
             {"node": m.node, "hue_deg": m.hue_deg, "diameter_mm": 1e3 * m.diameter_m, "measured": m.measured}
             for m in scene.marks
@@ -124,6 +129,10 @@ def state_message(
         "recording": recording,
         "paused": paused,
     }
+
+
+def _surface(outside: Outside) -> dict[str, Any]:
+    return {"corners_mm": (1e3 * outside.corners).round(2).tolist(), "faces": outside.faces.tolist()}
 
 
 def _mm(place_m: Floats) -> list[float] | None:

@@ -43,8 +43,7 @@ from experiments.formats.recording import Recording, read_recording, write_frame
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.line import FILTER
 from experiments.pipeline.track import Track, track
-from experiments.plots.path import ellipse
-from experiments.plots.style import OURS, PAGE_MM, TRUE, grid_figure, legend_below, styled, write_picture
+from experiments.plots.style import OURS, PAGE_MM, TRUE, ellipse, grid_figure, legend_below, styled, write_picture
 from experiments.studies.grid import command
 from experiments.studies.real_balls import FILMS, followed, tracked_against_labels
 

@@ -1,0 +1,1 @@
+"""Soft bodies of elements as truths of the filter of a continuum."""

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.patches import Circle, Polygon
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter
@@ -16,7 +17,9 @@ from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
 from experiments.plots.plan import plan_figure
+from experiments.plots.space import two_views
 from tests.experiments.command import softaim
+from tests.experiments.in_space import breast
 from tests.experiments.plots.printed import check_printed
 
 PLAN = """
@@ -97,6 +100,45 @@ def test_the_picture_can_be_printed(scene, plan_file, most_mm):
     done = planned(scene, plan_file)
     assert done.plan.allowed.any() == (most_mm > 100.0)
     check_printed(plan_figure(done))
+
+
+BREAST_PLAN = """\
+version = 1
+target_sd_mm = 1.0
+
+[entry]
+from_mm = [-30.0, -30.0, 50.0]
+to_mm = [30.0, 30.0, 50.0]
+normal = [0.0, 0.0, 1.0]
+n = 40
+
+[[obstacle]]
+name = "vessel"
+centre_mm = [-5.0, 0.0, 40.0]
+radius_mm = 4.0
+"""
+
+
+def test_a_plan_in_space_is_seen_from_two_sides(tmp_path):
+    """The best path, the lesion at arrival and the vessel stand where they are, in both views."""
+    write_scene(breast(10), tmp_path / "scene.toml")
+    (tmp_path / "plan.toml").write_text(BREAST_PLAN)
+    done = planned(tmp_path / "scene.toml", tmp_path / "plan.toml")
+    figure = plan_figure(done)
+    check_printed(figure)
+    best = next_best(done.plan)[0]
+    for ax, view in zip(figure.axes[:2], two_views(done.scene), strict=True):
+        (path,) = [line for line in ax.lines if line.get_label() == "best path"]
+        ends = np.stack([done.plan.entries[best], done.plan.tips[best]])
+        np.testing.assert_allclose(path.get_xydata(), view.seen_mm(ends))
+        circles = {patch.get_label(): patch for patch in ax.patches if isinstance(patch, Circle)}
+        lesion = circles["lesion and its 95 % region"]
+        np.testing.assert_allclose(lesion.center, view.seen_mm(done.plan.means[best]))
+        (vessel,) = [patch for patch in ax.patches if isinstance(patch, Polygon)]
+        middle = view.seen_mm(np.array([-0.005, 0.0, 0.04]))
+        np.testing.assert_allclose(np.linalg.norm(vessel.get_xy() - middle, axis=1), 4.0)
+        (edges,) = [one for one in ax.collections if one.get_label() == "entry allowed"]
+        assert len(edges.get_segments()) == 4
 
 
 def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):

@@ -1,5 +1,6 @@
 """The picture of advice: bands of what was advised, lanes of reasons; few artists for a long recording, too."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.advise import Advised
 from experiments.plots.advice import COLOURS, advice_figure, reasons_of
+from experiments.plots.space import two_views
+from experiments.plots.style import BLACK
 from tests.experiments.plots.printed import check_printed
-from tests.experiments.plots.tracks import phantom
+from tests.experiments.plots.tracks import block, phantom
 
 
 def advised(advice: list[Advice], lateral_m: np.ndarray, reasons: list[str] | None = None) -> Advised:
@@ -34,7 +37,8 @@ def spans(bars) -> list[tuple[float, float]]:
 
 def test_bands_cover_the_time_of_their_frames():
     """Half-way to the neighbours: GO from 0 to 1.5 s and from 3.5 s on, WAIT between."""
-    figure = advice_figure(advised([Advice.GO] * 2 + [Advice.WAIT] * 2 + [Advice.GO], np.full(5, 1e-3)))
+    miss = np.array([1e-3, 1e-3, 1e-3, 1e-3, 4e-3])
+    figure = advice_figure(advised([Advice.GO] * 2 + [Advice.WAIT] * 2 + [Advice.GO], miss))
     for ax in figure.axes[:2]:
         assert [spans(bars) for bars in ax.collections] == [[(0.0, 1.5), (3.5, 4.0)], [(1.5, 3.5)]]
 
@@ -103,7 +107,49 @@ def test_a_miss_beyond_the_body_leaves_the_scale_to_the_others():
     assert ax.get_title(loc="right") == "outside the plot in 10 of 100 frames"
 
 
-def test_misses_of_a_well_aimed_needle_are_shown_by_the_lesion():
-    """For a hundredth of a millimetre: twice the target's radius of 5 mm, not a picture of nothing but noise."""
-    ax = advice_figure(advised([Advice.GO] * 100, np.full(100, 1e-5))).axes[1]
-    assert ax.get_ylim() == (0.0, pytest.approx(10.0))
+def test_a_miss_that_changes_is_shown_by_the_lesion():
+    """Up to 1.5 mm: the scale is that of the lesion's radius of 5 mm, which is a line of the picture."""
+    figure = advice_figure(advised([Advice.GO] * 100, np.linspace(0.0, 1.5e-3, 100)))
+    ax = figure.axes[1]
+    assert ax.get_ylim() == (0.0, pytest.approx(6.0))
+    line = next(line for line in ax.lines if line.get_label() == "radius of the lesion")
+    np.testing.assert_allclose(line.get_ydata(), 5.0)
+    assert "radius of the lesion" in labels(figure)
+
+
+def test_what_never_changes_is_stated_in_words():
+    """A miss between 2.0 and 2.9 mm has no panel; a later insertion that is as good as one now has no curve."""
+    figure = advice_figure(advised([Advice.GO] * 10, np.linspace(2e-3, 2.9e-3, 10)))
+    assert len(figure.axes) == 2
+    assert figure.axes[0].get_title(loc="left") == "lateral miss 2.0 to 2.9 mm"
+    assert labels(figure) == ["GO", "inserted now", "threshold of GO, 0.9"]
+
+
+def labels(figure) -> list[str]:
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_a_curve_that_differs_is_drawn_and_named():
+    done = advised([Advice.GO] * 10, np.full(10, 2e-3))
+    later = [replace(one, best_probability=0.5 + 0.02 * (k == 7), best_in_s=0.1) for k, one in enumerate(done.guidance)]
+    assert "insertion at the best later time" in labels(advice_figure(replace(done, guidance=tuple(later))))
+
+
+def test_in_space_the_needle_stands_in_the_body_from_two_sides():
+    """Its tip, its line ahead as far as it is to go, the lesion at the latest aim with its ellipsoid."""
+    scene = block()
+    aim, tip, axis = np.array([0.03, 0.02, 0.03]), np.array([0.03, 0.02, 0.06]), np.array([0.0, 0.0, -1.0])
+    plan = NeedlePlan(Needle(), Insertion(tip, axis, 0.2), Lesion.ball(5e-3, 3), AdviceSettings())
+    one = Guidance(Advice.GO, "", 1.0, 0.95, aim=aim, cov=np.diag([1e-6, 4e-6, 9e-6]), lateral_m=0.0, depth_m=0.03)
+    recording = Recording(Path(), scene, np.arange(2.0), None, (), None, ())
+    figure = advice_figure(Advised(recording, plan, (0.0, 1.0), (one, one)))
+    check_printed(figure)
+    views = two_views(scene)
+    for view, ax in zip([view for view in views for _ in range(2)], figure.axes[2:], strict=True):
+        shaft, ahead = (line.get_xydata() for line in ax.lines if line.get_color() == BLACK)
+        np.testing.assert_allclose(shaft[0], view.seen_mm(tip), atol=1e-9)
+        np.testing.assert_allclose(ahead, view.seen_mm(np.stack([tip, aim])), atol=1e-9)
+        lesion, ellipsoid = ax.patches
+        np.testing.assert_allclose([lesion.center, ellipsoid.center], [view.seen_mm(aim)] * 2, atol=1e-9)
+        assert lesion.radius == pytest.approx(5.0)
+    assert {"needle", "its line ahead", "lesion", "2-sigma ellipsoid"} <= set(labels(figure))

@@ -1,10 +1,14 @@
-"""The picture of a check: every node named in the plane, hidden ones of a view not, limits that show both shapes."""
+"""The picture of a check: names in the plane, marks' names in space, limits that show both shapes."""
+
+from dataclasses import replace
 
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.text import Annotation
 
 from experiments.formats.scene.scene import write_scene
 from experiments.plots.check import check_figure
+from experiments.plots.space import facing, two_views
 from experiments.projects.check import checked
 from experiments.projects.project import Kind, project
 from tests.experiments.plots.printed import check_printed
@@ -29,12 +33,41 @@ def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
     assert [label.get_text() for label in shares.get_yticklabels()] == ["M"]
 
 
-def test_a_body_in_space_is_seen_obliquely_too(tmp_path) -> None:
-    """Of nodes behind each other one is named from the front; from aside more are."""
+def test_a_body_in_space_is_seen_from_two_sides(tmp_path) -> None:
+    """Labels are those of measured marks on the near side; the body rests as drawn, so rest is not drawn again."""
     write_scene(project(Kind.BREAST, masses=20).assumed, tmp_path / "scene.toml")
-    figure = check_figure(checked(tmp_path / "scene.toml", sd_mm=0.5))
+    done = checked(tmp_path / "scene.toml", sd_mm=0.5)
+    figure = check_figure(done)
     check_printed(figure)
-    front, oblique, shares = figure.axes
-    assert len(names_in(oblique)) >= len(names_in(front)) >= 20
+    *bodies, shares = figure.axes
+    assert len(bodies) == 2
+    for ax, view in zip(bodies, two_views(done.scene), strict=True):
+        near = facing(view, done.scene)
+        names = {mark.node for mark, is_near in zip(done.scene.marks, near, strict=True) if is_near and mark.measured}
+        assert {text.get_text() for text in ax.texts} - {"x", "y", "z", "20 mm"} == names
+        assert len(springs_in(ax)) == 1
+    assert bodies[0].get_title(loc="left") == "rests as drawn"
+    assert "springs at rest" not in [text.get_text() for text in figure.legends[0].get_texts()]
     assert len(shares.patches) == 12
     assert np.isclose(sum(bar.get_width() for bar in shares.patches), 100.0)
+
+
+def springs_in(ax) -> list[LineCollection]:
+    return [one for one in ax.collections if isinstance(one, LineCollection)]
+
+
+def test_a_sag_in_space_is_drawn_beside_the_drawn_shape(tmp_path) -> None:
+    """All nodes 40 mm lower at rest: springs of both, within the limits, and the difference in the title."""
+    write_scene(project(Kind.BREAST, masses=10).assumed, tmp_path / "scene.toml")
+    done = checked(tmp_path / "scene.toml", sd_mm=0.5)
+    rest = done.rest + np.where(done.scene.network.fixed[:, None], 0.0, [0.0, -0.04, 0.0])
+    figure = check_figure(replace(done, rest=rest))
+    ax, view = figure.axes[0], two_views(done.scene)[0]
+    drawn, sagged = springs_in(ax)
+    segments = np.array(sagged.get_segments())
+    assert len(segments) == len(drawn.get_segments()) == len(done.scene.network.springs)
+    expected = view.seen_mm(rest[done.scene.network.springs])
+    np.testing.assert_allclose(np.sort(segments, axis=0), np.sort(expected, axis=0), atol=1e-9)
+    assert segments[..., 1].min() > ax.get_ylim()[0]
+    assert "largest difference 40.0 mm" in ax.get_title(loc="left")
+    assert "springs at rest" in [text.get_text() for text in figure.legends[0].get_texts()]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
 
@@ -12,6 +13,7 @@ from estimators import Status
 from experiments.pipeline.scores.fit import Withheld
 from experiments.plots.consistency import consistency_figure, sigma_figure
 from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
+from experiments.plots.space import two_views
 from experiments.plots.track import error_figure, motion_figure, write_track_plots
 from tests.experiments.plots.printed import check_printed
 from tests.experiments.plots.tracks import block, made_track, phantom, small_errors
@@ -124,7 +126,7 @@ def test_the_pictures_of_a_large_body_and_a_long_recording_are_of_few_artists(mo
             areas = [len(path.vertices) for area in ax.collections for path in area.get_paths()]
             # an area has two sides, and is closed
             assert max([*(len(line.get_xdata()) for line in ax.lines), *areas]) <= 2 * n_drawn + 3
-    springs = path.axes[0].collections[0]
+    springs = next(one for one in path.axes[3].collections if isinstance(one, LineCollection))
     assert len(springs.get_segments()) == len(track.recording.scene.network.springs) > 200
 
 
@@ -167,13 +169,46 @@ def test_all_pictures_can_be_printed_and_have_no_empty_axes(tmp_path, monkeypatc
     withheld = {name: Withheld(9, 4.0, 2.0, 1.0) for name in scene.measured_nodes}
     write_track_plots(replace(track, withheld=withheld), tmp_path)
     both = {"path.png", "consistency.png", "withheld.png"}
-    assert set(drawn) == both | ({"error.png", "sigma.png"} if with_truth else {"motion.png"})
+    assert set(drawn) == both | ({"error.png", "sigma.png"} if with_truth else set())
     for figure in drawn.values():
         check_printed(figure, without_units=("mark",))
     assert len(drawn["consistency.png"].axes) == (2 if with_truth else 1)
-    axes = drawn["path.png"].axes
-    assert len(axes) == 2 * (dim - 1)
-    assert [ax.child_axes[0].get_ylabel() for ax in axes[1::2]] == ["time [s]"] * (dim - 1)  # the colour bar
+    assert len(drawn["path.png"].axes) == (2 if dim == 2 else 7)
+
+
+def test_a_path_in_space_is_x_y_z_over_time_beside_the_body_from_two_sides():
+    """The band is two standard deviations to either side; truth, filter and open loop are the numbers of the track."""
+    sigmas = np.linspace(1e-3, 2e-3, N)
+    track = made_track(block(), small_errors(N, 3), sigmas)
+    figure = path_figure(track)
+    check_printed(figure)
+    for axis, ax in enumerate(figure.axes[:3]):
+        series = {line.get_label(): line.get_ydata() for line in ax.lines}
+        for label, method in (("filter", "filter"), ("paper's open loop", "open-loop")):
+            np.testing.assert_allclose(series[label], [1e3 * e.mean[axis] for e in track.estimates(method)])
+        np.testing.assert_allclose(series["truth"], 1e3 * track.truth[:, axis])
+        band = ax.collections[0].get_paths()[0].vertices
+        for k in (0, 100, N - 1):
+            own = band[np.isclose(band[:, 0], track.times_s[k], atol=1e-9), 1]
+            assert np.ptp(own) == pytest.approx(4e3 * sigmas[k])
+        assert ax.get_ylabel() == f"{'xyz'[axis]} [mm]"
+    last, scene = track.estimates("filter")[-1], track.recording.scene
+    for k, view in enumerate(two_views(scene)):
+        for ax in figure.axes[3 + 2 * k : 5 + 2 * k]:
+            lesion, ellipsoid = ax.patches
+            np.testing.assert_allclose([lesion.center, ellipsoid.center], [view.seen_mm(last.mean)] * 2)
+            assert lesion.radius == pytest.approx(1e3 * scene.target.radius_m)
+            assert (ellipsoid.width, ellipsoid.height) == pytest.approx((8.0, 8.0))  # 2 mm an axis, from any side
+        filtered, true = (line.get_xydata() for line in figure.axes[4 + 2 * k].lines if len(line.get_xdata()) == N)
+        np.testing.assert_allclose(filtered, view.seen_mm(np.array([e.mean for e in track.estimates("filter")])))
+        np.testing.assert_allclose(true, view.seen_mm(track.truth))
+
+
+@pytest.mark.parametrize("far_m", [1e3, np.inf, np.nan])
+def test_estimates_that_run_away_leave_a_path_in_space_where_it_was(far_m):
+    before = limits(path_figure(made_track(block(), small_errors(N, 3), np.full(N, 1e-3))))
+    found = limits(path_figure(made_track(block(), ran_away(small_errors(N, 3), far_m), np.full(N, 1e-3))))
+    np.testing.assert_allclose(found[:, 2:], before[:, 2:], atol=0.15 * np.ptp(before[0, 2:]))
 
 
 def test_the_path_is_coloured_by_time_and_nodes_have_names(usual):

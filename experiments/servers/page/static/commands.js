@@ -92,6 +92,11 @@ export class Commands {
       event.preventDefault();
       return;
     }
+    if (this.picture.turning && event.target.tagName !== "BUTTON" && this.picture.body.pressed(event.key)) {
+      event.preventDefault();
+      this.picture.redraw();
+      return;
+    }
     const id = this.keys[event.key.toLowerCase()];
     if (id && !event.repeat && !find(id).disabled) {
       event.preventDefault();

@@ -14,6 +14,8 @@ const NO_IMAGE_MS = 1000; // after this time without a picture, it is reported a
 const SPOKEN_MS = 1000; // least interval of spoken advice
 const ANSWER_MS = 8000; // duration of an answer on the page
 const MOST_EVENTS = 5;
+const PICTURE = "The picture with marks, springs, target and needle";
+const BODY = "The body in space with marks, target and needle; arrow keys turn it, Home turns it back";
 
 const find = (id) => document.getElementById(id);
 const age = new Age();
@@ -30,6 +32,9 @@ const stream = new Stream({
     commands.scene(message);
     text("source", message.source);
     text("note", message.notes.join("; "));
+    const turns = message.dim === 3 && message.picture_px === null;
+    find("view").classList.toggle("turns", turns);
+    find("picture").setAttribute("aria-label", turns ? BODY : PICTURE);
   },
   state(message) {
     const at = performance.now();
@@ -113,6 +118,7 @@ function show() {
   say("health", health);
   say("advice", advice);
   find("advice").querySelector(".word").classList.toggle("long", advice.word.length > 7);
+  find("advice").querySelector(".word").classList.toggle("middling", advice.word.length === 7);
   find("probability").hidden = advice.probability === null;
   text("percent", advice.probability === null ? "" : `${Math.floor(100 * advice.probability)} %`);
   text("turn", live && advice.probability !== null ? turning(now.state) : "");
@@ -181,7 +187,8 @@ function slow() {
 }
 
 function seen(state, at) {
-  if (state.picture === null) return ["no picture"];
+  const measured = now.scene.marks.filter((mark) => mark.measured).length;
+  if (state.picture === null) return [now.scene.dim === 3 ? `marks ${state.marks_used} of ${measured} used` : "no picture"];
   const marks = state.picture.marks.filter((mark) => now.scene.marks.find((one) => one.node === mark.node)?.measured !== false);
   const found = marks.filter((mark) => mark.fate === "found").length;
   const lines = [`marks ${found} of ${marks.length} found`];

@@ -1,7 +1,7 @@
 // The picture on its canvas, zoomed to the body or whole, with an inset of the target in a corner.
 
+import { Body } from "./body.js";
 import { closer, overlay } from "./overlay.js";
-import { projections } from "./projections.js";
 import { LIGHT, TARGET, cross, trace, word } from "./strokes.js";
 
 const AROUND = 0.36; // margin on each side, by the body's size
@@ -13,8 +13,15 @@ export class Picture {
     this.canvas = canvas;
     this.context = canvas.getContext("2d");
     this.near = true;
+    this.body = new Body();
     this.forget();
     new ResizeObserver(() => this.fit()).observe(canvas);
+    canvas.addEventListener("pointerdown", (event) => this.turning && canvas.setPointerCapture(event.pointerId));
+    canvas.addEventListener("pointermove", (event) => {
+      if (!this.turning || event.buttons !== 1) return;
+      this.body.dragged(event.movementX, event.movementY);
+      this.redraw();
+    });
     this.fit();
   }
 
@@ -24,6 +31,11 @@ export class Picture {
     this.cursor = null;
     this.reach = null;
     this.views = [];
+  }
+
+  // Whether a body in space is shown, which can be turned
+  get turning() {
+    return this.last?.[0].dim === 3 && this.last[0].picture_px === null;
   }
 
   fit() {
@@ -55,7 +67,8 @@ export class Picture {
       return;
     }
     if (state.picture === null) {
-      this.notice = projections(context, scene, state, { width: this.width, height: this.height, old });
+      const room = { width: this.width, height: this.height, old, near: this.near };
+      this.notice = this.turning ? this.body.draw(context, scene, state, room) : "there is no picture to show";
       return;
     }
     this.notice = null;

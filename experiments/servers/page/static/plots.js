@@ -63,7 +63,7 @@ export class Plots {
     for (const { chart, which } of this.plots) {
       const [times, ...columns] = this.traces.shown(now, ...which);
       // A logarithmic axis has no zero
-      const held = chart.scales.y.distr === 3 ? columns.map((c) => c.map((y) => (y === null ? null : Math.min(99, Math.max(0.101, y))))) : columns;
+      const held = chart.scales.y.distr === 3 ? columns.map((c) => c.map((y) => (y === null ? null : Math.min(999, Math.max(0.101, y))))) : columns;
       chart.setData([times, ...held]);
     }
   }
@@ -83,7 +83,7 @@ function line(stroke, width, dash) {
 function plot(id, which, range, series, fill) {
   const root = document.getElementById(id);
   const axis = { stroke: QUIET, font: "11px system-ui, sans-serif", ticks: { show: false }, grid: { stroke: GRID, width: 1 } };
-  const scale = range === logarithmic ? { distr: 3, range: [0.1, 100] } : { range };
+  const scale = range === logarithmic ? { distr: 3, range: (_chart, _low, high) => [0.1, high >= 100 ? 1000 : 100] } : { range };
   const options = {
     width: Math.max(root.clientWidth, 50),
     height: Math.max(root.clientHeight, 40),
@@ -98,6 +98,6 @@ function plot(id, which, range, series, fill) {
     series: [{}, ...series],
     bands: fill ? [{ series: [3, 2], fill }] : [],
   };
-  if (range === logarithmic) options.axes[1].splits = () => [0.1, 1, 10, 100];
+  if (range === logarithmic) options.axes[1].splits = () => [0.1, 1, 10, 100, 1000];
   return { chart: new uPlot(options, which.reduce((data) => [...data, []], [[]]), root), which, root };
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from time import time
@@ -10,12 +11,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from estimators import Advice, Guidance, Insertion, Status, TargetEstimate
+from estimators import Advice, AdviceSettings, Guidance, Insertion, Lesion, Needle, Status, TargetEstimate
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
-from experiments.formats.needle_file import read_needle
+from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.live.shown import Counters
 from experiments.servers.message import counters_message, scene_message, state_message
+from tests.experiments.in_space import breast
 
 GIVEN = Path(__file__).parents[2]
 SIZE_PX = (640, 480)
@@ -57,6 +59,38 @@ def state(
         guidance=guidance,
         needle=Insertion(np.array([0.0, 0.3]), np.array([0.0, -1.0]), 0.1, 0.05),
         events=[{"utc_s": 1.8e9, "text": "0.50 s: DROPPED: 2 frames"}],
+    )
+    return {**made, **changed}
+
+
+@cache
+def breast_scene() -> dict[str, Any]:
+    """The message of a breast in space that another tracker sees, with a needle."""
+    read = replace(breast(20), space_cameras=())
+    insertion = Insertion(np.array([0.03, 0.02, 0.08]), np.array([0.0, 0.0, -1.0]), 0.1)
+    plan = NeedlePlan(Needle(), insertion, Lesion.ball(read.target.radius_m, 3), AdviceSettings())
+    return scene_message(read, "breast", None, plan)
+
+
+def breast_state(frames: int = 1, *, moved_mm: float = 0.0, **changed: Any) -> dict[str, Any]:
+    """A state of that breast, moved along x; known now."""
+    network = breast(20).network
+    nodes_m = network.positions + np.where(network.fixed[:, None], 0.0, [1e-3 * moved_mm, 0.0, 0.0])
+    target = nodes_m[network.index(breast(20).target.node)]
+    flat = state(frames)
+    estimate = TargetEstimate(frames / 30, target, np.diag([1e-6, 4e-6, 9e-6]), Status.TRACKING, 12, nis=30.0)
+    guidance = Guidance(
+        Advice.GO, "a hit is 92 % probable", frames / 30 + 0.5, 0.925, aim=target, lateral_m=0.001, depth_m=0.02
+    )
+    made = state_message(
+        estimate,
+        utc_s=time(),
+        from_frame=True,
+        counters=flat["counters"],
+        nodes_m=nodes_m,
+        nis_band=(20.0, 55.0),
+        guidance=guidance,
+        needle=Insertion(target + np.array([0.0, 0.0, 0.05]), np.array([0.0, 0.0, -1.0]), 0.1, 0.03),
     )
     return {**made, **changed}
 

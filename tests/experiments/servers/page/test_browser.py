@@ -2,12 +2,10 @@
 
 import asyncio
 import json
-import shutil
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,10 +14,8 @@ from estimators import Advice, Status
 from tests.experiments.servers.page import messages
 from tests.experiments.servers.page.served import Served, served
 
-BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 STALE_S = 3600.0
 """In place of 0.2 s where the page's own clock is not the test's: a busy machine takes long."""
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="chromium and chromedriver are not installed")
 
 
 class Fed:
@@ -52,31 +48,6 @@ class Fed:
     def end(self) -> None:
         self._ends.set()
         self._thread.join()
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = str(BROWSER)
-    profile: Path = tmp_path_factory.mktemp("profile")
-    for argument in (
-        "--headless=new",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        f"--user-data-dir={profile}",
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
-    driver.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": 1280, "height": 720, "deviceScaleFactor": 1, "mobile": False}
-    )
-    yield driver
-    driver.quit()
 
 
 @pytest.fixture(scope="module")

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
@@ -71,6 +72,15 @@ def test_the_scene_is_as_described() -> None:
     message = as_sent({**messages.scene(), "may_write": True})
     assert list(faults(message, SCHEMA["$defs"]["scene"])) == []
     assert list(faults(message, SCHEMA)) == []
+
+
+def test_a_body_in_space_is_as_described() -> None:
+    scene, state = as_sent({**messages.breast_scene(), "may_write": True}), as_sent(messages.breast_state())
+    assert list(faults(scene, SCHEMA["$defs"]["scene"])) == []
+    assert list(faults(state, SCHEMA["$defs"]["state"])) == []
+    corners, faces = np.array(scene["surface"]["corners_mm"]), np.array(scene["surface"]["faces"])
+    np.testing.assert_allclose(corners, [node["drawn_mm"] for node in scene["nodes"]], atol=0.01)
+    assert faces.max() < len(corners)
 
 
 def test_that_a_moved_camera_cannot_be_noticed_is_noted_where_no_reference_mark_stands() -> None:

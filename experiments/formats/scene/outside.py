@@ -1,0 +1,60 @@
+"""The outside of a body in space, to be drawn: the surface of its mesh at rest, or the convex hull of its springs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from dynamics.mesh import surface
+from experiments.arrays import Floats
+from experiments.formats.mesh.project_file import mesh_of
+from experiments.formats.scene.scene import Scene
+
+FINEST, COARSER = 1.0 / 200.0, 1.25
+"""Side of the first cells that become one corner, by the body's size, and the factor to the next."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outside:
+    """Corners [m], (n, 3), and faces, (n_faces, 3), counter-clockwise from outside."""
+
+    corners: Floats
+    faces: NDArray[np.int64]
+
+    @property
+    def normals(self) -> Floats:
+        """Across the faces, outward, of twice their area [m²], (n_faces, 3)."""
+        a, b, c = (self.corners[self.faces[:, k]] for k in range(3))
+        return np.cross(b - a, c - a)
+
+
+def outside_of(scene: Scene, most: int) -> Outside:
+    """The outside of a body in at most so many faces."""
+    if scene.mesh is not None:
+        mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
+        return fewer(Outside(mesh.nodes, surface(mesh).faces), most)
+    x = scene.network.positions
+    try:
+        hull = ConvexHull(x)
+    except QhullError:  # flat
+        return Outside(x, np.empty((0, 3), dtype=np.int64))
+    faces = hull.simplices.astype(np.int64)
+    inward = np.einsum("ni,ni->n", Outside(x, faces).normals, hull.equations[:, :3]) < 0.0
+    return fewer(Outside(x, np.where(inward[:, None], faces[:, ::-1], faces)), most)
+
+
+def fewer(whole: Outside, most: int) -> Outside:
+    """A surface of at most so many faces: the corners in one cell of a grid become their mean."""
+    found, cell = whole, FINEST * float(np.ptp(whole.corners, axis=0).max())
+    while len(found.faces) > most:
+        _, inverse = np.unique(np.round(whole.corners / cell).astype(int), axis=0, return_inverse=True)
+        own = inverse.ravel()
+        corners = np.stack([np.bincount(own, axis) for axis in whole.corners.T], axis=1) / np.bincount(own)[:, None]
+        faces = own[whole.faces]
+        found = Outside(corners, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
+        cell *= COARSER
+    return found

@@ -1,0 +1,41 @@
+"""The outside of a body: closed, of its volume, counter-clockwise from outside; of fewer faces, of the same shape."""
+
+import numpy as np
+import pytest
+
+from experiments.formats.scene.outside import Outside, fewer, outside_of
+from experiments.formats.scene.scene import read_scene
+from tests.experiments.formats.scene.test_mesh import folder
+from tests.experiments.plots.tracks import block
+
+
+@pytest.fixture(autouse=True)
+def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+
+
+def volume(of: Outside) -> float:
+    """The volume inside a closed surface whose faces are counter-clockwise from outside."""
+    a, b, c = (of.corners[of.faces[:, k]] for k in range(3))
+    return float(np.einsum("ni,ni->", a, np.cross(b, c)) / 6.0)
+
+
+def test_of_a_mesh_it_is_the_surface_and_of_springs_their_hull(tmp_path) -> None:
+    """A box of 40 x 30 x 30 mm in cells of 10 mm, and a block of 60 x 60 x 40 mm."""
+    mesh = outside_of(read_scene(folder(tmp_path)), 1000)
+    assert volume(mesh) == pytest.approx(36e-6)
+    assert len(mesh.faces) == 2 * 2 * (4 * 3 + 4 * 3 + 3 * 3)
+    assert volume(outside_of(block(), 1000)) == pytest.approx(144e-6)
+
+
+def test_of_fewer_faces_it_keeps_its_shape() -> None:
+    """A ball of radius 1 and of 3480 faces: within a tenth of its volume in at most a thousand."""
+    turn, up = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False), np.linspace(0.02, np.pi - 0.02, 30))
+    ball = np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), np.cos(up)], axis=-1).reshape(-1, 3)
+    i, j = np.meshgrid(np.arange(29), np.arange(60), indexing="ij")
+    a, b, c, d = (((i + p) * 60 + (j + q) % 60).ravel() for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    whole = Outside(ball, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))
+    drawn = fewer(whole, 1000)
+    assert 300 < len(drawn.faces) <= 1000
+    assert volume(drawn) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.1)
+    assert fewer(whole, 3480) is whole
