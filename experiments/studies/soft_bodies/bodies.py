@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
 
 from dynamics import MassSpringNetwork
@@ -78,7 +79,7 @@ def breast(seed: int) -> Recording:
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
     nodes = [int(np.linalg.norm(mesh.nodes - place, axis=1).argmin()) for place in points.values()]
-    times_s = FRAME_S * np.arange(round(SECONDS / FRAME_S))
+    times_s = FRAME_S * np.arange(float(round(SECONDS / FRAME_S)))
     places = motion(mesh, list(TISSUES), wall, times_s, _loads(mesh, wall, rng))[:, nodes]
     given, held = breast_mesh(*GIVEN)
     tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
@@ -91,7 +92,7 @@ def _given(rng: np.random.Generator, young_pa: float) -> float:
     return young_pa * float(np.exp(UNCERTAIN * rng.normal()))
 
 
-def _loads(mesh: TetMesh, wall: Floats, rng: np.random.Generator) -> Callable[[float], Floats]:
+def _loads(mesh: TetMesh, wall: NDArray[np.int64], rng: np.random.Generator) -> Callable[[float], Floats]:
     outside = surface(mesh)
     skin = outside.nodes[~np.isin(outside.nodes, wall)]
     areas = np.zeros(len(mesh.nodes))
