@@ -212,8 +212,6 @@ def _continuum(
     spread = _by_axis(csr_array(patch_weights(mesh, outside, named)[:, free]))
     compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
-    onto = V.T * np.repeat(masses, 3) / total
-    left = np.asarray(rows @ (moved - V @ (onto @ moved)))
     return Continuum(
         tissues=tuple(tissue.name for tissue in tissues),
         mass=total,
@@ -226,7 +224,6 @@ def _continuum(
         slow=V.T @ forces[1] / total,
         stiffness=0.5 * (stiffness + stiffness.T),
         dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),
-        left_out_m=np.sqrt((left**2).sum(axis=1).reshape(-1, 3).mean(axis=1)),
     )
 
 

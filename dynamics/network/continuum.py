@@ -45,8 +45,6 @@ class Continuum:
         Accelerations of the modal coordinates by unit surface forces, smooth over a short and a long length [1].
     stiffness, dashpots : (n_free dim, n_free dim)
         Condensed to the free nodes [N/m], [N s/m].
-    left_out_m : (n_free,)
-        Root mean square displacement of each free node, under unit surface forces, that the modes do not represent [m].
     """
 
     tissues: tuple[str, ...]
@@ -60,7 +58,6 @@ class Continuum:
     slow: Floats
     stiffness: Floats
     dashpots: Floats
-    left_out_m: Floats
 
     def __post_init__(self) -> None:
         n, n_modes = self.shapes.shape

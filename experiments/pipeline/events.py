@@ -65,9 +65,11 @@ def scene_line(scene: Scene) -> str:
     """The assumptions: the network, its marks and target, uncertainty of constants, noise levels, steps done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
+    solid = network.continuum
+    held = f"{len(network.springs)} springs" if solid is None else f"a mesh in {len(solid.rates)} modes"
     own = (scene.settings.poked, scene.settings.discrepancy) != (usual.poked, usual.discrepancy)
     return (
-        f"scene: {len(network.free)} free nodes and {len(network.springs)} springs in {network.dim} dimensions, "
+        f"scene: {len(network.free)} free nodes and {held} in {network.dim} dimensions, "
         f"marks measured on {', '.join(scene.measured_nodes)}, target {scene.target.node}; constants {known}; "
         f"levels {'its own' if own else 'default'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
     )

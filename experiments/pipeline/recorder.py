@@ -196,12 +196,14 @@ def record(
 
 def remove_recording(folder: Path) -> None:
     """Remove a recording's files from a folder, except its scene; all else stays. Raises InputError."""
+    of_cameras = [path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS]
+    of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
     try:
-        for name in (*VIDEOS, *TABLES):
-            (folder / name).unlink(missing_ok=True)
-        for name in FOLDERS:
-            if (folder / name).is_dir():
-                shutil.rmtree(folder / name)
+        for path in (*(folder / name for name in (*VIDEOS, *TABLES, *FOLDERS)), *of_cameras):
+            if path.is_dir():
+                shutil.rmtree(path)
+            else:
+                path.unlink(missing_ok=True)
     except OSError as error:
         raise InputError.refused(folder, "a folder that can be written", error) from error
 

@@ -15,7 +15,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import read_frames, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
-from experiments.pipeline.recorder import Recorder, join, record
+from experiments.pipeline.recorder import Recorder, join, record, remove_recording
 from experiments.simulation.simulate import scene_of
 from tests.experiments.command import softaim
 from vision import EveryFrame, Frame, VideoWriter
@@ -236,6 +236,17 @@ def test_a_film_is_recorded_and_can_be_tracked(tmp_path: Path, capfd: pytest.Cap
     assert softaim("record", film, "--out", tmp_path / "rec", "--force") == 2
     assert f"rec: expected a folder apart from {film}, which is read" in capfd.readouterr().err
     check_frames(tmp_path / "rec", 40)
+
+
+def test_the_recording_of_several_cameras_is_removed_whole_and_nothing_else(tmp_path: Path) -> None:
+    gone = ["video.avi", "video.left.avi", "frames.csv", "frames.left.csv", "marks.csv", "truth.csv"]
+    for name in (*gone, "scene.toml", "frames.md", "video.left.txt"):
+        (tmp_path / name).write_text("")
+    for name in ("frames", "frames.left"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "1.png").write_text("")
+    remove_recording(tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames.md", "scene.toml", "video.left.txt"]
 
 
 def test_a_scene_of_other_frames_is_one_line_and_nothing_is_made(
