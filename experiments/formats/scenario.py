@@ -265,7 +265,9 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
         if table is not None:
             for i, node in enumerate(table.nodes or ()):
                 _check_free(network, node, f"{place}: {key}.nodes[{i}]")
-            everywhere = key == "breathing" and network.continuum is not None
+            everywhere = key == "breathing" and network.continuum is not None and table.nodes is None
+            if everywhere and not network.fixed.any():
+                raise InputError.at(f"{place}: breathing.nodes", "nodes, for nothing holds the mesh", "none")
             if table.nodes is None and not everywhere:
                 change[key] = table.model_copy(update={"nodes": list(marked)})
     if scenario.release is not None:

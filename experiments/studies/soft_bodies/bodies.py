@@ -79,7 +79,7 @@ def breast(seed: int) -> Recording:
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
     nodes = [int(np.linalg.norm(mesh.nodes - place, axis=1).argmin()) for place in points.values()]
-    times_s = FRAME_S * np.arange(float(round(SECONDS / FRAME_S)))
+    times_s = FRAME_S * np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
     places = motion(mesh, list(TISSUES), wall, times_s, _loads(mesh, wall, rng))[:, nodes]
     given, held = breast_mesh(*GIVEN)
     tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
@@ -97,8 +97,8 @@ def _loads(mesh: TetMesh, wall: NDArray[np.int64], rng: np.random.Generator) -> 
     skin = outside.nodes[~np.isin(outside.nodes, wall)]
     areas = np.zeros(len(mesh.nodes))
     areas[outside.nodes] = outside.areas
-    regions = np.array([tissue.density_kg_m3 for tissue in TISSUES])
-    masses = lumped_masses(mesh, regions[mesh.regions])
+    densities = np.array([tissue.density_kg_m3 for tissue in TISSUES])
+    masses = lumped_masses(mesh, densities[mesh.regions])
     along = rng.normal(size=3) + np.array([0.0, 2.0, 0.0])
     breath = rng.uniform(*BREATH_M_S2) * np.outer(masses, along / np.linalg.norm(along))
     hz, pushes, start = rng.uniform(*BREATH_HZ), [], float(rng.uniform(0.5, 1.5))
@@ -115,7 +115,7 @@ def _loads(mesh: TetMesh, wall: NDArray[np.int64], rng: np.random.Generator) -> 
         total = np.sin(2.0 * np.pi * hz * time_s) * breath
         for begins, lasts, force in pushes:
             since = min(time_s - begins, begins + lasts - time_s)
-            total = total + np.clip(since / 0.1, 0.0, 1.0) * force  # a hand needs a tenth of a second
+            total = total + np.clip(since / 0.1, 0.0, 1.0) * force  # pushes rise and fall in 0.1 s
         return np.asarray(total)
 
     return load

@@ -44,7 +44,7 @@ def run(job: Case) -> dict[str, float]:
     nees = normalised_error_squared(errors, np.array([one.cov for one in ours]))
     return {
         "moved_mm": 1e3 * float(np.linalg.norm(truth - truth[0], axis=1).max()),
-        "skin_mm": 1e3 * float(np.linalg.norm(case.positions - case.positions[0], axis=2).max()),
+        "skin_mm": 1e3 * float(np.linalg.norm((case.positions - case.positions[0])[:, :-1], axis=2).max()),
         "filter_mm": _rms_mm(errors),
         "open_loop_mm": _rms_mm(np.array(loops) - truth),
         "thin_plate_mm": _rms_mm(_spline(case, seen) - truth),

@@ -1,7 +1,7 @@
 """Motion of a body of finite elements under large strains: the truth of the study's breasts.
 
 Neo-Hookean tetrahedra on all nodes by the implicit midpoint rule, with Newton's method whose matrix is factored again
-where it converges slowly. Neither law, nor mesh, nor integrator is the filter's.
+where it converges slowly. Law, mesh and integrator differ from the filter's.
 """
 
 from __future__ import annotations
@@ -62,9 +62,9 @@ def _step(
 ) -> tuple[Floats, SuperLU]:
     """The velocity in the middle of a step [m/s], and the factors of the matrix, made again where they are too old."""
     q, v = state
-    for _ in range(2):
+    for most in (SLOW, MOST) if factor is not None else (MOST,):
         middle = v.copy()
-        for _ in range(SLOW if factor is not None else MOST):
+        for _ in range(most):
             if factor is None:
                 K, C = body.tangents(q + 0.5 * h * middle, middle)
                 factor = splu(
