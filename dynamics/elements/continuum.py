@@ -98,6 +98,11 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
     return Points(np.asarray(weights @ mesh.nodes), weights)
 
 
+def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
+    """The patch of each element, (m,) int, over which its dilatation is averaged, by Poisson's ratios, (m,)."""
+    return patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
+
+
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     """Weights of all nodes, (k, n_nodes), of the patch about each point over which a force on it is spread.
 
@@ -186,7 +191,7 @@ def _continuum(
         np.array([getattr(tissue, key) for tissue in tissues])[mesh.regions]
         for key in ("young_pa", "poisson", "density_kg_m3", "damping_s")
     )
-    patch = patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
+    patch = dilatation_patches(mesh, poisson)
     masses, extent_m = lumped_masses(mesh, density)[free], _extent(mesh.nodes)
     K = rest_stiffness(mesh, young, poisson, free, patch)
     factor = _factor(K + FREE**2 * diags_array(np.repeat(masses, 3)))

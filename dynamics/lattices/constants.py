@@ -24,7 +24,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 
     Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
     """
-    return _added(lattice, young * lattice.mesh.volumes) / lattice.lengths**2
+    return lattice.of_springs(young * lattice.mesh.volumes) / lattice.lengths**2
 
 
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
@@ -33,7 +33,7 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
     Each tetrahedron adds 2 sqrt(2) / 25 E l, l the edge of a regular one of its volume [lloyd2007].
     """
     edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
-    return _added(lattice, 2.0 * np.sqrt(2.0) / 25.0 * young * edge)
+    return lattice.of_springs(2.0 * np.sqrt(2.0) / 25.0 * young * edge)
 
 
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
@@ -73,26 +73,14 @@ def fitted_factors(samples: Sequence[Sample]) -> Floats:
     raise ValueError(f"expected factors that meet the moduli, found none in {STEPS} steps")
 
 
-def _added(lattice: Lattice, shares: Floats) -> Floats:
-    """Shares of the tetrahedra, (m,), added over those about each spring, (n_springs,)."""
-    return np.asarray(np.bincount(lattice.edges.ravel(), np.repeat(shares, 6), minlength=len(lattice.springs)))
-
-
-def _along(lattice: Lattice) -> Floats:
-    """Directions of the springs, (n_springs, 3)."""
-    nodes, (i, j) = lattice.mesh.nodes, lattice.springs.T
-    return np.asarray((nodes[j] - nodes[i]) / lattice.lengths[:, None])
-
-
 def _quartics(lattice: Lattice) -> Floats:
-    return tension(_along(lattice)) ** 2
+    return tension(lattice.directions) ** 2
 
 
 def _elongations(lattice: Lattice) -> csr_array:
     """Elongation of the springs by the displacements of all nodes, (n_springs, 3 n)."""
     n, columns = len(lattice.springs), 3 * lattice.springs[:, :, None] + np.arange(3)
-    along = _along(lattice)
-    entries = np.stack([-along, along], axis=1).ravel()
+    entries = np.stack([-lattice.directions, lattice.directions], axis=1).ravel()
     where = (np.repeat(np.arange(n), 6), columns.ravel())
     return csr_array((entries, where), shape=(n, 3 * len(lattice.mesh.nodes)))
 

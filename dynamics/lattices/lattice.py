@@ -11,9 +11,10 @@ from scipy.sparse import csc_array
 from scipy.spatial import Delaunay, cKDTree
 
 from dynamics.arrays import Floats
+from dynamics.elements import dilatation_patches
 from dynamics.equilibrium.build import build_network
 from dynamics.lattices.structures import Structure
-from dynamics.mesh import TetMesh, Tissue, lumped_masses, patches, rest_stiffness
+from dynamics.mesh import TetMesh, Tissue, lumped_masses, rest_stiffness
 from dynamics.network import MassSpringNetwork, spring_lengths
 
 Depth = Callable[[Floats], Floats]
@@ -30,9 +31,6 @@ some 1e-5 of the cube."""
 
 MOVES, STEP = 5, 1e-4
 """Steps of Newton's method onto a surface, and the difference by which its normal is found, by the side; numerical."""
-
-NEARLY_INCOMPRESSIBLE = 0.46
-"""Poisson's ratio above which dilatation is averaged over patches of elements [1]; choice, as of continua."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +64,11 @@ class Lattice:
         return spring_lengths(self.mesh.nodes, self.springs)
 
     @property
+    def directions(self) -> Floats:
+        """Of the springs, from the first end to the second, (n_springs, 3)."""
+        return _directions(self.mesh.nodes, self.springs)
+
+    @property
     def crossing(self) -> NDArray[np.bool_]:
         """Whether a spring crosses a surface of the structure by more than a hundredth of its length, (n_springs,)."""
         ends = self.depths[self.springs]
@@ -75,11 +78,14 @@ class Lattice:
         """A constant of each element, (m,), by its tissue."""
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
+    def of_springs(self, shares: Floats) -> Floats:
+        """Shares of the tetrahedra, (m,), added over those about each spring, (n_springs,)."""
+        return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
+
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
         """Stiffness of the tetrahedra of these tissues, by region [N/m], (3 n, 3 n), node-major."""
         young, poisson = (self.of_elements(tissues, key) for key in ("young_pa", "poisson"))
-        patch = patches(self.mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else None
-        return rest_stiffness(self.mesh, young, poisson, None, patch)
+        return rest_stiffness(self.mesh, young, poisson, None, dilatation_patches(self.mesh, poisson))
 
 
 def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.Generator) -> Lattice:
@@ -122,8 +128,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
     springs, which = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     normals = _gradients(depth, x[springs].mean(axis=1))
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), STEP)
-    along = (x[springs[:, 1]] - x[springs[:, 0]]) / spring_lengths(x, springs)[:, None]
-    alignment = 1.0 - (along * normals).sum(axis=1) ** 2
+    alignment = 1.0 - (_directions(x, springs) * normals).sum(axis=1) ** 2
     return Lattice(mesh, springs, which.reshape(-1, 6), side_m * depth(x), alignment)
 
 
@@ -132,8 +137,8 @@ def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissu
 
     stiffness: of the springs [N/m], (n_springs,); tissues: by region, for masses and damping
     """
-    weights = lattice.of_elements(tissues, "damping_s") * lattice.mesh.volumes
-    shares = [np.bincount(lattice.edges.ravel(), np.repeat(each, 6)) for each in (weights, lattice.mesh.volumes)]
+    volumes = lattice.mesh.volumes
+    damping_s = lattice.of_springs(lattice.of_elements(tissues, "damping_s") * volumes) / lattice.of_springs(volumes)
     return build_network(
         [f"n{k}" for k in range(len(lattice.mesh.nodes))],
         lattice.mesh.nodes,
@@ -141,7 +146,7 @@ def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissu
         stiffness=stiffness,
         masses=lumped_masses(lattice.mesh, lattice.of_elements(tissues, "density_kg_m3")),
         gravity=np.zeros(3),
-        damping=stiffness * shares[0] / shares[1],
+        damping=stiffness * damping_s,
     )
 
 
@@ -164,6 +169,11 @@ def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
         first, second = (i, j) if bound[i] < bound[j] else (j, i)
         kept[second] &= not kept[first]
     return x[kept]
+
+
+def _directions(x: Floats, springs: NDArray[np.int64]) -> Floats:
+    """Unit vectors along springs between points, (n_springs, 3)."""
+    return np.asarray((x[springs[:, 1]] - x[springs[:, 0]]) / spring_lengths(x, springs)[:, None])
 
 
 def _gradients(depth: Depth, x: Floats) -> Floats:

@@ -27,6 +27,10 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 ON_FACE = 1e-6
 """Distance of a node to a face that it lies on, at most, by the side of the box [1]; numerical."""
 
+LOOSE = 1e-10
+"""Pivot of the factored stiffness, by its largest diagonal entry, below which a node is loose [1]; numerical: some
+1e-3 in lattices of tissues, rounding at a loose node."""
+
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
 
@@ -59,7 +63,10 @@ class Moduli:
 
 
 def effective_moduli(network: MassSpringNetwork) -> Moduli:
-    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do. NetworkError for the plane."""
+    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do.
+
+    NetworkError for the plane and for a loose node.
+    """
     return orthotropic_moduli(effective_stiffness(spring_stiffness(network), network.positions))
 
 
@@ -100,7 +107,8 @@ def tension(directions: Floats) -> Floats:
 def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
     """Stiffness [Pa], (6, 6), of a box by six virtual tests; normal and shear strains are taken as uncoupled.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3)
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3). NetworkError for a loose
+    node.
     """
     return mean_stiffness(K, strained(K, nodes), float(np.ptp(nodes, axis=0).prod()))
 
@@ -132,7 +140,8 @@ def strained(K: csc_array, nodes: Floats) -> Floats:
 def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
     """Young's moduli [Pa], (3,), along the axes of a box stretched between two faces without friction, its sides free.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3)
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3). NetworkError for a loose
+    node.
     """
     lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
     found = np.empty(3)
@@ -156,9 +165,18 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set the displacements (3 n, k) that are not given, by node and axis (n, 3), to those without force."""
+    """Set the displacements (3 n, k) that are not given, by node and axis (n, 3), to those without force.
+
+    NetworkError where a node moves without force.
+    """
     free, held = np.flatnonzero(~given.ravel()), np.flatnonzero(given.ravel())
     rows = csc_array(K[:, free])
     options = {"SymmetricMode": True}
-    factor = splu(csc_array(rows[free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    loose = NetworkError("stiffness: expected that of a box without loose nodes, found one that moves without force")
+    try:
+        factor = splu(csc_array(rows[free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    except RuntimeError:  # exactly singular
+        raise loose from None
+    if np.abs(factor.U.diagonal()).min() < LOOSE * K.diagonal().max():
+        raise loose
     moved[free] = factor.solve(-np.asarray(rows[held].T @ moved[held]))

@@ -17,7 +17,10 @@ Structure = Callable[[Floats], Floats]
 """Distances to the surface of each tissue but the ground, (n_tissues, n), at points (n, 3), by the cube's side."""
 
 THICK, WALL = 0.12, 0.08
-"""Thickness of layers, ducts and fibres, and of the walls of a foam, by the side; ten cells of a lattice resolve it."""
+"""Thickness of layers, ducts and fibres, and of the walls of a foam, by the side.
+
+Ten cells of a lattice do not resolve the walls: over six foams 4.8 % of the springs cross a surface, and walls fill
+55.9 % of the mesh, 53.4 % of the structure."""
 
 LAYERS, WAVE = 3, 0.04
 """Layers, and how far they wave, by the side."""
@@ -32,7 +35,7 @@ FIBRES = 4
 """Fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""How far centres and fibres are moved aside at random, by the side."""
+"""How far centres are moved aside at random, by the side; fibres by half of it, and their waves have the other half."""
 
 
 def plain(rng: np.random.Generator) -> Structure:

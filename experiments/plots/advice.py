@@ -83,22 +83,24 @@ def advice_figure(done: Advised) -> Figure:
 
     A miss that does not change is stated in words. In space the needle is shown in the body from two sides.
     """
-    reasons, missed = reasons_of(done), _misses_change(done)
+    rows, reasons = table(done), reasons_of(done)
+    lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
+    missed = _misses_change(done, lateral_mm)
     parts = [46.0, *([26.0] if missed else []), LANE_MM * len(reasons)]
     in_space = done.recording.scene.network.dim == 3
-    rows = [*parts, *([VIEW_MM] if in_space else [])]
-    figure = new_figure(PAGE_MM, 20.0 + sum(rows) + 5.0 * in_space)
-    grid = figure.add_gridspec(len(rows), 1, height_ratios=rows)
+    heights = [*parts, *([VIEW_MM] if in_space else [])]
+    figure = new_figure(PAGE_MM, 20.0 + sum(heights) + 5.0 * in_space)
+    grid = figure.add_gridspec(len(heights), 1, height_ratios=heights)
     over_time = [figure.add_subplot(grid[k]) for k in range(len(parts))]
     for ax in over_time[:-1]:
         ax.sharex(over_time[-1])
         ax.tick_params(labelbottom=False)
         draw_bands(ax, np.array(done.times_s), [one.advice for one in done.guidance], COLOURS)
-    _probabilities(done, over_time[0])
+    _probabilities(done, over_time[0], rows)
     if missed:
-        _misses(done, over_time[1])
+        _misses(done, over_time[1], lateral_mm)
     else:
-        over_time[0].set_title(_constant_miss(done))
+        over_time[0].set_title(_constant_miss(lateral_mm))
     _reasons(done, over_time[-1], reasons)
     over_time[-1].set_xlabel("time [s]")
     span(over_time[-1], np.array(done.times_s))
@@ -141,10 +143,9 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
     return {label: handle for label, handle in shown.items() if label not in without}
 
 
-def _probabilities(done: Advised, ax: Axes) -> None:
+def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
     """Probabilities of a hit; of a later or turned insertion only where it differs from one now."""
-    rows, go = table(done), done.plan.settings.go
-    times = rows["time_s"].to_numpy()
+    times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if _differ(rows, "p_turned"):
         ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
     if _differ(rows, "p_best"):
@@ -162,28 +163,24 @@ def _differ(rows: pd.DataFrame, column: str) -> bool:
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
 
 
-def _lateral_mm(done: Advised) -> Floats:
-    return np.asarray(table(done)["lateral_mm"].to_numpy(), dtype=np.float64)
-
-
-def _misses_change(done: Advised) -> bool:
-    known = _lateral_mm(done)[np.isfinite(_lateral_mm(done))]
+def _misses_change(done: Advised, lateral_mm: Floats) -> bool:
+    known = lateral_mm[np.isfinite(lateral_mm)]
     return len(known) > 0 and float(np.ptp(known)) > STEADY * 1e3 * done.plan.lesion.radius_m
 
 
-def _constant_miss(done: Advised) -> str:
-    known = _lateral_mm(done)[np.isfinite(_lateral_mm(done))]
+def _constant_miss(lateral_mm: Floats) -> str:
+    known = lateral_mm[np.isfinite(lateral_mm)]
     return f"lateral miss {known.min():.1f} to {known.max():.1f} mm" if len(known) else ""
 
 
-def _misses(done: Advised, ax: Axes) -> None:
-    times, lateral = np.array(done.times_s), _lateral_mm(done)
+def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> None:
+    times = np.array(done.times_s)
     size = np.ptp(done.recording.scene.network.positions, axis=0)
     radius = 1e3 * done.plan.lesion.radius_m
-    ax.set_ylim(0.0, max(1.2 * radius, highest(1e3 * float(np.linalg.norm(size)), lateral)))
-    ax.plot(*thinned(times, lateral), color=BLACK, lw=0.9)
+    ax.set_ylim(0.0, max(1.2 * radius, highest(1e3 * float(np.linalg.norm(size)), lateral_mm)))
+    ax.plot(*thinned(times, lateral_mm), color=BLACK, lw=0.9)
     ax.axhline(radius, color=GREY, lw=0.6, ls=(0, (1, 1)), label="radius of the lesion")
-    beyond = mark_beyond(ax, times, lateral, BLACK)
+    beyond = mark_beyond(ax, times, lateral_mm, BLACK)
     ax.set_ylabel("lateral miss [mm]")
     if beyond:
         ax.set_title(f"outside the plot in {beyond} of {counted(len(times), 'frame')}", loc="right")

@@ -208,7 +208,7 @@ def frame(ax: Axes, view: View, places_m: Floats) -> None:
 def scale_bar(ax: Axes, reach: float) -> None:
     """A bar of about a quarter of the reach [mm] in the lower left corner, with its length."""
     decade = 10.0 ** np.floor(np.log10(0.3 * reach))
-    length = decade * max(k for k in (1, 2, 5) if k * decade <= 0.3 * reach)
+    length = decade * max(k for k in (0.5, 1, 2, 5) if k * decade <= 0.3 * reach)  # 0.5: the logarithm is rounded up
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
     x, y = left + 0.04 * (right - left), bottom + 0.04 * (top - bottom)
     ax.plot([x, x + length], [y, y], color="0.2", lw=1.4, solid_capstyle="butt", zorder=6)

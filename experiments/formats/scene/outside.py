@@ -20,7 +20,7 @@ FINEST, COARSER = 1.0 / 200.0, 1.25
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outside:
-    """Corners [m], (n, 3), and faces, (n_faces, 3), counter-clockwise from outside."""
+    """Corners of faces [m], (n, 3), and the faces, (n_faces, 3), counter-clockwise from outside."""
 
     corners: Floats
     faces: NDArray[np.int64]
@@ -36,15 +36,15 @@ def outside_of(scene: Scene, most: int) -> Outside:
     """The outside of a body in at most so many faces."""
     if scene.mesh is not None:
         mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
-        return fewer(Outside(mesh.nodes, surface(mesh).faces), most)
+        return fewer(_outside(mesh.nodes, surface(mesh).faces), most)
     x = scene.network.positions
     try:
         hull = ConvexHull(x)
     except QhullError:  # flat
-        return Outside(x, np.empty((0, 3), dtype=np.int64))
+        return _outside(x, np.empty((0, 3), dtype=np.int64))
     faces = hull.simplices.astype(np.int64)
     inward = np.einsum("ni,ni->n", Outside(x, faces).normals, hull.equations[:, :3]) < 0.0
-    return fewer(Outside(x, np.where(inward[:, None], faces[:, ::-1], faces)), most)
+    return fewer(_outside(x, np.where(inward[:, None], faces[:, ::-1], faces)), most)
 
 
 def fewer(whole: Outside, most: int) -> Outside:
@@ -55,6 +55,12 @@ def fewer(whole: Outside, most: int) -> Outside:
         own = inverse.ravel()
         corners = np.stack([np.bincount(own, axis) for axis in whole.corners.T], axis=1) / np.bincount(own)[:, None]
         faces = own[whole.faces]
-        found = Outside(corners, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
+        found = _outside(corners, faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
         cell *= COARSER
     return found
+
+
+def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
+    """These faces, with those of the places [m], (n, 3), that are their corners."""
+    used, numbered = np.unique(faces, return_inverse=True)
+    return Outside(places[used], numbered.reshape(-1, 3))

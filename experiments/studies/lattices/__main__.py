@@ -17,6 +17,7 @@ import pandas as pd
 
 from dynamics.lattices import STRUCTURES
 from experiments.engine.workers import chosen_workers, workers_for
+from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.page import rewrite_page
 from experiments.plots.style import saved
@@ -31,6 +32,9 @@ FITTED_SEEDS = range(4)
 CELLS = 10
 """Along a side of a box; choice: a box takes some seconds."""
 
+FEWEST_CELLS = 6
+"""Cells along a side, at least; choice: one for each of the three layers of a sheet and each gap between them."""
+
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -41,6 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cells", type=int, default=CELLS, help="along a side: %(default)s")
     add_seeds(parser, 6, 1000)
     given = parser.parse_args(arguments)
+    if given.cells < FEWEST_CELLS:
+        raise InputError.at("--cells", f"{FEWEST_CELLS} or more", str(given.cells))
     kinds = chosen("--structures", [name for name in given.structures.split(",") if name], STRUCTURES)
     with output_folder(given.out) as folder:
         fits = [(kind, FITTED_SEEDS, given.cells) for kind in kinds]

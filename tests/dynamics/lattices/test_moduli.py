@@ -4,7 +4,7 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
+from scipy.sparse import block_diag, csc_array
 
 from dynamics import NetworkError
 from dynamics.lattices import (
@@ -134,6 +134,28 @@ def relaxed(K, nodes, given):
     free, u, dense = ~given.ravel(), moved.reshape(-1, 6), csc_array(K).toarray()
     u[free] = np.linalg.solve(dense[np.ix_(free, free)], -dense[np.ix_(free, ~free)] @ u[~free])
     return u.T @ dense @ u / 0.02**3
+
+
+@pytest.mark.parametrize(
+    ("place", "ends"), [((0.015, 0.02, 0.02), (26,)), ((0.013, 0.014, 0.016), (0,)), ((0.013, 0.014, 0.016), (0, 5))]
+)
+def test_a_loose_node_is_refused(place, ends):
+    """A node inside a box with one spring along x, a skew one, or two: its stiffness is singular, up to rounding."""
+    box = cubic(30.0, 20.0)
+    nodes, k = np.vstack([box.positions, place]), box.n_nodes
+    springs = [*map(tuple, box.springs.tolist()), *((end, k) for end in ends)]
+    network = build_network(nodes, springs, stiffness=np.append(box.stiffness, [10.0] * len(ends)))
+    with pytest.raises(NetworkError, match="without loose nodes, found one that moves without force"):
+        effective_moduli(network)
+    with pytest.raises(NetworkError, match="without loose nodes"):
+        free_sided_young(spring_stiffness(network), nodes)
+
+
+def test_a_node_without_stiffness_is_refused():
+    box = cubic(30.0, 20.0)
+    K = csc_array(block_diag([spring_stiffness(box), csc_array((3, 3))]))
+    with pytest.raises(NetworkError, match="without loose nodes"):
+        effective_stiffness(K, np.vstack([box.positions, [0.013, 0.014, 0.016]]))
 
 
 def test_a_network_in_the_plane_is_refused():

@@ -19,6 +19,7 @@ from experiments.plots.space import (
     frame,
     keys,
     name_places,
+    scale_bar,
     two_views,
     view_from,
 )
@@ -82,6 +83,16 @@ def test_near_springs_are_drawn_last_and_darker() -> None:
     far, near = lines.get_colors()[:, 0]
     assert far > near + 0.3
     assert lines.get_linewidths()[0] < lines.get_linewidths()[1]
+
+
+@pytest.mark.parametrize(("reach", "length"), [(1000.0 / 3.0, 50.0), (1.0 / 3.0, 0.05), (400.0, 100.0), (90.0, 20.0)])
+def test_a_scale_bar_is_of_a_quarter_of_the_reach(reach, length) -> None:
+    """Also where 0.3 of it lies a rounding below a power of ten."""
+    ax = empty_axes()
+    ax.set(xlim=(0.0, reach), ylim=(0.0, reach))
+    scale_bar(ax, reach)
+    assert np.ptp(ax.lines[-1].get_xdata()) == pytest.approx(length)
+    assert ax.texts[-1].get_text() == f"{length:g} mm"
 
 
 def test_each_mark_on_the_near_side_has_one_name_and_names_keep_apart() -> None:

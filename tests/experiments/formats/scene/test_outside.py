@@ -1,10 +1,15 @@
 """The outside of a body: closed, of its volume, counter-clockwise from outside; of fewer faces, of the same shape."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from dynamics.mesh import TetMesh
+from experiments.formats.scene import outside
 from experiments.formats.scene.outside import Outside, fewer, outside_of
 from experiments.formats.scene.scene import read_scene
+from tests.dynamics.blocks import block as solid
 from tests.experiments.formats.scene.test_mesh import folder
 from tests.experiments.plots.tracks import block
 
@@ -39,3 +44,19 @@ def test_of_fewer_faces_it_keeps_its_shape() -> None:
     assert 300 < len(drawn.faces) <= 1000
     assert volume(drawn) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.1)
     assert fewer(whole, 3480) is whole
+
+
+def test_nodes_inside_a_solid_do_not_shrink_it(tmp_path, monkeypatch) -> None:
+    """A solid, half a cube and half a ball, of 4800 faces: in 1500 within 3 % of its volume; corners have faces."""
+    cube = solid((20, 20, 20), (2.0, 2.0, 2.0))
+    at = cube.nodes - 1.0
+    by = np.abs(at).max(axis=1) / np.maximum(np.linalg.norm(at, axis=1), 1e-9)
+    ball = TetMesh(at * (0.5 + 0.5 * by[:, None]), cube.elements)
+    monkeypatch.setattr(outside, "mesh_of", lambda *_: SimpleNamespace(mesh=ball))
+    scene = read_scene(folder(tmp_path))
+    whole, drawn = outside_of(scene, 4800), outside_of(scene, 1500)
+    assert len(whole.faces) == 4800
+    assert len(drawn.faces) > 500
+    assert volume(drawn) == pytest.approx(volume(whole), rel=0.03)
+    for one in (whole, drawn):
+        np.testing.assert_array_equal(np.unique(one.faces), np.arange(len(one.corners)))
