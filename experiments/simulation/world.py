@@ -97,7 +97,7 @@ def world_of(case: Case) -> World:
     """The world of a case, determined by its seed. Raises InputError for an impossible scenario."""
     network, nodes = at_rest(true_network(case.truth.network, case.scenario, case.seed)), case.given.measured_nodes
     if case.truth.mesh is not None:
-        network = case.truth.mesh.in_all_modes(network)
+        network = case.truth.mesh.in_all_responses(network)
     rng = np.random.default_rng([case.seed, 7])
     lasting = case.n_frames / case.frames_per_s + 1.0
     change: dict[str, object] = {"duration_s": lasting}
