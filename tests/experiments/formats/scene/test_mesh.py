@@ -221,7 +221,7 @@ def test_a_named_point_serves_on_a_line_near_it(tmp_path: Path, beside_m: float)
     scene = read_scene(folder(tmp_path, SCENE.replace('"M1"', '"needle 1"')))
     assert scene.mesh is not None
     start = np.array([0.023, 0.014 + beside_m, 0.012])
-    mesh, network = with_line(scene.mesh, scene.network, np.array([start, start + [-0.02, 0.01, 0.016]]))
+    mesh, network = with_line(scene.mesh, scene.network, start + np.outer([0.0, 1.0], [-0.02, 0.01, 0.016]))
     assert [name for name, _ in mesh.points] == ["needle 1", "M2", "T", "needle 2"]
     assert np.linalg.norm(network.positions[3] - start) > 0.015
     assert network.continuum is not None
