@@ -219,7 +219,7 @@ def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
     for _ in range(SLIDES):
         secant = most / np.hypot(u, slip)
         secant[0] *= u[0] > 0.0  # nothing is cut backward
-        before, u = u, np.linalg.solve(np.eye(len(free)) + gives * secant, free)
+        before, u = u, np.asarray(np.linalg.solve(np.eye(len(free)) + gives * secant, free), dtype=float)
         if np.abs(u - before).max() <= SLID * slip:
             break
     return secant * u

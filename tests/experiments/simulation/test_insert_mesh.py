@@ -9,6 +9,7 @@ import pytest
 from dynamics import NeedleMotion
 from estimators import TissueFilter, breathing_ahead, compliance
 from experiments.formats.scenario import read_scenario
+from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import Case, case_of
 from experiments.simulation.closed_loop import attempt
 from experiments.simulation.insert import one_run
@@ -134,3 +135,29 @@ def test_a_fix_moves_the_offset_of_the_target_and_not_its_motion(tmp_path: Path)
         state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
     assert (model.holds(times + 1.0) > held - 0.05).all()
     np.testing.assert_allclose(model.predict(times)[0] + offset, before, atol=1e-4)
+
+
+def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> None:
+    """As above: the path moves as the offset of the target does."""
+    one = replace(case(tmp_path, sd_mm=3.0), frames_per_s=15.0)
+    world = world_of(one)
+    given, plan = one.given, one.plan
+    own = given.network, given.target.point, given.measured_nodes, given.settings
+    tissue = TissueFilter(*own, uncertainty=given.uncertainty)
+    away = NeedleMotion(world.entry, np.zeros(3), plan.insertion.axis, -1.0)
+    live, state = LiveAdvice(plan, tissue, tmp_path / "advice.csv"), world.start
+    for k in range(140):
+        now = world.frame_s(k)
+        tissue.predict(now)
+        estimate = tissue.update(world.marks(k, state))
+        live.seen(tissue, estimate, now, "not asked")
+        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), False)
+        if k == 125:
+            assert live._breathing.breath() is not None
+            offset = tissue.offset_mean
+            tissue.fix(estimate.mean + np.array([4e-3, 0.0, 0.0]), 1e-8 * np.eye(3))
+            assert np.linalg.norm(tissue.offset_mean - offset) > 2.5e-3
+    live.table.close()
+    model, times = live._breathing, tissue.time_s + np.array([0.0, 0.2])
+    assert (model.holds(times) > 0.9).all()
+    np.testing.assert_allclose(breathing_ahead(model, tissue, times)[0][0], estimate.mean, atol=5e-4)
