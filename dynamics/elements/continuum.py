@@ -141,7 +141,7 @@ def continuum_network(
         Places [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further nodes,
         `wall 1` and so on, show where the body is held.
     left_out : float
-        As `LEFT_OUT`; 0 for all modes, as a reference.
+        As `LEFT_OUT`; 0 for all responses to smooth surface forces, as a reference: not all modes of the mesh.
 
     Returns
     -------

@@ -167,7 +167,7 @@ def needle_load(
         along = contact[..., None]
         cutting = friction = nothing
     else:
-        points, most = _along(needle, pose)
+        points, most = shaft(needle, pose)
         part = node_weights(network, points, needle.reach_m)
         slide = pose.speed - (v @ pose.direction) @ part.T
         along = np.asarray(sliding_force(slide, most, needle.slip_m_s))
@@ -188,13 +188,13 @@ def distributed_force(
     pose = needle.pose(t)
     points, parts = needle.entry[None], np.ones(1)
     if punctured:
-        points, most = _along(needle, pose)
+        points, most = shaft(needle, pose)
         parts = most / most.sum()
     everywhere = push_N * (parts @ node_weights(network, points, needle.reach_m))[:, None] * pose.direction
     return np.asarray(everywhere[network.free])
 
 
-def _along(needle: NeedleMechanics, pose: NeedlePose) -> tuple[Floats, Floats]:
+def shaft(needle: NeedleMechanics, pose: NeedlePose) -> tuple[Floats, Floats]:
     """The tip and points of the shaft [m], (n, dim), and the most that cutting and friction are at each [N], (n,)."""
     back = 0.5 * pose.inserted_m * (SHAFT[0] + 1.0)
     points = pose.tip - np.r_[0.0, back][:, None] * pose.direction

@@ -4,8 +4,9 @@ The forces are those of `dynamics.needle.loads`. `simulate_insertion` follows on
 beforehand, by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests
 compare the two.
 
-A continuum moves in its modes, by the trapezoidal rule; what its points give way beyond them follows the forces at
-once, by the residual flexibility [macneal1971].
+A continuum moves in its modes, by the trapezoidal rule, implicit in cutting and friction: a needle that hardly slides
+resists far more than inertia does. What its points give way beyond the modes follows the forces at once, by the
+residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dynamics.arrays import Floats
 from dynamics.forces.kernels import PackedNeedle, packed, steered_steps
 from dynamics.forces.tangent import stable_step
 from dynamics.integration.stepping import SAME_STEP
-from dynamics.needle.loads import SHAFT, NeedleMechanics, NeedlePose, needle_load, node_weights
+from dynamics.needle.loads import SHAFT, NeedleMechanics, NeedlePose, needle_load, node_weights, shaft
 from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
@@ -30,6 +31,9 @@ FINEST_STEP = 1.0 / 1920.0
 
 SOLID_STEP = 1.0 / 960.0
 """The same of a continuum [s]: numerical, to 5 µm, which `tests/dynamics/needle/test_steered_solid.py` checks."""
+
+SLIDES, SLID = 50, 1e-3
+"""Iterations for the speeds of sliding, at most, and their change by the slip velocity at which they end; numerical."""
 
 OF_STABLE = 0.25
 """Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % a step."""
@@ -55,6 +59,10 @@ class SampledForces:
 
     forces: Floats
     interval_s: float
+
+    def __post_init__(self) -> None:
+        if len(self.forces) < 2:
+            raise ValueError(f"sampled forces: expected two times or more, found {len(self.forces)}")
 
     def at(self, time_s: float) -> Floats:
         """The forces at a time [s], (n_free, dim)."""
@@ -175,16 +183,46 @@ def _solid_steps(
         return acting + load.nodes[network.free].ravel(), float(load.contact)
 
     left = 1.0 + 0.5 * dt * solid.damping + 0.25 * dt**2 * solid.rates
+    modes_along = np.einsum("idr,d->ir", solid.shapes.reshape(-1, network.dim, r), motion.direction)
+    shared: Floats | None = None  # of cutting and friction along the needle, by node [N]
     for k in range(n):
-        acting, contact = forces(start + (k + 0.5) * dt)
+        t, shared = start + (k + 0.5) * dt, None
+        slides = punctured and pose(t).inserted_m > 0.0
+        acting, contact = (outside.at(t).ravel(), 0.0) if slides else forces(t)
         punctured = punctured or contact >= needle.puncture_N
         pull = acting @ solid.shapes / solid.mass - solid.rates * (q + 0.5 * dt * s) - solid.damping * s
+        if slides:
+            points, most = shaft(needle, pose(t))
+            part = node_weights(network, points, needle.reach_m)[:, network.free]
+            rows = part @ modes_along
+            free = speed - rows @ (s + 0.5 * dt * pull / left)
+            gives = 0.5 * dt / solid.mass * (rows / left) @ rows.T
+            shared = _sliding(free, gives, most, needle.slip_m_s) @ part
+            pull += shared @ modes_along / solid.mass
         w = dt * pull / left
         q += dt * (s + 0.5 * w)
         s += w
-    places = nodes(solid.shapes @ q + give @ forces(start + n * dt)[0], drawn)[network.free]
+    end = start + n * dt
+    # At the end the speeds ring: friction is that of the last step
+    acting = forces(end)[0] if shared is None else outside.at(end).ravel() + np.kron(shared, motion.direction)
+    places = nodes(solid.shapes @ q + give @ acting, drawn)[network.free]
     speeds = (solid.shapes @ s).reshape(places.shape)
     return np.concatenate([pack(places, speeds), q, s]), punctured
+
+
+def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
+    """Cutting and friction f at speeds u of sliding [N], (n,): u = free - gives f(u), by secants of f.
+
+    free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as `shaft` has it
+    """
+    u, secant = free, np.zeros_like(most)
+    for _ in range(SLIDES):
+        secant = most / np.hypot(u, slip)
+        secant[0] *= u[0] > 0.0  # nothing is cut backward
+        before, u = u, np.asarray(np.linalg.solve(np.eye(len(free)) + gives * secant, free), dtype=float)
+        if np.abs(u - before).max() <= SLID * slip:
+            break
+    return secant * u
 
 
 @lru_cache(maxsize=16)

@@ -181,6 +181,12 @@ class TissuePosterior:
         return self.filter.moments(np.eye(self.process.n)[offset])[1]
 
     @property
+    def offset_mean(self) -> Floats:
+        """Estimated error of the target's offset [m], (dim,)."""
+        offset = self.process.parts.get("offset")
+        return np.zeros(self.network.dim) if offset is None else np.asarray(self.filter.mean[offset])
+
+    @property
     def tissue_cov(self) -> Floats:
         """Covariance of the target without the error of its offset [m²], (dim, dim): the motion's alone."""
         return self.filter.moments(self.process.places(self.target.matrix))[1]

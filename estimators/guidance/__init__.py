@@ -15,6 +15,8 @@ from estimators.guidance.obstacles import Obstacle, ball, clearances
 from estimators.guidance.path import (
     PathParts,
     TargetPath,
+    breathing_ahead,
+    breathing_track,
     either_path,
     path_by_tables,
     path_near_rest,
@@ -65,6 +67,8 @@ __all__ = [
     "advise",
     "ball",
     "best_aim",
+    "breathing_ahead",
+    "breathing_track",
     "candidate_paths",
     "clearances",
     "compliance",

@@ -16,6 +16,7 @@ from dynamics import SAME_STEP, rest_shape
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
 from estimators.core.track import TissueFilter
+from estimators.guidance.breathing import Breathing
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
 from estimators.threads import one_blas_thread
@@ -94,6 +95,20 @@ class TargetPath:
             k, dim = self.means.shape
             return np.ones((k, 1)), np.zeros((k, 1, dim)), self.covs[:, None]
         return self.mixture.weights, self.mixture.means - self.means[:, None], self.mixture.covs
+
+
+def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
+    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the motion alone, from the estimate's mean, for `Breathing`."""
+    return mean - tissue.offset_mean, tissue.tissue_cov
+
+
+def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
+    """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target by the breathing model of its motion.
+
+    It was updated with `breathing_track`; the error of the target's offset is added.
+    """
+    means, covs = breathing.predict(times_s)
+    return means + tissue.offset_mean, covs + tissue.offset_cov
 
 
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:

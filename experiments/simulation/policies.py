@@ -21,6 +21,8 @@ from estimators import (
     TargetEstimate,
     TargetPath,
     TissueFilter,
+    breathing_ahead,
+    breathing_track,
     compliance,
     either_path,
     health_fault,
@@ -211,7 +213,7 @@ class Ahead(Filtered):
         """Update the filter, then the breathing model."""
         super().see(time_s, marks, push)
         shift = 0.0 if push is None else self._compliance @ push.ravel()
-        self._breathing.update(time_s, self.estimate.mean - shift, self.tissue.tissue_cov)
+        self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
         """By the filter's tables, and by the breathing model while it holds."""
@@ -220,8 +222,7 @@ class Ahead(Filtered):
         if self._breathing.breath() is None:
             return path
         n, times = self._tables.n_times, path.times_s
-        means, covs = self._breathing.predict(times)
-        covs = covs + self.tissue.offset_cov
+        means, covs = breathing_ahead(self._breathing, self.tissue, times)
         breath = TargetPath(times, means + self._shifts(pushes[np.minimum(np.arange(n), len(pushes) - 1)]), covs)
         return either_path(breath, path, self._breathing.holds(times))
 
@@ -231,8 +232,7 @@ class Ahead(Filtered):
         if self._breathing.breath() is None:
             return own
         at = np.array([time_s])
-        mean, cov = self._breathing.predict(at)
-        cov = cov + self.tissue.offset_cov
+        mean, cov = breathing_ahead(self._breathing, self.tissue, at)
         holds = self._breathing.holds(at)
         return GaussianMixture(
             np.concatenate([holds, (1.0 - holds) * own.weights]),
@@ -279,7 +279,7 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
         tissue.predict(world.frame_s(k))
         estimate = tissue.update(marks)
         if world.frame_s(k) >= SETTLED_S:
-            breathing.update(world.frame_s(k), estimate.mean, tissue.tissue_cov)
+            breathing.update(world.frame_s(k), *breathing_track(tissue, estimate.mean))
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
     if estimate is None:
         raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")

@@ -1,7 +1,7 @@
 """The world of an insertion: the true tissue, richer than the filter's model, and its marks.
 
-It has forces on all masses, hidden ones included, friction, and a needle with constants unknown to the filter, in steps
-sixteen times finer than the filter's (`dynamics.needle.steered`).
+It has forces on all masses, hidden ones included, friction, and a needle with constants unknown to the filter, in fine
+steps (`dynamics.needle.steered`): for springs sixteen times finer than the filter's, for a continuum 1/960 s.
 """
 
 from __future__ import annotations
@@ -37,9 +37,10 @@ class World:
     """The part that all policies share.
 
     network: the tissue's; assumed: the filter's, drawn at rest; aim: from a state of the tissue to its target
-    knots: external forces; needle: its true constants; start: the tissue's state at time 0, (n_state,)
+    knots: external forces; needle: its true constants; start: the tissue's state at time 0, as
+    `steady_state` has it: (n_state,), longer for a continuum
     noise: of the measured marks [m], (n_frames, n_marks, dim); missed: marks that are not seen, (n_frames, n_marks)
-    misplaced: from the target of the scene to the true one [m], (dim,)
+    offset_m: from the target of the scene to the true one [m], (dim,)
     tip_noise: standard normal, (dim,): final error of the tip, in standard deviations
     share: random number in (0, 1) for the run
     """
@@ -53,7 +54,7 @@ class World:
     start: Floats
     noise: Floats
     missed: NDArray[np.bool_]
-    misplaced: Floats
+    offset_m: Floats
     tip_noise: Floats
     share: float
 
@@ -73,7 +74,7 @@ class World:
 
     def target(self, state: Floats) -> Floats:
         """The target in a state [m], (dim,): where its node is, but for the error of its registration."""
-        return self.aim.position(state) + self.misplaced
+        return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
         """The marks of a state at a frame."""
@@ -97,7 +98,7 @@ def world_of(case: Case) -> World:
     """The world of a case, determined by its seed. Raises InputError for an impossible scenario."""
     network, nodes = at_rest(true_network(case.truth.network, case.scenario, case.seed)), case.given.measured_nodes
     if case.truth.mesh is not None:
-        network = case.truth.mesh.in_all_modes(network)
+        network = case.truth.mesh.in_all_responses(network)
     rng = np.random.default_rng([case.seed, 7])
     lasting = case.n_frames / case.frames_per_s + 1.0
     change: dict[str, object] = {"duration_s": lasting}

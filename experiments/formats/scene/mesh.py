@@ -5,9 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path, PurePath
 
 import numpy as np
+from scipy.spatial.distance import cdist, pdist, squareform
 
 from dynamics import MassSpringNetwork
 from dynamics.elements import LEFT_OUT, continuum_network, points_of
@@ -22,11 +24,14 @@ from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTiss
 from experiments.formats.toml_file import key_lines
 
 LINE = "needle"
-"""What points on the line of a needle are named, with a number."""
+"""Name of points on a needle's line, with a number."""
 
 SPACING, EDGES = 0.05, 1.5
 """Between points on a line, by the extent, and at least so many edges of elements [1]; choice: the radius of the patch
 of a force, and no more points than elements can move apart."""
+
+APART_M = 1e-5
+"""Distance of two points below which they are at one place [m]; choice: finer than any mark."""
 
 ON_SKIN_M = 1e-3
 """Distance of the first point of a line from the skin, at most [m]; choice: entries are rounded."""
@@ -62,8 +67,11 @@ class SceneMesh:
             for tissue, factor in zip(self.tissues, factors.tolist(), strict=True)
         )
 
-    def in_all_modes(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network of these points in all modes, with the tissues of a network of this mesh."""
+    def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
+        """The network of these points in all responses to smooth surface forces, with the tissues of this network.
+
+        They are not all modes of the mesh.
+        """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
@@ -112,6 +120,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
     """Mesh and network with further points on the part of a straight line that is inside, `LINE 1` and so on.
 
+    A point of the mesh within half the spacing serves in the place of one on the line; names that it has are skipped.
     ends: of the line [m], (2, 3). Masses of points, by which forces are stated, stay as they are.
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
@@ -122,7 +131,10 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
     near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
     near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
-    further = [(f"{LINE} {k}", place) for k, place in enumerate(line[near], start=1)]
+    near &= cdist(line, network.positions[network.free]).min(axis=1) >= 0.5 * spacing_m
+    taken = set(network.names)
+    names = (name for k in count(1) if (name := f"{LINE} {k}") not in taken)
+    further = list(zip(names, line[near], strict=False))
     longer, made = mesh_network(mesh.content, Path(mesh.file), mesh.table(network, further))
     return longer, replace(made, masses=np.full(made.n_nodes, network.masses[0]))
 
@@ -170,6 +182,7 @@ def _made(
     except ValueError as error:
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
+        _check_apart(own, points)
         return continuum_network(own.mesh, tissues, fixed, points, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
@@ -191,6 +204,15 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
     if (found < 0).any():
         raise SceneError(f"mesh.tissue: expected one of region {of.mesh.regions[found.argmin()]}, found none")
     return replace(of, mesh=replace(of.mesh, regions=found))
+
+
+def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
+    """Raise SceneError if two points are at one place of a mesh, MeshError if one is outside."""
+    names, places = list(points), np.array(list(points.values()), dtype=float).reshape(-1, 3)
+    between = np.triu(squareform(pdist(points_of(of.mesh, surface(of.mesh), places).places)) < APART_M, 1)
+    for first, i in np.argwhere(between)[:1]:
+        found = f"{shown(names[i])} at that of {shown(names[first])}"
+        raise SceneError(f"mesh.point[{i}].position_mm: expected a place of its own, found {found}")
 
 
 def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:

@@ -19,6 +19,8 @@ from estimators import (
     TargetPath,
     TissueFilter,
     advise,
+    breathing_ahead,
+    breathing_track,
     either_path,
     health_fault,
     path_by_tables,
@@ -86,7 +88,7 @@ class LiveAdvice:
         if estimate.status is Status.TRACKING and estimate.cov is not None:
             self._learn_s = min(self._learn_s, estimate.time_s + SETTLED_S)
             if estimate.time_s >= self._learn_s:
-                self._breathing.update(estimate.time_s, estimate.mean, tissue.tissue_cov)
+                self._breathing.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
@@ -125,7 +127,7 @@ class LiveAdvice:
         if self._breathing.breath() is None:
             return path
         times = path.times_s
-        breath = TargetPath(times, *self._breathing.predict(times)).widened(tissue.offset_cov)
+        breath = TargetPath(times, *breathing_ahead(self._breathing, tissue, times))
         return either_path(breath, path, self._breathing.holds(times))
 
     def _compiled(self, tables: AheadTables) -> None:

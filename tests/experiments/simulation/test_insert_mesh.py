@@ -6,8 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from estimators import TissueFilter, compliance
+from dynamics import NeedleMotion
+from estimators import TissueFilter, breathing_ahead, compliance
 from experiments.formats.scenario import read_scenario
+from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import Case, case_of
 from experiments.simulation.closed_loop import attempt
 from experiments.simulation.insert import one_run
@@ -66,7 +68,7 @@ def test_the_truth_is_not_the_model_of_the_filter(tmp_path: Path) -> None:
     """Another stiffness in each run, and more modes; the same points, some of them on the needle's line."""
     one = case(tmp_path)
     world, other = world_of(one), world_of(replace(one, seed=6))
-    assert "needle 2" in one.given.network.names
+    assert "needle 1" in one.given.network.names
     assert world.network.names == one.given.network.names
     assert len(world.network.continuum.rates) > len(one.given.network.continuum.rates)
     for truth in (world.network.continuum, other.network.continuum):
@@ -98,7 +100,7 @@ def test_the_registration_error_is_drawn_and_considered(tmp_path: Path) -> None:
     one = case(tmp_path, sd_mm=3.0)
     off = []
     for seed in range(40):
-        world = replace(world_of(one), misplaced=np.zeros(3)) if not seed else world_of(replace(one, seed=seed))
+        world = replace(world_of(one), offset_m=np.zeros(3)) if not seed else world_of(replace(one, seed=seed))
         off.append(world.target(world.start) - world.aim.position(world.start))
     assert not off[0].any()
     assert np.std(off[1:]) == pytest.approx(3e-3, rel=0.2)
@@ -110,3 +112,52 @@ def test_the_registration_error_is_drawn_and_considered(tmp_path: Path) -> None:
     path = ahead.path(np.zeros((warm.tables.n_times - 1, len(world.assumed.free), 3)))
     for cov in (warm.estimate.cov, path.covs[0], path.covs[-1]):
         assert 3e-3 < np.sqrt(np.trace(cov) / 3.0) < 4e-3
+
+
+def test_a_fix_moves_the_offset_of_the_target_and_not_its_motion(tmp_path: Path) -> None:
+    """A fix 4 mm aside of the estimate: the predicted path moves as the offset, and the breathing model holds on."""
+    world = world_of(case(tmp_path, sd_mm=3.0))
+    state, _, warm = warmed(world)
+    ahead = Ahead(world, warm)
+    model, tissue, now = ahead._breathing, ahead.tissue, warm.estimate.time_s
+    times, first = now + np.array([0.1, 0.5]), round(now * world.case.frames_per_s) + 1
+    away = NeedleMotion(world.entry, np.zeros(3), world.case.plan.insertion.axis, -1.0)
+    before, offset, held = breathing_ahead(model, tissue, times)[0], tissue.offset_mean, model.holds(times)
+    tissue.fix(warm.estimate.mean + np.array([4e-3, 0.0, 0.0]), 1e-8 * np.eye(3))
+    moved = tissue.offset_mean - offset
+    assert 2.5e-3 < np.linalg.norm(moved) < 4.5e-3
+    after = breathing_ahead(model, tissue, times)[0]
+    np.testing.assert_allclose(after - before, np.tile(moved, (2, 1)), atol=1e-9)
+    predicted = ahead.density_at(times[1], np.zeros((2, len(world.assumed.free), 3)))
+    np.testing.assert_allclose(predicted.means[0], after[1], atol=1e-9)
+    for k in range(first, first + 10):
+        ahead.see(world.frame_s(k), world.marks(k, state), None)
+        state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
+    assert (model.holds(times + 1.0) > held - 0.05).all()
+    np.testing.assert_allclose(model.predict(times)[0] + offset, before, atol=1e-4)
+
+
+def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> None:
+    """As above: the path moves as the offset of the target does."""
+    one = replace(case(tmp_path, sd_mm=3.0), frames_per_s=15.0)
+    world = world_of(one)
+    given, plan = one.given, one.plan
+    own = given.network, given.target.point, given.measured_nodes, given.settings
+    tissue = TissueFilter(*own, uncertainty=given.uncertainty)
+    away = NeedleMotion(world.entry, np.zeros(3), plan.insertion.axis, -1.0)
+    live, state = LiveAdvice(plan, tissue, tmp_path / "advice.csv"), world.start
+    for k in range(140):
+        now = world.frame_s(k)
+        tissue.predict(now)
+        estimate = tissue.update(world.marks(k, state))
+        live.seen(tissue, estimate, now, "not asked")
+        state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), False)
+        if k == 125:
+            assert live._breathing.breath() is not None
+            offset = tissue.offset_mean
+            tissue.fix(estimate.mean + np.array([4e-3, 0.0, 0.0]), 1e-8 * np.eye(3))
+            assert np.linalg.norm(tissue.offset_mean - offset) > 2.5e-3
+    live.table.close()
+    model, times = live._breathing, tissue.time_s + np.array([0.0, 0.2])
+    assert (model.holds(times) > 0.9).all()
+    np.testing.assert_allclose(breathing_ahead(model, tissue, times)[0][0], estimate.mean, atol=5e-4)

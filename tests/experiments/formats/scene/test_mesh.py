@@ -148,6 +148,11 @@ def test_a_scaled_tissue_is_written_with_its_stiffness(tmp_path: Path) -> None:
         ("poisson = 0.4", "poisson = 0.5", r"mesh.tissue\[0\].poisson: expected 0.495 or less, found 0.5"),
         ('name = "M2"', 'name = "M1"', r"mesh.point\[1\].name: expected a name of its own"),
         ('name = "M2"', 'name = "wall 2"', r"mesh.point\[1\].name: expected another than those of anchors"),
+        (
+            "[23.0, 14.0, 12.0]",
+            "[40.004, 12.0, 13.0]",
+            r'mesh.point\[2\].position_mm: expected a place of its own, found "T" at that of "M1"$',
+        ),
         ("[23.0, 14.0, 12.0]", "[23.0, 44.0, 12.0]", r"mesh.point\[2\].position_mm: expected a place inside the mesh"),
         ('[target]\nnode = "T"', '[target]\nnode = "U"', 'target.node: no node named "U"'),
         (
@@ -193,7 +198,7 @@ def test_points_on_a_line_are_those_inside(tmp_path: Path) -> None:
     """From the face at z = 30 mm to 15 mm below that at 0; the others and the constants stay as they are."""
     scene = read_scene(folder(tmp_path))
     assert scene.mesh is not None
-    line = np.array([[0.023, 0.014, 0.03], [0.023, 0.014, -0.015]])
+    line = np.array([[0.012, 0.006, 0.03], [0.012, 0.006, -0.015]])
     mesh, network = with_line(scene.mesh, scene.network, line)
     assert [name for name, _ in mesh.points][:3] == ["M1", "M2", "T"]
     own = [k for k, name in enumerate(network.names) if name.startswith("needle ")]
@@ -210,13 +215,26 @@ def test_points_on_a_line_are_those_inside(tmp_path: Path) -> None:
     np.testing.assert_allclose(longer[:9, :9], own_, atol=1e-6 * own_.max())
 
 
-def test_in_all_modes_it_has_the_stiffness_of_its_network(tmp_path: Path) -> None:
+@pytest.mark.parametrize("beside_m", [0.0, 1e-6, 5e-3])
+def test_a_named_point_serves_on_a_line_near_it(tmp_path: Path, beside_m: float) -> None:
+    """At T, within the half of 15 mm or more, no further point; the names that the mesh has are left to it."""
+    scene = read_scene(folder(tmp_path, SCENE.replace('"M1"', '"needle 1"')))
+    assert scene.mesh is not None
+    start = np.array([0.023, 0.014 + beside_m, 0.012])
+    mesh, network = with_line(scene.mesh, scene.network, start + np.outer([0.0, 1.0], [-0.02, 0.01, 0.016]))
+    assert [name for name, _ in mesh.points] == ["needle 1", "M2", "T", "needle 2"]
+    assert np.linalg.norm(network.positions[3] - start) > 0.015
+    assert network.continuum is not None
+    assert np.linalg.cond(network.continuum.stiffness) < 1e4
+
+
+def test_in_all_responses_it_has_the_stiffness_of_its_network(tmp_path: Path) -> None:
     """More modes than the filter's, tissues as scaled: a gland twice as stiff."""
     scene = read_scene(folder(tmp_path))
     assert scene.mesh is not None
     assert scene.network.continuum is not None
     stiffer = replace(scene.network, continuum=scene.network.continuum.scaled(np.array([1.0, 2.0])))
-    whole = scene.mesh.in_all_modes(stiffer)
+    whole = scene.mesh.in_all_responses(stiffer)
     assert whole.names == scene.network.names
     assert len(whole.continuum.rates) > len(scene.network.continuum.rates)
     write_scene(replace(scene, network=stiffer), tmp_path / "stiffer.toml")
