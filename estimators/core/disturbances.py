@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
-SLOW_M_S2, SOLID_M_S2, SOLID_S = (0.0, 0.5, 2.0), (3.0, 30.0), 60.0
+SLOW_M_S2, SOLID_M_S2, SOLID_S = (0.0, 0.5, 2.0), (4.5, 45.0), 60.0
 """Slow forces of networks, and of continua [m/s²], and their correlation time [s]; choice. A continuum always is
 pressed or leans somewhere: its two strengths differ in how fast such forces change."""
 
