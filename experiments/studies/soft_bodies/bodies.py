@@ -79,7 +79,7 @@ def breast(seed: int) -> Recording:
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
     nodes = [int(np.linalg.norm(mesh.nodes - place, axis=1).argmin()) for place in points.values()]
-    times_s = FRAME_S * np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
+    times_s = np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
     places = motion(mesh, list(TISSUES), wall, times_s, _loads(mesh, wall, rng))[:, nodes]
     given, held = breast_mesh(*GIVEN)
     tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
