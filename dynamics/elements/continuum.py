@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.linalg import SuperLU, splu
 from scipy.spatial.distance import cdist
 
 from dynamics.arrays import Floats
@@ -24,6 +23,7 @@ from dynamics.mesh import (
     Surface,
     TetMesh,
     Tissue,
+    factored,
     far_apart,
     lame,
     locate_on_surface,
@@ -194,7 +194,7 @@ def _continuum(
     patch = dilatation_patches(mesh, poisson)
     masses, extent_m = lumped_masses(mesh, density)[free], _extent(mesh.nodes)
     K = rest_stiffness(mesh, young, poisson, free, patch)
-    factor = _factor(K + FREE**2 * diags_array(np.repeat(masses, 3)))
+    factor = factored(K + FREE**2 * diags_array(np.repeat(masses, 3)))
     place = np.full(len(mesh.nodes), -1)
     place[free] = np.arange(len(free))
     areas = np.zeros(len(free))
@@ -230,12 +230,6 @@ def _continuum(
         stiffness=0.5 * (stiffness + stiffness.T),
         dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),
     )
-
-
-def _factor(K: csc_array) -> SuperLU:
-    """The factors of a symmetric positive definite matrix."""
-    options = {"SymmetricMode": True}
-    return splu(csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
 
 
 def _extent(nodes: Floats) -> float:

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from dynamics.arrays import Floats
 from dynamics.elements import Assembly, Springs
+from dynamics.mesh import factored
 from dynamics.network import MassSpringNetwork, NetworkError
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -171,10 +171,9 @@ def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
     """
     free, held = np.flatnonzero(~given.ravel()), np.flatnonzero(given.ravel())
     rows = csc_array(K[:, free])
-    options = {"SymmetricMode": True}
     loose = NetworkError("stiffness: expected that of a box without loose nodes, found one that moves without force")
     try:
-        factor = splu(csc_array(rows[free]), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        factor = factored(rows[free])
     except RuntimeError:  # exactly singular
         raise loose from None
     if np.abs(factor.U.diagonal()).min() < LOOSE * K.diagonal().max():

@@ -5,7 +5,7 @@ What may enter: geometry at rest.
 
 from dynamics.mesh.grid import grid_tetrahedra
 from dynamics.mesh.points import INSIDE, far_apart, locate, locate_on_surface, nearest_elements
-from dynamics.mesh.stiffness import lame, lumped_masses, patches, rest_stiffness
+from dynamics.mesh.stiffness import factored, lame, lumped_masses, patches, rest_stiffness
 from dynamics.mesh.surface import Surface, surface
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
 from dynamics.mesh.tissue import Tissue
@@ -16,6 +16,7 @@ __all__ = [
     "Surface",
     "TetMesh",
     "Tissue",
+    "factored",
     "far_apart",
     "grid_tetrahedra",
     "lame",

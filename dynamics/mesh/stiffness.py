@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array
+from scipy.sparse.linalg import SuperLU, splu
 
 from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
@@ -83,3 +84,9 @@ def rest_stiffness(
     K = (shear + dilatation.T @ (dilatation * np.bincount(of, lam)[:, None])).tocsc()
     rows = slice(None) if free is None else (3 * np.asarray(free)[:, None] + np.arange(3)).ravel()
     return csc_array(K[:, rows][rows])
+
+
+def factored(K: csc_array) -> SuperLU:
+    """The factors of a symmetric positive definite matrix, (n, n); RuntimeError if it is exactly singular."""
+    options = {"SymmetricMode": True}
+    return splu(csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

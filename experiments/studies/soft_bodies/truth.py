@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import SuperLU, splu
+from scipy.sparse import diags_array
+from scipy.sparse.linalg import SuperLU
 
 from dynamics.elements import Assembly, Tetrahedra, TissueConstants
-from dynamics.mesh import TetMesh, Tissue, lumped_masses
+from dynamics.mesh import TetMesh, Tissue, factored, lumped_masses
 from experiments.arrays import Floats
 
 STEPS = 2
@@ -67,12 +67,7 @@ def _step(
         for _ in range(most):
             if factor is None:
                 K, C = body.tangents(q + 0.5 * h * middle, middle)
-                factor = splu(
-                    csc_array(diags_array(2.0 / h * mass) + 0.5 * h * K + C),
-                    permc_spec="MMD_AT_PLUS_A",
-                    diag_pivot_thresh=0.0,
-                    options={"SymmetricMode": True},
-                )
+                factor = factored(diags_array(2.0 / h * mass) + 0.5 * h * K + C)
             change = factor.solve(body.force(q + 0.5 * h * middle, middle) + force - 2.0 / h * mass * (middle - v))
             if not np.isfinite(change).all():
                 break

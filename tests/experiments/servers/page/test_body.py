@@ -87,6 +87,7 @@ def test_the_surface_follows_the_nodes(browser: Any, shown: Served) -> None:
     shown.until(lambda: not same(picture(browser), before))
     publish(shown, browser, 3)
     shown.until(lambda: same(picture(browser), before))
+    assert same(picture(browser), before)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (1024, 768), (768, 1024)])
