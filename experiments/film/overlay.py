@@ -115,6 +115,14 @@ class Overlay:
 
 def drawn(image: Image, overlay: Overlay) -> Image:
     """A copy of a frame, (height, width, 3) BGR uint8, with the overlay."""
+    canvas = sketched(image, overlay)
+    scale = scale_of(canvas)
+    _names(canvas, overlay, scale, _words(canvas, overlay, scale))
+    return canvas
+
+
+def sketched(image: Image, overlay: Overlay) -> Image:
+    """A copy of a frame, as `drawn` takes it, with the overlay without its words."""
     canvas = np.ascontiguousarray(image).copy()
     scale = scale_of(canvas)
     _network(canvas, overlay, scale)
@@ -123,7 +131,6 @@ def drawn(image: Image, overlay: Overlay) -> Image:
     if overlay.needle is not None:
         _needle(canvas, overlay.needle, scale)
     _target(canvas, overlay, scale)
-    _names(canvas, overlay, scale, _words(canvas, overlay, scale))
     return canvas
 
 

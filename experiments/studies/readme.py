@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from experiments.film.moving import PICTURE, write_moving_picture
 from experiments.formats.page import rewrite_page
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import figures as figures_of
@@ -71,13 +72,14 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
 
 
 def main() -> None:
-    """Run demo and study, copy the demo's pictures to docs/images, rewrite the figures."""
+    """Run demo and study, draw the pictures in docs/images, rewrite the figures."""
     with tempfile.TemporaryDirectory() as folder:
         figures = demo(Path(folder) / "demo", stage=lambda _name: lambda _share: None)
         images = ROOT / "docs" / "images"
         images.mkdir(exist_ok=True)
         for name in PICTURES:
             shutil.copyfile(Path(folder) / "demo" / "poked" / name, images / f"poked-{name}")
+    write_moving_picture(PICTURE)
     studies = {name: study(name, SEEDS) for name in SCENARIOS}
     parts = {"demo table": markdown_table(figures, coverages()), "figures": figure_rows(studies)}
     rewrite_page(ROOT / "README.md", parts)
