@@ -137,7 +137,7 @@ def summary(cells: Sequence[Cell]) -> list[str]:
     return lines
 
 
-HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage", "NEES", "non-finite"]
+HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage [%]", "NEES", "non-finite"]
 HEAD += ["wrong tracking", "repairs", "ms a frame", "bounds exceeded"]
 
 
@@ -153,32 +153,37 @@ def markdown(cells: Sequence[Cell]) -> str:
     return markdown_table(HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
 
 
-PAGE_HEAD = ["cell", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage", "NEES"]
-SCALED_HEAD = ["scaled body", "largest ratio", "lowest coverage", "highest coverage"]
+PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ratio", "coverage [%]"]
 
 
 def page_tables(cells: Sequence[Cell]) -> str:
-    """The tables of docs/zoo.md: the cells of usual scale, the extremes of each body's scaled cells, the summary."""
-    rows, scaled = [], dict[str, list[Cell]]()
+    """The table of docs/zoo.md and the summary: a row for each body, its usual cells, the extremes of scaled ones."""
+    bodies: dict[str, tuple[dict[str, Cell], list[Cell]]] = {}
     for cell in cells:
         body, kind = cell.name.split(", ")
+        usual, scaled = bodies.setdefault(body, ({}, []))
         if kind == cell.constants:
-            errors = (_number(mm) for mm in (cell.filter_mm, cell.open_loop_mm, cell.spline_mm))
-            rows.append((cell.name, *errors, _number(cell.ratio, 2), _percent(cell.covered), _number(cell.nees, 2)))
+            usual[kind] = cell
         else:
-            scaled.setdefault(body, []).append(cell)
-    extremes = []
-    for body, own in scaled.items():
-        ratios = [cell.ratio for cell in own if cell.ratio is not None]
-        shares = [cell.covered for cell in own if cell.covered is not None]
-        lowest, highest = (_percent(pick(shares, default=None)) for pick in (min, max))
-        extremes.append((body, f"{max(ratios):.2f}" if ratios else "", lowest, highest))
-    tables = [markdown_table(PAGE_HEAD, rows)] + [markdown_table(SCALED_HEAD, extremes)] * bool(extremes)
-    return "\n".join([*tables, "\n".join(f"- {line}" for line in summary(cells)) + "\n"])
+            scaled.append(cell)
+    rows = []
+    for body, (usual, scaled) in bodies.items():
+        own = [usual[kind] for kind in BOUNDS if kind in usual]
+        ratios = [cell.ratio for cell in scaled if cell.ratio is not None]
+        shares = [cell.covered for cell in scaled if cell.covered is not None]
+        columns = (
+            [_number(cell.filter_mm) for cell in own],
+            [_number(cell.ratio, 2) for cell in own],
+            [_percent(cell.covered) for cell in own],
+            [f"{max(ratios):.2f}"] if ratios else [],
+            [f"{_percent(min(shares))} to {_percent(max(shares))}"] if shares else [],
+        )
+        rows.append((body, *(", ".join(column) for column in columns)))
+    return markdown_table(PAGE_HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.1f}%"
+    return "" if share is None else f"{100 * share:.1f}"
 
 
 def _number(value: float | None, digits: int = 3) -> str:
