@@ -76,7 +76,8 @@ def enlarged(
     u, v = camera.project(at_m[None])[0]
     enlarge = np.array([[by, 0.0, at_px[0] - by * u], [0.0, by, at_px[1] - by * v], [0.0, 0.0, 1.0]])
     larger = cv2.warpAffine(image, enlarge[:2], size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(larger, dtype=np.uint8), replace(camera, size_px=size_px, plane_to_px=enlarge @ camera.plane_to_px)
+    closer = replace(camera, size_px=size_px, plane_to_px=enlarge @ camera.plane_to_px)
+    return np.asarray(larger, dtype=np.uint8), closer
 
 
 def write_moving_picture(path: Path, scenario: Scenario = SCENARIO, shown_s: tuple[float, float] = SHOWN_S) -> None:

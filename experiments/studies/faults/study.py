@@ -123,21 +123,19 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
     ]
 
 
-PAGE_HEADS = ("fault", "noticed [ms]", "shown", "coverage", "wrong GO")
+PAGE_HEADS = ("shown", "faults")
 
 
 def page_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Cells of docs/faults.md: shares as so many of so many, and of what was shown the beginning."""
-    return [
-        [
-            row.what,
-            _slowest(row.noticed, row.noticed_ms, row.seeds),
-            beginning(row.shown) or "–",
-            f"{row.covered}/{row.seeds}",
-            f"{row.go_shown_while_faulty}/{row.go}",
-        ]
-        for row in rows.itertuples()
-    ]
+    """Cells of docs/faults.md: the faults by the beginning of what was shown, in the order of the first of each."""
+    groups: dict[str, list[str]] = {}
+    for row in rows.itertuples():
+        notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
+        notes += [f"covered {row.covered}/{row.seeds}"] if row.covered < row.seeds else []
+        notes += [f"GO wrong {row.go_shown_while_faulty}/{row.go}"] if row.go_shown_while_faulty else []
+        one = f"{row.what} ({', '.join(notes)})" if notes else row.what
+        groups.setdefault(beginning(row.shown) or "nothing", []).append(one)
+    return [[shown, "; ".join(own)] for shown, own in groups.items()]
 
 
 def beginning(shown: str) -> str:
@@ -147,9 +145,7 @@ def beginning(shown: str) -> str:
 
 
 def _slowest(n: int, slowest_ms: float, seeds: int) -> str:
-    if not n:
-        return "–"
-    return f"{slowest_ms:.0f}" if n == seeds else f"{slowest_ms:.0f} ({n}/{seeds})"
+    return f"{slowest_ms:.0f}" if n == seeds else f"{slowest_ms:.0f} in {n}/{seeds}"
 
 
 def _times(n: int, slowest_ms: float, seeds: int) -> str:
@@ -159,5 +155,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The table of docs/faults.md."""
-    return markdown_table(PAGE_HEADS, page_cells(rows), left=(0, 2))
+    """The table of docs/faults.md, and all GO below it."""
+    wrong, every = rows["go_shown_while_faulty"].sum(), rows["go"].sum()
+    return markdown_table(PAGE_HEADS, page_cells(rows), left=(0, 1)) + f"\nGO wrong: {wrong} of {every:,}.\n"

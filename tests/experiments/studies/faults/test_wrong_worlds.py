@@ -210,10 +210,24 @@ def test_a_row_of_which_any_body_is_beyond_half_a_percent_is_marked():
             {"world": "masses stated in g", "body": "breast", "go": 0, "go_wrong": 0, "refused": True, **usual},
         ]
     )
-    good, refused, marked = markdown(rows_of(runs)).splitlines()[2:]
+    good, refused, marked = markdown(rows_of(runs)).splitlines()[2:5]
     assert good == "| nothing | 1/200 | 1.0 | 96.6% |"
     assert marked.startswith("| **the scale is 3 % off** | **1/100** |")
     assert refused.startswith("| masses stated in g | 0/0, refused 1/1 |")
+
+
+def test_harmless_worlds_are_named_below_the_table():
+    seen = {"body": "breast", "frames": 300, "tracking": 290, "tracking_wrong": 0, "go": 1200, "go_wrong": 0}
+    seen |= {"refused": False, "shown": "GO", "covered": 288}  # 99.3 %
+    errors = {"nothing": 0.3, "the scale is 3 % off": 1.2, "half of the frames are lost": 1.04}
+    runs = pd.DataFrame([{"world": world, "error_mm": error_mm, **seen} for world, error_mm in errors.items()])
+    assert markdown(rows_of(runs)).splitlines()[2:] == [
+        "| the scale is 3 % off | 0/1200 | 1.2 | 99.3% |",
+        "",
+        "Error up to 1 mm, coverage from 99 %, no wrong GO: nothing; half of the frames are lost.",
+        "",
+        "Wrong GO: 0 of 3,600.",
+    ]
 
 
 def test_two_rows_are_run_and_written_and_a_row_counts_from_its_onset_on(tmp_path, capsys):
