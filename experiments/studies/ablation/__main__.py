@@ -75,12 +75,17 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def markdown(runs: pd.DataFrame) -> str:
-    """The whole filter's figures, body by body, and the table of mechanisms, the most valuable first."""
+def whole_filter(runs: pd.DataFrame) -> str:
+    """The table of the whole filter's figures, body by body."""
     whole = runs[runs["off"] == WHOLE].groupby("body", sort=False)[["error_m", "covered"]].mean()
-    first = [(str(body), f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f}%") for body, m in whole.iterrows()]
+    rows = [(str(body), f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f}%") for body, m in whole.iterrows()]
+    return markdown_table(WHOLE_HEAD, rows)
+
+
+def markdown(runs: pd.DataFrame) -> str:
+    """The table of mechanisms, the most valuable first."""
     rows = compared(runs).sort_values("error", ascending=False)
-    return markdown_table(WHOLE_HEAD, first) + "\n" + markdown_table(HEAD, [_shown(row) for row in rows.itertuples()])
+    return markdown_table(HEAD, [_shown(row) for row in rows.itertuples()])
 
 
 def _shown(row: Any) -> tuple[str, ...]:
@@ -107,9 +112,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for body in bodies
         for case in grid(body=[body], seed=seeds[:1] if body == LUNG else seeds, off=off)
     ]
-    page = markdown(kept_runs(run, cases, given.out, chosen_workers(given)))
-    write_whole(given.out / "table.md", page)
-    sys.stdout.write(page)
+    runs = kept_runs(run, cases, given.out, chosen_workers(given))
+    page = markdown(runs)
+    text = f"{whole_filter(runs)}\n{page}"
+    write_whole(given.out / "table.md", text)
+    sys.stdout.write(text)
     if given.page:
         rewrite_page(DOCS / "ablation.md", {"ablation table": page})
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from experiments.formats.page import rewrite_page
-from experiments.studies.estimation.study import NOISES_MM, PARTS, RATES
+from experiments.studies.estimation.study import NOISES_MM, RATES
 from experiments.studies.grid import DOCS, markdown_table
 
 PAGE = DOCS / "estimation-study.md"
@@ -36,12 +36,6 @@ HARD = {
     "diverged": "{runs_diverged}/{runs}",
     "over 40 mm": "{runs_ever_far}/{runs}",
     "coverage": "{coverage95:.1%}",
-}
-LOST = {
-    "LOST": "{coasted_then_lost}/{runs}",
-    "TRACKING": "{tracking}/{runs}",
-    "coverage": "{coverage95:.0%}",
-    "worst [mm]": "{worst_mm:.1f}",
 }
 """Columns of the tables: head, and how it is filled from a row."""
 
@@ -73,9 +67,8 @@ TABLES: Mapping[str, Callable[[Rows], str]] = {
     "grid": grid_table,
     "bound": partial(table, BOUND),
     "hard": partial(table, HARD),
-    "overturned": partial(table, HARD),
-    "lost": partial(table, LOST),
 }
+"""Tables of the page, by the parts of the study that it shows."""
 
 
 def main() -> None:
@@ -83,7 +76,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder
-    files = {name: folder / f"{name}.json" for name in PARTS if (folder / f"{name}.json").is_file()}
+    files = {name: folder / f"{name}.json" for name in TABLES if (folder / f"{name}.json").is_file()}
     rows = {name: json.loads(path.read_text(encoding="utf-8")) for name, path in files.items()}
     rewrite_page(PAGE, {name: TABLES[name](found) for name, found in rows.items()})
 
