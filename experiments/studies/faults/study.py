@@ -22,7 +22,7 @@ from experiments.studies.faults.loop import LOOP
 from experiments.studies.faults.scripted import ScriptedFault
 from experiments.studies.faults.system import SYSTEM
 from experiments.studies.faults.tissue import TISSUE
-from experiments.studies.grid import chosen, grid, markdown_table
+from experiments.studies.grid import chosen, grid
 
 _ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
 
@@ -123,11 +123,8 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
     ]
 
 
-PAGE_HEADS = ("shown", "faults")
-
-
-def page_cells(rows: pd.DataFrame) -> list[list[str]]:
-    """Cells of docs/faults.md: the faults by the beginning of what was shown, in the order of the first of each."""
+def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
+    """Faults in words by the beginning of what was shown, in the order of the first of each."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -135,7 +132,7 @@ def page_cells(rows: pd.DataFrame) -> list[list[str]]:
         notes += [f"GO wrong {row.go_shown_while_faulty}/{row.go}"] if row.go_shown_while_faulty else []
         one = f"{row.what} ({', '.join(notes)})" if notes else row.what
         groups.setdefault(beginning(row.shown) or "nothing", []).append(one)
-    return [[shown, "; ".join(own)] for shown, own in groups.items()]
+    return groups
 
 
 def beginning(shown: str) -> str:
@@ -155,6 +152,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The table of docs/faults.md, and all GO below it."""
-    wrong, every = rows["go_shown_while_faulty"].sum(), rows["go"].sum()
-    return markdown_table(PAGE_HEADS, page_cells(rows), left=(0, 1)) + f"\nGO wrong: {wrong} of {every:,}.\n"
+    """The list of docs/faults.md, and all GO below it."""
+    lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
+    return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

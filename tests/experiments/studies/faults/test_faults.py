@@ -12,7 +12,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.studies.faults import study
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
-from experiments.studies.faults.study import FAULTS, beginning, cells, markdown, page_cells, run, summary
+from experiments.studies.faults.study import FAULTS, beginning, by_shown, cells, markdown, run, summary
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
 from tests.experiments.webcam import coarse_webcam
 
@@ -251,17 +251,17 @@ def test_the_table_tells_the_slowest_and_the_sum():
     blood = cells(rows)[1]
     assert blood[1:] == ["20 ms, 1 of 2", "COASTING", "x 3.0", "1 of 2", "400 ms", "3", "11", "exit 0; exit 2", "0.5 s"]
     assert cells(rows)[0][-2:] == ["–", "–"]
-    _, _, quiet, bled, _, go = markdown(rows).splitlines()
-    assert quiet == "| nothing | nothing fails |"
+    quiet, bled, _, go = markdown(rows).splitlines()
+    assert quiet == "- **nothing**: nothing fails"
     blood = "blood as red as a mark runs over the picture"
-    assert bled == f"| COASTING | {blood} (20 in 1/2, covered 1/2, GO wrong 3/11) |"
+    assert bled == f"- **COASTING**: {blood} (20 in 1/2, covered 1/2, GO wrong 3/11)"
     assert go == "GO wrong: 3 of 101."
 
 
-def test_faults_that_show_the_same_share_a_row():
+def test_faults_that_show_the_same_share_a_line():
     seen = {"noticed": 2, "noticed_ms": 88.0, "seeds": 2, "covered": 2, "go_shown_while_faulty": 0, "go": 9}
     rows = pd.DataFrame([{"what": what, "shown": "LOST: the estimate is LOST", **seen} for what in ("dark", "bright")])
-    assert page_cells(rows) == [["LOST", "dark (88); bright (88)"]]
+    assert by_shown(rows) == {"LOST": ["dark (88)", "bright (88)"]}
 
 
 @pytest.mark.parametrize(
