@@ -47,7 +47,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 def tables(means: pd.DataFrame) -> dict[str, str]:
     """The tables of a page, by name, from a `summary`."""
     kinds = list(means.index.unique("structure"))
-    heads = ("structure", "tissues", "alignment", "E [kPa]", "springs", "anisotropy", "springs")
+    heads = ("structure", "tissues", "alignment", "E [kPa]", "springs")
     entries, errors, limits = [], [], []
     for kind in kinds:
         true, found = means.loc[(kind, MATERIAL)], means.loc[(kind, "fitted")]
@@ -55,8 +55,7 @@ def tables(means: pd.DataFrame) -> dict[str, str]:
         tissues = f"{ground}, {100 * true.share:.0f} % {' and '.join(others)}" if true.share else ground
         alignment = f"{true.alignment:.2f}" if true.share else ""
         young = [_listed(one, YOUNG[:3]) for one in (true, found)]
-        anisotropy = [f"{one.anisotropy:.2f}" for one in (true, found)]
-        entries.append((kind, tissues, alignment, *young, *anisotropy))
+        entries.append((kind, tissues, alignment, *young))
         own = [means.loc[(kind, name)] for name in METHODS]
         errors.append((kind, *(f"{100 * one.largest_mean_error:.1f}, {100 * one.largest_error:.1f}" for one in own)))
         limits.append((kind, *(_listed(one, part) for part in PARTS.values() for one in (true, found))))
