@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from experiments.studies.demo import PAPER_MM, SCENARIOS, demo
-from experiments.studies.readme import markdown_table
+from experiments.studies.readme.__main__ import markdown_table
 
 SPREAD = {name: [0.815, 0.98] for name in SCENARIOS}
 """In place of the coverage over seeds, ten minutes of work."""
 
-README = Path(__file__).parents[3] / "README.md"
+README = Path(__file__).parents[4] / "README.md"
 
 
 def pairs(values: list[float]) -> list[tuple[float, float]]:

@@ -5,7 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from experiments.film.moving import (
+from experiments.film.overlay import TARGET
+from experiments.studies.readme.moving_picture import (
     NEAR,
     NEAR_CORNER_PX,
     NEAR_PX,
@@ -16,7 +17,6 @@ from experiments.film.moving import (
     enlarged,
     write_moving_picture,
 )
-from experiments.film.overlay import TARGET
 from vision import fronto_parallel_camera
 
 

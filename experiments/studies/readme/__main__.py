@@ -1,7 +1,7 @@
 """Rewrites the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
 It takes some ten minutes. Figures stand between comments;
-`tests/experiments/studies/test_readme.py` holds them against a new demo and a few runs.
+`tests/experiments/studies/readme/test_readme.py` holds them against a new demo and a few runs.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from experiments.film.moving import PICTURE, write_moving_picture
 from experiments.formats.page import rewrite_page
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import figures as figures_of
 from experiments.studies.demo import PAPER_MM, SCENARIOS, Figures, demo, heads, tracked
 from experiments.studies.hidden_error import N_RUNS, SEEDS, study
+from experiments.studies.readme.moving_picture import PICTURE, write_moving_picture
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 PICTURES = ("path.png", "error.png", "sigma.png")
 DEMO_SEEDS = range(1, 6)
 """Seeds over which coverage is stated beside the demo's own; chosen: a minute each, of each scenario."""

@@ -1,6 +1,6 @@
 """The moving picture of the README: the poked phantom, a needle with its advice, and the target from near.
 
-`python -m experiments.film.moving` in the checkout writes it to docs/images/poked-advice.webp, in a minute.
+`python -m experiments.studies.readme.moving_picture` in the checkout writes docs/images/poked-advice.webp, in a minute.
 It needs OpenCV 4.12 or newer.
 """
 
@@ -27,7 +27,7 @@ from experiments.simulation.simulate import simulate
 from vision import Frame, PlaneCamera
 from vision.arrays import Image
 
-PICTURE = Path(__file__).parents[2] / "docs" / "images" / "poked-advice.webp"
+PICTURE = Path(__file__).parents[3] / "docs" / "images" / "poked-advice.webp"
 SIZE_PX, WHOLE, WHOLE_AT_PX = (720, 440), 2.0, (205.0, 245.0)
 """Size of the picture; enlargement of the film in it, and the pixel that shows the resting target; chosen."""
 NEAR_PX, NEAR, NEAR_CORNER_PX = (270, 360), 10.0, (440, 60)
