@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,26 +19,40 @@ from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 COMMON = {"--json", "--verbose", "--force", "--vector"}
-"""Options that the page describes once, at its top."""
+"""Options that the page describes at its top, in other words than their help."""
+
+SEVERAL = 3
+"""Arguments and options that so many commands share are described once: a choice."""
 
 
 def sections() -> Iterator[str]:
-    """A section for each command: purpose, usage, arguments and options."""
+    """Options of several commands; then for each command purpose, usage, its own arguments and options."""
     group: Any = typer.main.get_command(app)
+    contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
+    rows = {name: _rows(group.commands[name], context) for name, context in contexts.items()}
+    count = Counter(row for own in rows.values() for row in own)
+    shared = [row for row, n in count.items() if n >= SEVERAL]
+    yield "### Options of several commands\n\n" + "".join(shared)
     for name, command in group.commands.items():
-        context = command.make_context(name, [], resilient_parsing=True)
-        usage = " ".join(command.collect_usage_pieces(context))
-        yield f"### {name}\n\n{' '.join((command.help or '').split())}\n\n```text\nsoftaim {name} {usage}\n```\n"
-        rows = [row for one in command.get_params(context) if one.name != "help" and (row := _row(one, context))]
-        yield "| argument, option | what it is |\n| --- | --- |\n" + "".join(rows)
+        usage = " ".join(command.collect_usage_pieces(contexts[name]))
+        text = " ".join((command.help or "").split())
+        yield f"### {name}\n\n{text}\n\n`softaim {name} {usage}`\n"
+        if own := "".join(row for row in rows[name] if row not in shared):
+            yield own
+        if names := [row.split("`")[1].split()[0] for row in rows[name] if row in shared]:
+            yield f"As above: {', '.join(f'`{one}`' for one in names)}.\n"
+
+
+def _rows(command: Any, context: Any) -> list[str]:
+    return [row for one in command.get_params(context) if one.name != "help" and (row := _row(one, context))]
 
 
 def _row(one: Any, context: Any) -> str:
     found = one.get_help_record(context)
     if found is None or set(one.opts) & COMMON:
         return ""
-    left, right = (text.replace("|", "\\|") for text in found)
-    return f"| `{left}` | {right} |\n"
+    left, right = found
+    return f"- `{left.replace(' range>', '>')}` {' '.join(right.split())}\n"
 
 
 def page(text: str) -> str:
