@@ -26,33 +26,33 @@ SEVERAL = 3
 
 
 def sections() -> Iterator[str]:
-    """Options of several commands; then for each command purpose, usage, its own arguments and options."""
+    """What several commands share; then for each command purpose, usage with these, its own arguments and options."""
     group: Any = typer.main.get_command(app)
     contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
-    rows = {name: _rows(group.commands[name], context) for name, context in contexts.items()}
+    rows = {name: dict(_rows(group.commands[name], context)) for name, context in contexts.items()}
     count = Counter(row for own in rows.values() for row in own)
     shared = [row for row, n in count.items() if n >= SEVERAL]
     yield "### Options of several commands\n\n" + "".join(shared)
     for name, command in group.commands.items():
-        usage = " ".join(command.collect_usage_pieces(contexts[name]))
+        own = [row for row in rows[name] if row not in shared]
+        usage = [use for row, use in rows[name].items() if row in shared or "--" not in use]
         text = " ".join((command.help or "").split())
-        yield f"### {name}\n\n{text}\n\n`softaim {name} {usage}`\n"
-        if own := "".join(row for row in rows[name] if row not in shared):
-            yield own
-        if names := [row.split("`")[1].split()[0] for row in rows[name] if row in shared]:
-            yield f"As above: {', '.join(f'`{one}`' for one in names)}.\n"
+        shown = " ".join([name, *usage, *(["[OPTIONS]"] if any(row.startswith("- `-") for row in own) else [])])
+        yield f"### {name}\n\n{text}\n\n`softaim {shown}`\n"
+        if own:
+            yield "".join(own)
 
 
-def _rows(command: Any, context: Any) -> list[str]:
-    return [row for one in command.get_params(context) if one.name != "help" and (row := _row(one, context))]
-
-
-def _row(one: Any, context: Any) -> str:
-    found = one.get_help_record(context)
-    if found is None or set(one.opts) & COMMON:
-        return ""
-    left, right = found
-    return f"- `{left.replace(' range>', '>')}` {' '.join(right.split())}\n"
+def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
+    """Each argument and option that the page's top does not describe: its row, and its place in the usage."""
+    for one in command.get_params(context):
+        found = one.get_help_record(context)
+        if found is None or one.name == "help" or set(one.opts) & COMMON:
+            continue
+        (left, right), (use, *_) = found, one.get_usage_pieces(context) or one.opts
+        if one.param_type_name == "option":
+            use = use if one.required else f"[{use}]"
+        yield f"- `{left.replace(' range>', '>')}` {' '.join(right.split())}\n", use
 
 
 def page(text: str) -> str:

@@ -92,7 +92,7 @@ def tables() -> str:
         parts += [f"### `{package}/`", ""]
         for name in (name for layer in layers_of(package) for name in layer):
             room = rooms[name]
-            parts.append(f"- `{name}/` {room.holds} New: {room.enters}")
+            parts.append(f"- `{name}/` {room.holds}")
             imports.append(f"{room.name}: {', '.join(sorted(room.imports))}")
         parts.append("")
     digest = sha256("\n".join(imports).encode()).hexdigest()
