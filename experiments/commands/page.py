@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -23,6 +24,9 @@ COMMON = {"--json", "--verbose", "--force", "--vector"}
 
 SEVERAL = 3
 """Arguments and options that so many commands share are described once: a choice."""
+
+TYPES = re.compile(r" <(path|str|list\[.*\])>")
+"""Types of which the text of an option says more."""
 
 
 def sections() -> Iterator[str]:
@@ -52,7 +56,7 @@ def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
         (left, right), (use, *_) = found, one.get_usage_pieces(context) or one.opts
         if one.param_type_name == "option":
             use = use if one.required else f"[{use}]"
-        yield f"- `{left.replace(' range>', '>')}` {' '.join(right.split())}\n", use
+        yield f"- `{TYPES.sub('', left).replace(' range>', '>')}` {' '.join(right.split())}\n", use
 
 
 def page(text: str) -> str:
