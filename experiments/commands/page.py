@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import re
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,26 +20,43 @@ from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 COMMON = {"--json", "--verbose", "--force", "--vector"}
-"""Options that the page describes once, at its top."""
+"""Options that the page describes at its top, in other words than their help."""
+
+SEVERAL = 3
+"""Arguments and options that so many commands share are described once: a choice."""
+
+TYPES = re.compile(r" <(path|str|list\[.*\])>")
+"""Types of which the text of an option says more."""
 
 
 def sections() -> Iterator[str]:
-    """A section for each command: purpose, usage, arguments and options."""
+    """What several commands share; then for each command purpose, usage with these, its own arguments and options."""
     group: Any = typer.main.get_command(app)
+    contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
+    rows = {name: dict(_rows(group.commands[name], context)) for name, context in contexts.items()}
+    count = Counter(row for own in rows.values() for row in own)
+    shared = [row for row, n in count.items() if n >= SEVERAL]
+    yield "### Options of several commands\n\n" + "".join(shared)
     for name, command in group.commands.items():
-        context = command.make_context(name, [], resilient_parsing=True)
-        usage = " ".join(command.collect_usage_pieces(context))
-        yield f"### {name}\n\n{' '.join((command.help or '').split())}\n\n```text\nsoftaim {name} {usage}\n```\n"
-        rows = [row for one in command.get_params(context) if one.name != "help" and (row := _row(one, context))]
-        yield "| argument, option | what it is |\n| --- | --- |\n" + "".join(rows)
+        own = [row for row in rows[name] if row not in shared]
+        usage = [use for row, use in rows[name].items() if row in shared or "--" not in use]
+        text = " ".join((command.help or "").split())
+        shown = " ".join([name, *usage, *(["[OPTIONS]"] if any(row.startswith("- `-") for row in own) else [])])
+        yield f"### {name}\n\n{text}\n\n`softaim {shown}`\n"
+        if own:
+            yield "".join(own)
 
 
-def _row(one: Any, context: Any) -> str:
-    found = one.get_help_record(context)
-    if found is None or set(one.opts) & COMMON:
-        return ""
-    left, right = (text.replace("|", "\\|") for text in found)
-    return f"| `{left}` | {right} |\n"
+def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
+    """Each argument and option that the page's top does not describe: its row, and its place in the usage."""
+    for one in command.get_params(context):
+        found = one.get_help_record(context)
+        if found is None or one.name == "help" or set(one.opts) & COMMON:
+            continue
+        (left, right), (use, *_) = found, one.get_usage_pieces(context) or one.opts
+        if one.param_type_name == "option":
+            use = use if one.required else f"[{use}]"
+        yield f"- `{TYPES.sub('', left).replace(' range>', '>')}` {' '.join(right.split())}\n", use
 
 
 def page(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The rooms of the four packages and the imports between them: the drawing and the tables of docs/architecture.md.
+"""The rooms of the four packages and the imports between them: the drawing and the lists of docs/architecture.md.
 
     python -m experiments.studies.architecture          # rewrites both, from the code
     python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
@@ -16,6 +16,7 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,22 +85,22 @@ def layers_of(package: str) -> list[list[str]]:
 
 
 def tables() -> str:
-    """A table of rooms for each package, as Markdown, from the top layer down."""
-    parts = []
+    """The rooms of each package, as Markdown, from the top layer down, and a digest of the imports in the drawing."""
+    parts, imports = [], []
     for package in PACKAGES:
         rooms = {room.name.split(".")[1]: room for room in rooms_of(package)}
-        rows = [rooms[name] for layer in layers_of(package) for name in layer]
-        parts += [f"### `{package}/`", "", "| room | holds | what may enter | imports |", "| --- | --- | --- | --- |"]
-        for room in rows:
-            own = sorted(name.removeprefix(f"{package}.") for name in room.imports if name.startswith(f"{package}."))
-            name = room.name.split(".")[1]
-            parts.append(f"| `{name}/` | {room.holds} | {room.enters} | {', '.join(own)} |")
+        parts += [f"### `{package}/`", ""]
+        for name in (name for layer in layers_of(package) for name in layer):
+            room = rooms[name]
+            parts.append(f"- `{name}/` {room.holds}")
+            imports.append(f"{room.name}: {', '.join(sorted(room.imports))}")
         parts.append("")
-    return "\n".join(parts)
+    digest = sha256("\n".join(imports).encode()).hexdigest()
+    return "\n".join([*parts, f"<!-- imports of the drawing: {digest[:16]} -->"])
 
 
 def page() -> str:
-    """The text of docs/architecture.md with tables from the code."""
+    """The text of docs/architecture.md with lists from the code."""
     return replaced(PAGE.read_text(encoding="utf-8"), {"rooms": tables()})
 
 

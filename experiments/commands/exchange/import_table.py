@@ -32,7 +32,7 @@ def import_table(
         typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one standard deviation for each axis."),
     ] = 1.0,
     rename: Annotated[
-        list[str] | None, typer.Option("--rename", help="PART=NODE where names differ; PART= leaves it out.")
+        list[str] | None, typer.Option("--rename", help="PART=NODE where names differ; PART= leaves it out; repeat.")
     ] = None,
     mm_per_px: Annotated[
         float | None,

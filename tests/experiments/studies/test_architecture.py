@@ -48,7 +48,7 @@ def test_imports_are_read_from_code(tmp_path: Path) -> None:
 
 def test_a_page_of_other_code_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     other = tmp_path / "architecture.md"
-    other.write_text(PAGE.read_text(encoding="utf-8").replace("| `guidance/`", "| `guide/`"))
+    other.write_text(PAGE.read_text(encoding="utf-8").replace("- `guidance/`", "- `guide/`"))
     monkeypatch.setattr(architecture, "PAGE", other)
     monkeypatch.setattr("sys.argv", ["architecture", "--check"])
     with pytest.raises(SystemExit) as stopped:

@@ -37,6 +37,6 @@ def test_pulls_and_their_table():
     assert found["built-in", "drag"]["mean"] == pytest.approx(2.0)
     assert found["built-in", "drag"]["spread"] == pytest.approx(np.sqrt(2.0))
     assert page_table(found).splitlines()[2:] == [
-        "| built-in | drag | 2 | **2.00** | **1.41** | 50% | 22.4% | 10% |",
-        "| built-in | damping | 2 | 0.00 | 1.13 | 50% | 8% | 10% |",
+        "| built-in | drag | 2 | **2.00**, **1.41** | 50%, 22.4% | 10% |",
+        "| built-in | damping | 2 | 0.00, 1.13 | 50%, 8% | 10% |",
     ]
