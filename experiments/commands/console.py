@@ -243,10 +243,9 @@ def constants_table(report: Mapping[str, Any]) -> Table:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
     n, n_all = len(report["undetermined_combinations"]), len(report["constants"])
-    table.caption = (
-        f"{counted(report['passes'], 'pass', 'passes')}. Of {n_all} independent combinations the recording determines"
-        f" {n_all - n}; {n} keep their prior uncertainty (--json lists them)."
-    )
+    known = "all" if not n else "none" if n == n_all else f"{n_all - n} of {n_all} independent combinations"
+    kept = f"; {n} keep their prior uncertainty (--json lists them)" if 0 < n < n_all else ""
+    table.caption = f"{counted(report['passes'], 'pass', 'passes')}. The recording determines {known} of them{kept}."
     return table
 
 
@@ -257,7 +256,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
     for name, row in report["levels"].items():
         table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
     gained = report["log_likelihood"] - report["log_likelihood_before"]
-    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the earlier levels."
+    table.caption = f"Log likelihood of the recording: {gained:+z.1f} by the change of levels."
     return table
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.console import advice_line, constants_table
+from experiments.commands.console import advice_line, constants_table, levels_table
 from experiments.plain import counted, plain
 
 
@@ -34,3 +34,22 @@ def test_a_change_that_rounds_to_nothing_has_no_minus() -> None:
     table = constants_table({"constants": rows, "undetermined_combinations": [], "passes": 1})
     assert list(table.columns[3].cells) == ["+0.0%", "-0.1%"]
     assert str(table.caption).startswith("1 pass. ")
+
+
+@pytest.mark.parametrize(
+    ("unknown", "words"),
+    [
+        (0, "The recording determines all of them."),
+        (2, "The recording determines none of them."),
+        (1, "1 of 2 independent combinations of them; 1 keep their prior uncertainty (--json lists them)."),
+    ],
+)
+def test_what_a_recording_determines_is_one_sentence(unknown: int, words: str) -> None:
+    row = {"name": "M1", "value": 1.0, "standard_error": 0.1, "change": 0.0, "kept": False}
+    table = constants_table({"constants": [row, row], "undetermined_combinations": [{}] * unknown, "passes": 1})
+    assert str(table.caption).endswith(words)
+
+
+def test_the_gain_of_tuning_is_a_difference_of_log_likelihoods() -> None:
+    table = levels_table({"levels": {}, "log_likelihood": 1395.7, "log_likelihood_before": 1000.0})
+    assert table.caption == "Log likelihood of the recording: +395.7 by the change of levels."

@@ -121,6 +121,7 @@ def test_its_files_are_read_and_explained(tmp_path: Path, body: Path) -> None:
     for page in folder.rglob("*.toml"):
         assert list(findings(page.read_text(encoding="utf-8"))) == [], page
     assert not any("--at-rest" in command for command in commands_of(folder))
+    assert "only fast motion shows the stiffness" in (folder / "STEPS.md").read_text(encoding="utf-8")
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     for key in ("file", "fixed", "region", "young_kpa", "poisson", "density_kg_m3", "damping_s", "position_mm"):
         first = next(line for line in text.splitlines() if line.startswith(f"{key} = "))
