@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
+MARKS_SHOWN = 10
+"""Marks of a track in its table, at most; summary.json has all."""
+
 
 def _table(title: str, *heads: str | list[str]) -> Table:
     """A table with these columns of numbers; a head in a list marks a left-aligned column of words."""
@@ -90,9 +93,14 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """One row for each mark, from the filter's object in summary.json: frames found, refused, lost, and why."""
+    """The marks found least, from the filter's object in summary.json: frames found, refused, lost, and why."""
     table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
-    for node, row in ours["marks"].items():
+    marks = ours["marks"]
+    missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
+    always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
+    more = f"; {len(missed) - MARKS_SHOWN} more in summary.json" if len(missed) > MARKS_SHOWN else ""
+    table.caption = always + more
+    for node, row in ((node, marks[node]) for node in missed[:MARKS_SHOWN]):
         shares = [f"{row[key]:.1%}" for key in ("found", "refused", "lost")]
         reason = [row["reason"], f"{row['reason_share']:.1%}"] if row["reason"] else ["", ""]
         table.add_row(node if row["measured"] else f"{node} (scoring only)", *shares, *reason)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.console import advice_line, constants_table, levels_table
+from experiments.commands.console import advice_line, constants_table, levels_table, marks_table
 from experiments.plain import counted, plain
 
 
@@ -53,3 +53,12 @@ def test_what_a_recording_determines_is_one_sentence(unknown: int, words: str) -
 def test_the_gain_of_tuning_is_a_difference_of_log_likelihoods() -> None:
     table = levels_table({"levels": {}, "log_likelihood": 1395.7, "log_likelihood_before": 1000.0})
     assert table.caption == "Log likelihood of the recording: +395.7 by the change of levels."
+
+
+def test_of_many_marks_those_found_least_are_shown() -> None:
+    """12 of 40 are refused in 1 to 12 % of frames: the table has the last ten, worst first, and counts the others."""
+    row = {"refused": 0.0, "lost": 0.0, "measured": True, "reason": None, "reason_share": 0.0}
+    marks = {f"M{k}": row | {"found": 1.0 - 0.01 * k if k <= 12 else 1.0} for k in range(1, 41)}
+    table = marks_table({"marks": marks})
+    assert list(table.columns[0].cells) == [f"M{k}" for k in range(12, 2, -1)]
+    assert table.caption == "found in all frames: 28 of 40 marks; 2 more in summary.json"
