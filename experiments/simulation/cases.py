@@ -138,7 +138,7 @@ def case_of(
     deepest_m = DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M
     line = plan.insertion.entry + np.array([[0.0], [deepest_m]]) * plan.insertion.axis
     if needle_path is not None and truth.mesh is not None:
-        away_m = outside_m(truth.mesh, np.linspace(*line, N_ALONG))
+        away_m = outside_m(truth.mesh, np.linspace(line[0], line[1], N_ALONG))
         if away_m[0] > FAR_M:
             expected, found = f"a place within {1e3 * FAR_M:g} mm of the body", f"{1e3 * away_m[0]:.3g} mm outside"
             raise InputError.at(f"{needle_path}: entry_mm", expected, found)
