@@ -4,7 +4,7 @@ What may enter: another `ForceElement`.
 """
 
 from dynamics.elements.assembly import Assembly
-from dynamics.elements.continuum import LEFT_OUT, continuum_network, dilatation_patches, points_of
+from dynamics.elements.continuum import LEFT_OUT, continuum_network, dilatation_patches, matern, points_of
 from dynamics.elements.element import ForceElement
 from dynamics.elements.nodal import Resistance, Weight
 from dynamics.elements.reduced import ReducedAssembly, Span, smooth_shapes
@@ -24,6 +24,7 @@ __all__ = [
     "Weight",
     "continuum_network",
     "dilatation_patches",
+    "matern",
     "points_of",
     "smooth_shapes",
 ]

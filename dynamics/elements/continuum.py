@@ -244,22 +244,23 @@ def _by_axis(weights: csr_array) -> csr_array:
     return csr_array((np.repeat(entries.data, 3), (rows.ravel(), columns.ravel())), shape=shape)
 
 
+def matern(distances: Floats, length: float) -> Floats:
+    """Correlation of a field with one derivative, Matern's 3/2, over a length in the unit of the distances."""
+    scaled = np.sqrt(3.0) * distances / length
+    return np.asarray((1.0 + scaled) * np.exp(-scaled))
+
+
 def _smooth(places: Floats, length: float, count: int) -> Floats:
     """Functions (n, count) at places (n, 3), of which independent standard normal multiples make a smooth field.
 
     The field is Matern's 3/2 of variance 1; its functions are Nystroem's, from a part of the places.
     """
-
-    def matern(apart: Floats) -> Floats:
-        scaled = np.sqrt(3.0) / length * apart
-        return np.asarray((1.0 + scaled) * np.exp(-scaled))
-
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
-    values, vectors = eigh(matern(cdist(some, some)), subset_by_index=(least, len(some) - 1))
+    values, vectors = eigh(matern(cdist(some, some), length), subset_by_index=(least, len(some) - 1))
     values, vectors = values[::-1], vectors[:, ::-1]
     kept = values > 1e-6 * values[0]
-    columns = matern(cdist(places, some)) @ (vectors[:, kept] / np.sqrt(values[kept]))
+    columns = matern(cdist(places, some), length) @ (vectors[:, kept] / np.sqrt(values[kept]))
     found = np.zeros((len(places), count))
     found[:, : columns.shape[1]] = columns
     return found

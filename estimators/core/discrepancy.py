@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
+from dynamics.elements import matern
 from estimators.arrays import Floats
 from estimators.core.kernels import withheld_log_likelihoods
 from estimators.process.target import TargetPoint
@@ -19,12 +20,6 @@ SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
 
 JITTER = 1e-6
 """Variance added to places that are held, by the field's own [1]; numerical."""
-
-
-def matern(distances: Floats, length: float) -> Floats:
-    """Correlation of a field with one derivative, Matern's 3/2, over a length in the unit of the distances."""
-    scaled = np.sqrt(3.0) * distances / length
-    return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
 
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:

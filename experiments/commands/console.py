@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
+MARKS_SHOWN = 10
+"""Marks of a track in its table, at most; summary.json has all."""
+
 
 def _table(title: str, *heads: str | list[str]) -> Table:
     """A table with these columns of numbers; a head in a list marks a left-aligned column of words."""
@@ -90,9 +93,14 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """One row for each mark, from the filter's object in summary.json: frames found, refused, lost, and why."""
+    """The marks found least, from the filter's object in summary.json: frames found, refused, lost, and why."""
     table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
-    for node, row in ours["marks"].items():
+    marks = ours["marks"]
+    missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
+    always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
+    more = f"; {len(missed) - MARKS_SHOWN} more in summary.json" if len(missed) > MARKS_SHOWN else ""
+    table.caption = always + more
+    for node, row in ((node, marks[node]) for node in missed[:MARKS_SHOWN]):
         shares = [f"{row[key]:.1%}" for key in ("found", "refused", "lost")]
         reason = [row["reason"], f"{row['reason_share']:.1%}"] if row["reason"] else ["", ""]
         table.add_row(node if row["measured"] else f"{node} (scoring only)", *shares, *reason)
@@ -243,10 +251,9 @@ def constants_table(report: Mapping[str, Any]) -> Table:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
         table.add_row(row["name"], f"{row['value']:.4g}", f"{row['standard_error']:.1%}", change)
     n, n_all = len(report["undetermined_combinations"]), len(report["constants"])
-    table.caption = (
-        f"{counted(report['passes'], 'pass', 'passes')}. Of {n_all} independent combinations the recording determines"
-        f" {n_all - n}; {n} keep their prior uncertainty (--json lists them)."
-    )
+    known = "all" if not n else "none" if n == n_all else f"{n_all - n} of {n_all} independent combinations"
+    kept = f"; {n} keep their prior uncertainty (--json lists them)" if 0 < n < n_all else ""
+    table.caption = f"{counted(report['passes'], 'pass', 'passes')}. The recording determines {known} of them{kept}."
     return table
 
 
@@ -257,7 +264,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
     for name, row in report["levels"].items():
         table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
     gained = report["log_likelihood"] - report["log_likelihood_before"]
-    table.caption = f"The recording is exp({gained:.1f}) times as probable as with the earlier levels."
+    table.caption = f"Log likelihood of the recording: {gained:+z.1f} by the change of levels."
     return table
 
 

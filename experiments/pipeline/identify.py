@@ -43,6 +43,10 @@ NAMED = 4
 """Number of constants named for a combination, by weight, and of pairs in a line, by correlation."""
 
 
+ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: young_kpa from a test"
+"""Why a recording hardly determines the tissues of a mesh."""
+
+
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
     """All marks of each frame, including those for scoring only; raises InputError, SourceError."""
     if recording.marks is not None:
@@ -292,8 +296,9 @@ def _known_badly(found: IdentificationResult) -> list[str]:
     lines = []
     if kept := not_determined(found):
         kinds = [group.kind for group in found.groups]
-        counts = ", ".join(f"{len(names)} of {kinds.count(kind)} {kind}" for kind, names in kept.items())
-        lines += [f"Not determined by this recording, kept as the scene has them: {counts}"]
+        counts = ", ".join(f"{kind} ({len(names)} of {kinds.count(kind)})" for kind, names in kept.items())
+        why = "" if found.network.continuum is None else f"; {ONLY_BY_FAST_MOTION}"
+        lines += [f"Not determined by this recording, kept as the scene has them: {counts}{why}"]
     if pairs := confounded(found):
         named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""

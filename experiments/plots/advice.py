@@ -33,12 +33,12 @@ from experiments.plots.space import (
 )
 from experiments.plots.style import (
     BLACK,
-    BLUE,
     GREEN,
     GREY,
     ORANGE,
     PAGE_MM,
     PURPLE,
+    SKY,
     SMALL_PT,
     VERMILLION,
     new_figure,
@@ -68,6 +68,9 @@ SAME, STEADY = 0.01, 0.2
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
+
+OBSERVED = "observed: share of the tip's errors that hit"
+"""A truth is one path; only the tip is random, so the share is between 0 and 1."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
@@ -146,14 +149,14 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
     """Probabilities of a hit; of a later or turned insertion only where it differs from one now."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
+    if rows["p_hit"].notna().any():
+        ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
+    if _differ(rows, "p_best"):  # on top and narrower, so that both are seen where they coincide
+        ax.plot(times, rows["p_best"], color=SKY, lw=0.7, label="insertion at the best later time")
     if _differ(rows, "p_turned"):
         ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
-    if _differ(rows, "p_best"):
-        ax.plot(times, rows["p_best"], color=BLUE, lw=0.7, label="insertion at the best later time")
-    if rows["p_hit"].notna().any():
-        ax.plot(times, rows["p_hit"], color=BLACK, lw=1.0, label="inserted now")
     if "observed" in rows and rows["observed"].notna().any():
-        ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label="observed, insertion now")
+        ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label=OBSERVED)
     ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")
     ax.set(ylim=(0.0, 1.02), ylabel="probability of a hit [–]")
 

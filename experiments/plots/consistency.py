@@ -26,6 +26,9 @@ N_BINS = 8
 SPARED = 0.05
 """Share of frames that may lie outside the plot at either end, and are counted."""
 
+NARROW = 3.0
+"""Ratio of predicted standard deviations below which their axis is linear, for a logarithmic one has too few ticks."""
+
 LEAST_SHOWN, MOST_SHOWN = 1e-2, 1e4
 """Upper limit of plots of NEES and NIS: four decades above the bounds no frame is consistent."""
 
@@ -61,9 +64,11 @@ def sigma_figure(done: Track) -> Figure:
     found = np.maximum([np.sqrt((error[g] ** 2).mean()) for g in groups], 1e-3 * predicted)
     worth = effective_count(nees) / len(nees) * len(sigma) / len(groups) if np.isfinite(nees).all() else 1.0
     least, most = np.sqrt(np.array(chi_square_bounds(dim * worth)) / (dim * worth))
-    low = min(0.7 * predicted.min(), 0.7 * found.min(), float(np.quantile(error, SPARED)))
-    high = max(1.4 * predicted.max(), 1.4 * found.max(), float(np.quantile(error, 1.0 - SPARED)))
-    n_out = int(((error < low) | (error > high) | (sigma < low) | (sigma > high)).sum())
+    low, high = np.quantile(sigma, [0.5 * SPARED, 1.0 - 0.5 * SPARED])
+    low, high = min(0.9 * predicted.min(), low), max(1.1 * predicted.max(), high)
+    bottom = min(0.7 * low, 0.7 * found.min(), float(np.quantile(error, SPARED)))
+    top = max(1.4 * high, 1.4 * found.max(), float(np.quantile(error, 1.0 - SPARED)))
+    n_out = int(((error < bottom) | (error > top) | (sigma < low) | (sigma > high)).sum())
     note = f" ({n_out} of {len(error)} outside)" if n_out else ""
     ax.loglog(sigma, error, ".", color="0.75", ms=1.5, mew=0.0, label=f"single frames{note}", zorder=1)
     line = np.array([low, high])
@@ -71,10 +76,14 @@ def sigma_figure(done: Track) -> Figure:
     ax.fill_between(line, least * line, most * line, color="0.5", alpha=0.2, lw=0, label=band, zorder=0)
     ax.plot(line, line, color=TRUE, lw=0.6, label="observed = predicted", zorder=2)
     ax.plot(predicted, found, "o-", color=OURS, label=f"rms of {len(groups)} groups", zorder=3)
-    ax.set(xlim=(low, high), ylim=(low, high), aspect="equal")
+    ax.set(xlim=(low, high), ylim=(bottom, top))
     ax.set(xlabel="predicted standard deviation of an axis [mm]", ylabel="observed rms error of an axis [mm]")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 1e3 * low else (1.0,)))
+    if high < NARROW * low:
+        ax.set_xscale("linear")
+    for axis, ratio in ((ax.xaxis, high / low), (ax.yaxis, top / bottom)):
+        if axis.get_scale() == "linear":
+            continue
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e3 else (1.0,)))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     legend_below(figure, ax, 2)

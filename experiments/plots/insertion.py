@@ -32,6 +32,9 @@ COLOURS = dict(zip(POLICIES, (GREY, ORANGE, SKY, BLUE, GREEN), strict=True))
 DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid", "solid"), strict=True))
 """Line styles beside colours, for lines that cross."""
 
+WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
+"""Widths of lines that often coincide: a later one is narrower than those below it [pt]."""
+
 N_LEAST = 5
 """Bins with fewer insertions are not drawn, but counted."""
 
@@ -40,9 +43,15 @@ FARTHEST_MM = 20.0
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
-    """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each."""
+    """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each.
+
+    The latter two are left out where no bin has `N_LEAST` insertions.
+    """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
+    bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}
     for name, figure in drawn.items():
+        if name in bins_of and all(row.n < N_LEAST for row in bins_of[name]):
+            continue  # too few insertions for a bin
         write_picture(figure(done), folder / f"{name}.png", vector)
 
 
@@ -78,11 +87,17 @@ def misses_figure(done: Trials) -> Figure:
         label = policy + (f" ({n_out} farther)" if n_out else "")
         near = missed <= FARTHEST_MM
         x, y = np.r_[0.0, missed[near], FARTHEST_MM], np.r_[0.0, share[near]]
-        style = {"color": COLOURS[policy], "ls": DASHES[policy], "lw": 1.1}
+        style = {"color": COLOURS[policy], "ls": DASHES[policy], "lw": WIDTHS[policy]}
         ax.step(x, np.r_[y, y[-1]], where="post", label=label, **style)
+    most = max((1e3 * one.miss_m for run in done.runs for one in run if one.miss_m is not None), default=0.0)
     radius = 1e3 * done.case.plan.lesion.radius_m
     ax.axvline(radius, color=BLACK, lw=0.6, ls=(0, (4, 2)), label=f"radius of the lesion, {radius:g} mm")
-    ax.set(xlim=(0.0, FARTHEST_MM), ylim=(0.0, 101.0), xlabel="distance [mm]", ylabel="runs within this distance [%]")
+    ax.set(
+        xlim=(0.0, min(FARTHEST_MM, 1.2 * max(radius, most))),
+        ylim=(0.0, 101.0),
+        xlabel="distance [mm]",
+        ylabel="runs within this distance [%]",
+    )
     legend_below(figure, ax, 2)
     return figure
 

@@ -12,7 +12,7 @@ from dynamics.mesh import MeshError, TetMesh, far_apart, locate, locate_on_surfa
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body, read_body
-from experiments.formats.mesh.held import FORMS, WALL, held
+from experiments.formats.mesh.held import PLANE, REGION, WALL, beyond, extents, held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.mesh import mesh_network, mesh_table
@@ -21,8 +21,10 @@ from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.schema import MeshTable, SceneError
 from experiments.formats.scene.target import Target
-from experiments.formats.tables import read_table
-from experiments.projects.mesh_tissues import assigned
+from experiments.formats.tables import Table, read_table
+from experiments.log import LOG
+from experiments.plain import counted
+from experiments.projects.mesh_tissues import assigned, check_tissues
 from experiments.projects.template import (
     GROUP_SD,
     HUES_DEG,
@@ -39,10 +41,20 @@ FILE = "mesh.npz"
 N_MARKS = 40
 """Number of marks of a project without a file of them."""
 
+FEW, MANY = 10, 80
+"""Marks below which the target is poorly determined, and above which an estimate takes longer than a frame; choice: in
+a breast of 968 nodes 6 marks leave 2.1 mm an axis, 10 leave 0.3 mm; an estimate takes 0.1 s with 80, 0.5 s with 160."""
+
+WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
+"""What `--fixed` may be, for messages."""
+
 TARGET = "T"
 
 NEAR = 0.05
 """Distance of a mark from the surface, by the extent, to which it is moved onto it; choice: 5 mm of 100 mm."""
+
+LEAST_FREE = 1e-3
+"""Weight of nodes that are not held below which a target does not move [1]; numerical."""
 
 SHALLOWEST_MM = 0.01
 """Least depth of a target below the surface: less has no direction to the skin."""
@@ -71,14 +83,22 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
 
     young_pa: of a body of one tissue
     """
-    body = read_body(of.path, of.unit, None if of.size_mm is None else 1e-3 * of.size_mm)
+    _check_words(of, young_pa)
+    size_m = None if of.size_mm is None else 1e-3 * of.size_mm
+    body = read_body(of.path, of.unit, size_m, lambda places, given: _check_fits(of, places, given))
     tissues = assigned(body, of.path, of.field, of.regions, young_pa)
     mesh = replace(body.mesh, regions=tissues.regions)
     wall, fixed = _wall(ProjectMesh(mesh, np.empty(0, dtype=np.int64)), body, of)
     kept = ProjectMesh(mesh, wall)
-    faces = _free_faces(body, held(kept, fixed))
+    anchored = held(kept, fixed)
+    faces = _free_faces(body, anchored)
     marks = _marks(of.marks, mesh, faces)
-    target = _target(of, mesh)
+    target = _target(of, mesh, anchored)
+    corner, weights, _ = locate_on_surface(mesh, faces, target[None])
+    out = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]]) - target
+    reach = float(np.linalg.norm(out))
+    if reach < 1e-3 * SHALLOWEST_MM:
+        raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
     assumed = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(tissues.tissues)), points), marks)
@@ -95,11 +115,6 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         ),
     )
     truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
-    corner, weights, _ = locate_on_surface(mesh, faces, target[None])
-    out = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]]) - target
-    reach = float(np.linalg.norm(out))
-    if reach < 1e-3 * SHALLOWEST_MM:
-        raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     out /= reach
     entry = target + max(reach, 1e-3 * LEAST_REACH_MM) * out
     counts = f"{len(mesh.nodes)} nodes, {len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
@@ -112,26 +127,85 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     )
 
 
+def _check_words(of: MeshChoice, young_pa: float | None) -> None:
+    """Raise InputError for options that fit no body; warn for a number of marks of little use."""
+    check_tissues(of.field, of.regions, young_pa)
+    fixed = (of.fixed or "").strip()
+    if of.fixed is not None and not (PLANE.fullmatch(fixed) or REGION.fullmatch(fixed) or _label_of(fixed)):
+        raise InputError.at("--fixed", WALL_FORMS, shown(of.fixed))
+    if of.target_mm is not None:
+        _place(of.target_mm)
+    if not of.marks.isdecimal():
+        n_marks = len(_table(Path(of.marks)).texts["name"])
+    elif not (n_marks := int(of.marks)):
+        raise InputError.at("--marks", "1 or more, or a file of marks", of.marks)
+    if n_marks < FEW:
+        LOG.warning("--marks: %s determine the target poorly; expected %d or more", counted(n_marks, "mark"), FEW)
+    if n_marks > MANY:
+        LOG.warning("--marks: with more than %d, found %d, an estimate takes longer than a frame", MANY, n_marks)
+
+
+def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
+    """Raise InputError for options that do not fit a body of places [m], (n, 3), before elements are made.
+
+    body: of the file, None of a surface
+    """
+    if of.fixed is None:
+        raise InputError.at("--fixed", f"where the body is held, {WALL_FORMS}", f"none; {extents(places)}")
+    plane = PLANE.fullmatch(of.fixed.strip())
+    if plane and not len(beyond(places, plane)):
+        raise InputError.at("--fixed", "a part of the body", f"none; {extents(places)}")
+    if of.target_mm is not None:
+        target = _place(of.target_mm)
+        if ((target < places.min(axis=0)) | (target > places.max(axis=0))).any():
+            raise _outside(of, places)
+    if body is not None:
+        assigned(body, of.path, of.field, of.regions, None)
+        _labelled(body, of.fixed)
+        return
+    labels = {"--field": of.field, "--region": of.regions, "--fixed": _label_of(of.fixed)}
+    for option, given in labels.items():
+        if given:
+            raise InputError.at(option, f"tetrahedra with labels in {of.path.name}", "a surface")
+
+
+def _outside(of: MeshChoice, places: Floats) -> InputError:
+    """The fault of a target outside of a body of places [m], (n, 3)."""
+    found = f"{of.target_mm}, which is outside; {extents(places)}"
+    return InputError.at("--target", f"a place inside {of.path.name}", found)
+
+
+def _label_of(fixed: str) -> str:
+    """The label in `faces LABEL`, or `faces FIELD=LABEL`; empty of other forms."""
+    what, _, label = fixed.strip().partition(" ")
+    return label.strip() if what == "faces" else ""
+
+
+def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
+    """The nodes of labelled faces; None of another form; raises InputError for no such label, or several fields."""
+    if not (named := _label_of(fixed)):
+        return None
+    chosen, _, label = named.rpartition("=")
+    fields = {name: {f"{v:g}" for v in values if np.isfinite(v)} for name, values in body.faces.fields.items()}
+    found = [name for name, labels in fields.items() if label in labels and chosen in ("", name)]
+    if not found:
+        has = ", ".join(sorted(set().union(*fields.values()))) or "none"
+        raise InputError.at("--fixed", "a label of faces in the file", f"{shown(named)}; it has {has}")
+    if len(found) > 1:
+        choice = " or ".join(f'"faces {name}={label}"' for name in found)
+        raise InputError.at("--fixed", f"one field with label {label}, {choice}", shown(fixed))
+    return np.unique(body.faces.nodes[body.faces.fields[found[0]] == float(label)])
+
+
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
     """The nodes of labelled faces, and `fixed` of the scene; raises InputError."""
-    place, nodes, fixed = "--fixed", of.wall, choice.fixed or ""
-    what, _, label = fixed.partition(" ")
-    if what == "faces":
-        labelled = [values for values in body.faces.fields.values() if label.strip() in {f"{v:g}" for v in values}]
-        if not labelled:
-            found = sorted({f"{v:g}" for values in body.faces.fields.values() for v in values if np.isfinite(v)})
-            raise InputError.at(
-                place, "a label of faces in the file", f"{shown(label)}; it has {', '.join(found) or 'none'}"
-            )
-        nodes, fixed = np.unique(body.faces.nodes[labelled[0] == float(label)]), WALL
+    nodes, fixed = of.wall, (choice.fixed or "").strip()
+    if (labelled := _labelled(body, fixed)) is not None:
+        nodes, fixed = labelled, WALL
     try:
-        if choice.fixed is None or (fixed == WALL and what != "faces"):
-            low, high = (1e3 * edge for edge in (of.mesh.nodes.min(axis=0), of.mesh.nodes.max(axis=0)))
-            axes = ", ".join(f"{axis} is {a:.4g} to {b:.4g} mm" for axis, a, b in zip("xyz", low, high, strict=True))
-            raise InputError.at(place, f"where the body is held, {FORMS.replace('wall', 'faces 2')}", f"none; {axes}")
         held(ProjectMesh(of.mesh, nodes), fixed)
     except ValueError as error:
-        raise InputError(f"{place}: {error}") from None
+        raise InputError(f"--fixed: {error}") from None
     return nodes, fixed
 
 
@@ -149,28 +223,31 @@ def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Flo
     """Names and places of marks on the free surface [m]; raises InputError."""
     if not marks.isdecimal():
         return _listed(Path(marks), mesh, faces)
-    nodes = np.unique(faces)
-    count = int(marks)
-    if not 1 <= count <= len(nodes):
-        raise InputError.at("--marks", f"1 to {len(nodes)}, or a file of marks", marks)
+    nodes, count = np.unique(faces), int(marks)
+    if count > len(nodes):
+        raise InputError.at("--marks", f"1 to {len(nodes)}, by nodes of the free surface, or a file of marks", marks)
     places = mesh.nodes[nodes]
     outermost = int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())
     chosen = far_apart(places, count, [outermost])
     return {f"M{k}": places[i] for k, i in enumerate(chosen, start=1)}
 
 
-def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Floats]:
-    """The marks of a file, moved onto the free surface."""
-    axes = ["x_mm", "y_mm", "z_mm"]
-    table = read_table(path, axes, ["name"])
+def _table(path: Path) -> Table:
+    """The table of a file of marks, its names checked; raises InputError."""
+    table = read_table(path, ["x_mm", "y_mm", "z_mm"], ["name"])
     names = table.texts["name"]
     table.check("name", np.array([is_node_name(name) and name != TARGET for name in names]), "a name for a mark")
     table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a name of its own")
     if not names:
         raise InputError.at(path, "a row for each mark", "none")
-    corner, weights, away = locate_on_surface(
-        mesh, faces, 1e-3 * np.stack([table.numbers[axis] for axis in axes], axis=1)
-    )
+    return table
+
+
+def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Floats]:
+    """The marks of a file, moved onto the free surface."""
+    table = _table(path)
+    given = 1e-3 * np.stack([table.numbers[axis] for axis in ("x_mm", "y_mm", "z_mm")], axis=1)
+    corner, weights, away = locate_on_surface(mesh, faces, given)
     most = NEAR * float(np.ptp(mesh.nodes, axis=0).max())
     if away.max() > most:
         row = int(away.argmax())
@@ -180,25 +257,38 @@ def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Fl
             f"{1e3 * away[row]:.3g} mm",
         )
     places = np.einsum("kc,kcd->kd", weights, mesh.nodes[faces[corner]])
-    return dict(zip(names, places, strict=True))
+    return dict(zip(table.texts["name"], places, strict=True))
 
 
-def _target(of: MeshChoice, mesh: TetMesh) -> Floats:
-    """The target's place [m], (3,): that of the option, else the middle of the element next to that of the body."""
-    if of.target_mm is None:
-        centres = mesh.nodes[mesh.elements].mean(axis=1)
-        middle = np.average(centres, axis=0, weights=mesh.volumes)
-        return np.asarray(centres[np.linalg.norm(centres - middle, axis=1).argmin()])
+def _place(text: str) -> Floats:
+    """The place [m], (3,), that `--target` states; raises InputError."""
     try:
-        place = 1e-3 * np.array([float(part) for part in of.target_mm.split(",")])
+        place = 1e-3 * np.array([float(part) for part in text.split(",")])
     except ValueError:
         place = np.empty(0)
     if place.shape != (3,) or not np.isfinite(place).all():
-        raise InputError.at("--target", "x,y,z [mm]", shown(of.target_mm))
+        raise InputError.at("--target", "x,y,z [mm]", shown(text))
+    return place
+
+
+def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
+    """The target's place [m], (3,): that of the option, else the middle of the element next to that of the body.
+
+    anchored: nodes that are held; raises InputError for a target among them
+    """
+    if of.target_mm is None:
+        centres = mesh.nodes[mesh.elements].mean(axis=1)
+        middle = np.average(centres, axis=0, weights=mesh.volumes)
+        place = np.asarray(centres[np.linalg.norm(centres - middle, axis=1).argmin()])
+    else:
+        place = _place(of.target_mm)
     try:
-        locate(mesh, place[None])
+        element, weights = locate(mesh, place[None])
     except MeshError:
-        raise InputError.at("--target", f"a place inside {of.path.name}", f"{of.target_mm} mm outside") from None
+        raise _outside(of, mesh.nodes) from None
+    if weights[~np.isin(mesh.elements[element], anchored)].sum() < LEAST_FREE:
+        found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
+        raise InputError.at("--target", "a place that moves", found)
     return place
 
 

@@ -32,14 +32,22 @@ class Tissues:
     regions: NDArray[np.int64]
 
 
+def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | None) -> None:
+    """Raise InputError for options of tissues that fit no body."""
+    if young_pa is not None and (regions or field is not None):
+        raise InputError.at("--young-kpa", "one tissue, without --region and --field", "them")
+    for text in regions:
+        if text.partition("=")[2] not in TISSUES:
+            raise InputError.at("--region", f"LABEL=TISSUE with one of {', '.join(TISSUES)}", shown(text))
+
+
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """The tissues of a body; raises InputError.
 
-    field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue
+    field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue;
+    all of them checked
     """
     if regions or field is not None:
-        if young_pa is not None:
-            raise InputError.at("--young-kpa", "one tissue, without --region and --field", "them")
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")
     density = 0.5 * (TISSUES["fat"].density_kg_m3 + TISSUES["gland"].density_kg_m3)
     one = Tissue("tissue", YOUNG_PA if young_pa is None else young_pa, POISSON, density, DAMPING_S)
@@ -62,8 +70,6 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
     found = np.full(len(labels), -1)
     for text in regions:
         label, _, name = text.partition("=")
-        if name not in TISSUES:
-            raise InputError.at("--region", f"LABEL=TISSUE with one of {', '.join(TISSUES)}", shown(text))
         if label not in map(str, has):
             raise InputError.at("--region", f"a label of {chosen}, {', '.join(map(str, has))}", shown(text))
         tissues.setdefault(name, TISSUES[name])

@@ -58,7 +58,7 @@ MESH_KEYS = {
     "sha256": "of that file",
     "fixed": 'the nodes that are held, "y < 6" in mm, "region 3" or "wall"; left out: none',
     "region": "number of the tissue in the file",
-    "young_kpa": "Young's modulus: softaim identify finds a factor for each tissue",
+    "young_kpa": "Young's modulus, from a test: softaim identify hardly determines it",
     "poisson": "Poisson's ratio, up to 0.495",
     "density_kg_m3": "mass by volume",
     "damping_s": "damping by stiffness",
@@ -163,8 +163,8 @@ def _breath(of: Template) -> tuple[str, ...]:
     network = of.assumed.network
     moved = network.continuum.accelerated[network.coordinates(of.assumed.target.node)]  # type: ignore[union-attr]
     _, sizes, right = np.linalg.svd(moved)
-    ways = right[0] * np.sign(right[0][np.abs(right[0]).argmax()])
-    direction = toml_value(np.round(ways, 3))
+    way = right[0] * np.sign(right[0][np.abs(right[0]).argmax()])
+    direction = toml_value(np.round(way, 3))
     return (
         "",
         _with("[breathing]", f"moves the target by some {1e3 * MOVED_M:.0f} mm"),
@@ -225,7 +225,7 @@ def _of_mesh(text: str) -> str:
     words = {
         TRUTH_OF_SPRINGS: TRUTH_OF_MESH,
         "the network, its marks": "the mesh `mesh.npz`, its tissues, its marks",
-        "Stiffness, dashpots, drag and friction come from": "The stiffness of each tissue comes from",
+        CONSTANTS_OF_SPRINGS: CONSTANTS_OF_MESH,
         "--scene rest.toml": "--scene scene.toml",
         **{f"## {k}. ": f"## {k - 1}. " for k in range(4, 8)},
     }
@@ -267,6 +267,18 @@ some 20 %, and each spring by a few per cent more. So it does not rest as drawn,
 TRUTH_OF_MESH = """\
 The constants of `truth/` differ from those of `scene.toml`: the stiffness of each tissue by some 10 %, its damping by
 some 20 %. Both rest as drawn.
+"""
+
+CONSTANTS_OF_SPRINGS = """\
+Stiffness, dashpots, drag and friction come from a recording with pushes in which the target is seen. Push where the
+measured marks are: a push on any other node would look like a wrong constant.
+"""
+
+CONSTANTS_OF_MESH = """\
+The stiffness of each tissue has a standard error of 30 % at first. The target has to be seen in the recording. Forces
+are unknown, so only fast motion shows the stiffness, and weakly: expect that this recording does not determine it, and
+that `identified.toml` keeps the value of `scene.toml` with its error, which the next steps consider. No recording
+states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
 """
 
 STEPS = f"""\
@@ -312,9 +324,7 @@ softaim identify still --at-rest --scene scene.toml --out rest.toml
 
 ## 4. Identify the constants
 
-Stiffness, dashpots, drag and friction come from a recording with pushes in which the target is seen. Push where the
-measured marks are: a push on any other node would look like a wrong constant.
-
+{CONSTANTS_OF_SPRINGS}
 ```sh
 softaim identify calibration --scene rest.toml --out identified.toml
 ```

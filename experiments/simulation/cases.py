@@ -17,7 +17,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scenario import Scenario, SeenMarks
-from experiments.formats.scene.mesh import with_line
+from experiments.formats.scene.mesh import ON_SKIN_M, outside_m, with_line
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
@@ -45,6 +45,14 @@ with a peak of 3 to 10 m/s², as in `poked`."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """All outer masses may be pushed at once."""
+
+FAR_M, N_ALONG = 0.05, 100
+"""Distance of a needle's entry from a body of tetrahedra, at most [m], and places along it that are compared with the
+body; choice: a probe between robot and skin is shorter."""
+
+ELSEWHERE = 0.1
+"""Distance of a mark in the filter's scene from that in the scenario's, by the extent, at most [1]; choice: sagging,
+registration and another mesh of the same body move it less."""
 
 AT_REST_M = 1e-9
 """Distance from its drawing up to which a network rests as drawn: rounding [m]."""
@@ -129,6 +137,13 @@ def case_of(
     ahead = resting_target(truth) - plan.insertion.entry
     deepest_m = DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M
     line = plan.insertion.entry + np.array([[0.0], [deepest_m]]) * plan.insertion.axis
+    if needle_path is not None and truth.mesh is not None:
+        away_m = outside_m(truth.mesh, np.linspace(line[0], line[1], N_ALONG))
+        if away_m[0] > FAR_M:
+            expected, found = f"a place within {1e3 * FAR_M:g} mm of the body", f"{1e3 * away_m[0]:.3g} mm outside"
+            raise InputError.at(f"{needle_path}: entry_mm", expected, found)
+        if away_m.min() > ON_SKIN_M:
+            raise InputError.at(f"{needle_path}: direction", "that of a line into the body", "one that passes it")
     return Case(
         scenario,
         FIRST_SEED if of_phantom else scenario.seed,
@@ -206,3 +221,9 @@ def _check_given(path: Path, given: Scene, truth: Scene) -> None:
     for i, mark in enumerate(given.marks):
         if mark.measured and mark.node not in free:
             raise InputError.at(f"{path}: mark[{i}].node", "a free node of the scenario's scene", shown(mark.node))
+    most = ELSEWHERE * float(np.linalg.norm(np.ptp(truth.network.positions, axis=0)))
+    for node in given.measured_nodes:
+        places = (scene.network.positions[scene.network.index(node)] for scene in (given, truth))
+        if (apart := float(np.linalg.norm(np.subtract(*places)))) > most:
+            expected = f"{node} within {1e3 * most:.3g} mm of its place in the scenario's scene"
+            raise InputError.at(path, expected, f"{1e3 * apart:.3g} mm")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.commands.console import advice_line, constants_table
+from experiments.commands.console import advice_line, constants_table, levels_table, marks_table
 from experiments.plain import counted, plain
 
 
@@ -34,3 +34,31 @@ def test_a_change_that_rounds_to_nothing_has_no_minus() -> None:
     table = constants_table({"constants": rows, "undetermined_combinations": [], "passes": 1})
     assert list(table.columns[3].cells) == ["+0.0%", "-0.1%"]
     assert str(table.caption).startswith("1 pass. ")
+
+
+@pytest.mark.parametrize(
+    ("unknown", "words"),
+    [
+        (0, "The recording determines all of them."),
+        (2, "The recording determines none of them."),
+        (1, "1 of 2 independent combinations of them; 1 keep their prior uncertainty (--json lists them)."),
+    ],
+)
+def test_what_a_recording_determines_is_one_sentence(unknown: int, words: str) -> None:
+    row = {"name": "M1", "value": 1.0, "standard_error": 0.1, "change": 0.0, "kept": False}
+    table = constants_table({"constants": [row, row], "undetermined_combinations": [{}] * unknown, "passes": 1})
+    assert str(table.caption).endswith(words)
+
+
+def test_the_gain_of_tuning_is_a_difference_of_log_likelihoods() -> None:
+    table = levels_table({"levels": {}, "log_likelihood": 1395.7, "log_likelihood_before": 1000.0})
+    assert table.caption == "Log likelihood of the recording: +395.7 by the change of levels."
+
+
+def test_of_many_marks_those_found_least_are_shown() -> None:
+    """12 of 40 are refused in 1 to 12 % of frames: the table has the last ten, worst first, and counts the others."""
+    row = {"refused": 0.0, "lost": 0.0, "measured": True, "reason": None, "reason_share": 0.0}
+    marks = {f"M{k}": row | {"found": 1.0 - 0.01 * k if k <= 12 else 1.0} for k in range(1, 41)}
+    table = marks_table({"marks": marks})
+    assert list(table.columns[0].cells) == [f"M{k}" for k in range(12, 2, -1)]
+    assert table.caption == "found in all frames: 28 of 40 marks; 2 more in summary.json"

@@ -17,13 +17,14 @@ from dynamics.elements import (
     Span,
     Springs,
     Weight,
+    matern,
     smooth_shapes,
 )
 from dynamics.forces.parameters import ParameterForces
 from dynamics.integration.rosenbrock import Move, Rosenbrock
 from dynamics.integration.stepping import Stepper
 from estimators.arrays import Floats
-from estimators.core.discrepancy import factor, matern
+from estimators.core.discrepancy import factor
 from estimators.core.disturbances import Disturbances
 from estimators.core.kernels import along_steps
 from estimators.core.motion.model import SOURCES, Along

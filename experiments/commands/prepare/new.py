@@ -90,8 +90,10 @@ def new(
             field,
             tuple(region or ()),
         )
-    made = project(Kind(kind), masses=masses, young_kpa=young_kpa, nodes=nodes, springs=springs, mesh=choice, seed=seed)
     with run.folder(folder, force=force, inputs=[nodes, springs, mesh]) as work:
+        made = project(
+            Kind(kind), masses=masses, young_kpa=young_kpa, nodes=nodes, springs=springs, mesh=choice, seed=seed
+        )
         write_project(made, work, seed=seed)
 
     def show() -> None:

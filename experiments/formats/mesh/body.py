@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,17 +40,27 @@ class Body:
     faces: Cells
 
 
-def read_body(path: Path, unit: str | None, size_m: float | None = None) -> Body:
+def read_body(
+    path: Path,
+    unit: str | None,
+    size_m: float | None = None,
+    check: Callable[[Floats, Body | None], None] = lambda _places, _body: None,
+) -> Body:
     """The body of a mesh file; raises InputError for the first fault.
 
     unit: of the file, a key of `UNITS`; size_m: edges of new elements [m], which replace those of the file
+    check: is called before elements are made, with places [m], (n, 3), and the body of the file, None of a surface
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
         raise InputError.at(path, "tetrahedra, or triangles of a closed surface", "none")
     scale = _metres(source, unit)
-    body = _volume(source, scale) if len(source.tetrahedra) else _from_surface(source, scale, size_m)
-    return _coarser(path, body, size_m) if size_m is not None and len(source.tetrahedra) else body
+    if not len(source.tetrahedra):
+        check(scale * source.points[np.unique(source.triangles.nodes)], None)
+        return _from_surface(source, scale, size_m)
+    body = _volume(source, scale)
+    check(body.mesh.nodes, body)
+    return body if size_m is None else _coarser(path, body, size_m)
 
 
 def _metres(source: Source, unit: str | None) -> float:

@@ -7,6 +7,7 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.arrays import Floats
 from experiments.errors import shown
 from experiments.formats.mesh.project_file import ProjectMesh
 
@@ -18,12 +19,23 @@ FORMS = '"y < 6" [mm], "region 3" or "wall"'
 """What `fixed` may be, for messages."""
 
 
+def extents(places: Floats) -> str:
+    """The extent of places [m], (n, 3), along each axis, in words."""
+    ends = zip("xyz", 1e3 * places.min(axis=0), 1e3 * places.max(axis=0), strict=True)
+    return ", ".join(f"{axis} is {low:.4g} to {high:.4g} mm" for axis, low, high in ends)
+
+
+def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:
+    """The places [m], (n, 3), beyond a plane of the form `PLANE`, (k,) int."""
+    along = 1e3 * places[:, "xyz".index(plane[1])]
+    return np.flatnonzero(along < float(plane[3]) if plane[2] == "<" else along > float(plane[3]))
+
+
 def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
     """The nodes that `fixed` names, (k,) int; ValueError, `expected …, found …`, for none or all of them."""
     mesh = of.mesh
     if plane := PLANE.fullmatch(fixed.strip()):
-        along = 1e3 * mesh.nodes[:, "xyz".index(plane[1])]
-        nodes = np.flatnonzero(along < float(plane[3]) if plane[2] == "<" else along > float(plane[3]))
+        nodes = beyond(mesh.nodes, plane)
     elif region := REGION.fullmatch(fixed.strip()):
         nodes = np.unique(mesh.elements[mesh.regions == int(region[1])])
     elif fixed.strip() == WALL:
@@ -31,9 +43,6 @@ def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
     else:
         raise ValueError(f"expected {FORMS}, found {shown(fixed)}")
     if not 3 <= len(nodes) < len(mesh.nodes):
-        extents = ", ".join(
-            f"{axis} is {low:.4g} to {high:.4g} mm"
-            for axis, low, high in zip("xyz", 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0), strict=True)
-        )
-        raise ValueError(f"expected 3 nodes or more, and not all, found {len(nodes)} of {len(mesh.nodes)}; {extents}")
+        found = f"{len(nodes)} of {len(mesh.nodes)}; {extents(mesh.nodes)}"
+        raise ValueError(f"expected 3 nodes or more, and not all, found {found}")
     return nodes

@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist, pdist, squareform
 
 from dynamics import MassSpringNetwork
 from dynamics.elements import LEFT_OUT, continuum_network, points_of
-from dynamics.mesh import INSIDE, MeshError, Tissue, locate_on_surface, nearest_elements, surface
+from dynamics.mesh import INSIDE, MeshError, TetMesh, Tissue, locate_on_surface, nearest_elements, surface
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.held import held
@@ -117,6 +117,16 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
 
 
+def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
+    """How far places [m], (n, 3), are outside of the body [m], (n,): 0 inside."""
+    return _outside_m(mesh_of(mesh.content, Path(mesh.file)).mesh, places)
+
+
+def _outside_m(solid: TetMesh, places: Floats) -> Floats:
+    inside = nearest_elements(solid, places)[1].min(axis=1) >= INSIDE
+    return np.where(inside, 0.0, locate_on_surface(solid, surface(solid).faces, places)[2])
+
+
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
     """Mesh and network with further points on the part of a straight line that is inside, `LINE 1` and so on.
 
@@ -129,8 +139,7 @@ def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tupl
     spacing_m = max(SPACING * float(extent_m), EDGES * float(edge_m))
     length_m = float(np.linalg.norm(ends[1] - ends[0]))
     line = ends[0] + np.arange(0.0, length_m, spacing_m)[:, None] / length_m * (ends[1] - ends[0])
-    near = nearest_elements(solid, line)[1].min(axis=1) >= INSIDE
-    near |= locate_on_surface(solid, surface(solid).faces, line)[2] < ON_SKIN_M
+    near = _outside_m(solid, line) < ON_SKIN_M
     near &= cdist(line, network.positions[network.free]).min(axis=1) >= 0.5 * spacing_m
     taken = set(network.names)
     names = (name for k in count(1) if (name := f"{LINE} {k}") not in taken)

@@ -11,9 +11,10 @@ from scipy.interpolate import RBFInterpolator
 from scipy.spatial import Delaunay
 
 from dynamics import MassSpringNetwork
+from dynamics.elements import matern
 from dynamics.mesh import far_apart
 from estimators import OpenLoop, TargetPoint, TissueFilter
-from estimators.core.discrepancy import Discrepancy, matern
+from estimators.core.discrepancy import Discrepancy
 from estimators.core.disturbances import Disturbances
 from experiments.arrays import Floats
 from experiments.studies.dense_lungs.data import Lung

@@ -8,9 +8,10 @@ import pytest
 from scipy.linalg import expm
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
+from scipy.special import gamma, kv
 
 from dynamics import Stepper, parameter_forces, parameters, reaches, rest_shape, scale_parameters, state_matrix
-from dynamics.elements import continuum, continuum_network
+from dynamics.elements import continuum, continuum_network, matern
 from dynamics.mesh import MeshError, TetMesh, Tissue, lumped_masses, rest_stiffness, surface
 from dynamics.network import NetworkError
 from tests.dynamics.blocks import block
@@ -50,6 +51,15 @@ def whole(mesh, fixed):
     weights = continuum.points_of(mesh, surface(mesh), np.array(list(POINTS.values()))).weights
     rows = np.kron(weights.toarray()[:, free], np.eye(3))
     return free, rest_stiffness(mesh, young, 0.4, free), np.repeat(lumped_masses(mesh, density)[free], 3), rows
+
+
+def test_matern_is_the_correlation_of_its_class() -> None:
+    """By the Bessel function of its definition, nu = 3/2."""
+    r, nu, length = np.array([0.05, 0.3, 1.0, 2.5]), 1.5, 0.4
+    scaled = np.sqrt(2.0 * nu) * r / length
+    np.testing.assert_allclose(
+        matern(r, length), 2.0 ** (1.0 - nu) / gamma(nu) * scaled**nu * kv(nu, scaled), rtol=1e-12
+    )
 
 
 def test_points_are_where_they_were_put(network):

@@ -2,22 +2,13 @@
 
 import numpy as np
 import pytest
-from scipy.special import gamma, kv
 from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
+from dynamics.elements import matern
 from estimators import MarkMeasurement, TissueFilter
-from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor, matern
+from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor
 from estimators.core.kernels import withheld_log_likelihoods
-
-
-def test_matern_is_the_correlation_of_its_class() -> None:
-    """By the Bessel function of its definition, nu = 3/2."""
-    r, nu, length = np.array([0.05, 0.3, 1.0, 2.5]), 1.5, 0.4
-    scaled = np.sqrt(2.0 * nu) * r / length
-    np.testing.assert_allclose(
-        matern(r, length), 2.0 ** (1.0 - nu) / gamma(nu) * scaled**nu * kv(nu, scaled), rtol=1e-12
-    )
 
 
 def test_a_factor_keeps_the_most_of_the_variance() -> None:

@@ -145,7 +145,10 @@ def test_what_is_confounded_is_reported():
     assert pair.correlation == pytest.approx(-0.9)
     assert not_determined(found) == {"drag": ["drag M1"]}
     lines = fit_lines(found, 5.0)
-    assert "Not determined by this recording, kept as the scene has them: 1 of 1 drag" in lines
+    assert "Not determined by this recording, kept as the scene has them: drag (1 of 1)" in lines
+    of_mesh = replace(found, network=SimpleNamespace(continuum=SimpleNamespace()))
+    (line,) = [line for line in fit_lines(of_mesh, 5.0) if line.startswith("Not determined")]
+    assert "only fast motion shows the stiffness of a mesh" in line
     assert "Confounded, with their correlation: drag M1 and friction M1 (-0.90)" in lines
 
 

@@ -1,11 +1,19 @@
 """The plots of insertions, for constructed trials: what is drawn, what is only counted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from estimators import Advice
 from experiments.formats.scenario import read_scenario
-from experiments.plots.insertion import advised_figure, hits_figure, misses_figure, reliability_figure
+from experiments.plots.insertion import (
+    advised_figure,
+    hits_figure,
+    misses_figure,
+    reliability_figure,
+    write_insertion_plots,
+)
 from experiments.simulation.advised import AdvisedInsertion
 from experiments.simulation.cases import case_of
 from experiments.simulation.closed_loop import Tried
@@ -66,3 +74,17 @@ def test_reliable_advice_contains_its_prediction(trials):
     assert ax.containers[0].lines[0].get_data()[1] == pytest.approx([0.55])
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["as predicted", "99 % interval contains the prediction"]
+
+
+def test_of_few_insertions_there_is_no_picture_of_their_reliability(trials, tmp_path):
+    """Three runs and an insertion by advice: no bin has five. The axis of misses ends beyond the largest."""
+    few = replace(trials, runs=trials.runs[3:6], advised=(trials.advised[0][:1],))
+    write_insertion_plots(few, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"hits.png", "misses.png"}
+    ax = misses_figure(few).axes[0]
+    assert ax.get_xlim() == (0.0, pytest.approx(1.2 * 6.0))
+
+
+def test_of_curves_that_coincide_the_upper_is_narrower(trials):
+    widths = [line.get_linewidth() for line in misses_figure(trials).axes[0].lines if len(line.get_xdata()) > 2]
+    assert widths[2] > widths[3] > widths[4]

@@ -6,7 +6,9 @@ import meshio
 import numpy as np
 import pytest
 
+from dynamics.mesh import TetMesh, surface
 from dynamics.mesh.tissues import TISSUES
+from experiments.formats.mesh import body as body_file
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene, usable_scene
@@ -34,7 +36,10 @@ def body(tmp_path_factory) -> Path:
         NODES,
         [("triangle", side), ("tetra", ELEMENTS)],
         point_data={"glandularity": NODES[:, 0] / 40.0, "height": NODES[:, 1]},
-        cell_data={"label": [np.full(len(side), 5), labels]},
+        cell_data={
+            "label": [np.r_[5, 1, np.full(len(side) - 2, 5)], labels],
+            "part": [np.r_[np.full(len(side) - 9, 1), np.full(9, 7)], np.full(len(labels), 0.5)],
+        },
     )
     return path
 
@@ -88,8 +93,9 @@ def test_a_field_makes_four_mixtures(tmp_path: Path, body: Path) -> None:
     np.testing.assert_allclose(densities, 911.0 + (np.arange(4) + 0.5) / 4.0 * 130.0)
 
 
-def test_labelled_faces_hold_it(tmp_path: Path, body: Path) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", "faces 5")
+@pytest.mark.parametrize("fixed", ["faces 5", "faces part=1"])
+def test_labelled_faces_hold_it(tmp_path: Path, body: Path, fixed: str) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", fixed)
     assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
     assert scene.network.fixed.any()
 
@@ -121,6 +127,7 @@ def test_its_files_are_read_and_explained(tmp_path: Path, body: Path) -> None:
     for page in folder.rglob("*.toml"):
         assert list(findings(page.read_text(encoding="utf-8"))) == [], page
     assert not any("--at-rest" in command for command in commands_of(folder))
+    assert "only fast motion shows the stiffness" in (folder / "STEPS.md").read_text(encoding="utf-8")
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     for key in ("file", "fixed", "region", "young_kpa", "poisson", "density_kg_m3", "damping_s", "position_mm"):
         first = next(line for line in text.splitlines() if line.startswith(f"{key} = "))
@@ -131,14 +138,24 @@ def test_its_files_are_read_and_explained(tmp_path: Path, body: Path) -> None:
     ("words", "message"),
     [
         (["--unit", "m"], "expected a body of 20 mm to 1 m, found 40 m by --unit m"),
-        (["--fixed", "x<-1"], "--fixed: expected 3 nodes or more, and not all, found 0 of 441; x is 0 to 40 mm"),
-        (["--fixed", "wall"], '--fixed: expected where the body is held, "y < 6" [mm], "region 3" or "faces 2", found'),
-        (["--fixed", "faces 9"], '--fixed: expected a label of faces in the file, found "9"; it has 5'),
-        (["--marks", "0"], "--marks: expected 1 to 217, or a file of marks, found 0"),
+        (["--fixed", "x<-1"], "--fixed: expected a part of the body, found none; x is 0 to 40 mm"),
+        (["--fixed", "x<99"], "--fixed: expected 3 nodes or more, and not all, found 441 of 441; x is 0 to 40 mm"),
+        (["--fixed", "q < 3"], '--fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "q < 3"'),
+        (["--fixed", "wall"], '--fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "wall"'),
+        (["--fixed", "faces 1"], 'expected one field with label 1, "faces label=1" or "faces part=1", found "faces 1"'),
+        (["--fixed", "faces 9"], '--fixed: expected a label of faces in the file, found "9"; it has 1, 5, 7'),
+        (["--marks", "0"], "--marks: expected 1 or more, or a file of marks, found 0"),
         (["--marks", "none.csv"], "none.csv: expected a file, found none"),
-        (["--target", "60,10,10"], "--target: expected a place inside body.vtu, found 60,10,10 mm outside"),
+        (
+            ["--target", "60,10,10"],
+            "--target: expected a place inside body.vtu, found 60,10,10, which is outside; x is 0 to 40 mm",
+        ),
+        (
+            ["--fixed", "x<6", "--target", "4,9,9"],
+            "--target: expected a place that moves, found 4,9,9, which --fixed x<6",
+        ),
         (["--target", "6,10"], '--target: expected x,y,z [mm], found "6,10"'),
-        (["--field", "none"], '--field: expected a field of body.vtu, glandularity, height, label, found "none"'),
+        (["--field", "none"], '--field: expected a field of body.vtu, glandularity, height, label, part, found "none"'),
         (["--field", "height"], "--field: expected height from 0, fat, to 1, gland, found 1.25 to 28.75"),
         (["--region", "1=fat"], "--region: expected a tissue for label 2 of label, found none"),
         (["--region", "3=fat"], '--region: expected a label of label, 1, 2, found "3=fat"'),
@@ -180,3 +197,39 @@ def test_a_recording_has_its_mesh(tmp_path: Path, body: Path) -> None:
     assert recorded.network.names == scene.network.names
     assert (tmp_path / "still" / "mesh.npz").read_bytes() == (folder / "mesh.npz").read_bytes()
     assert softaim("identify", tmp_path / "still", "--at-rest", "--out", tmp_path / "rest.toml") == 2
+
+
+@pytest.mark.parametrize(("n", "words"), [(6, "6 marks determine the target poorly"), (90, "more than 80, found 90")])
+def test_a_number_of_marks_of_little_use_is_one_warning(body: Path, tmp_path: Path, capsys, n: int, words: str) -> None:
+    made(tmp_path / "made", body, "--marks", n)
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "--marks" in line]
+    assert words in line
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--fixed", "x<-1"], "--fixed: expected a part of the body, found none; x is 0 to 40 mm"),
+        (["--fixed", "faces 5"], "--fixed: expected tetrahedra with labels in skin.stl, found a surface"),
+        (["--region", "1=fat"], "--region: expected tetrahedra with labels in skin.stl, found a surface"),
+        (["--field", "label"], "--field: expected tetrahedra with labels in skin.stl, found a surface"),
+        (["--target", "60,10,10"], "which is outside; x is 0 to 40 mm"),
+        (["--marks", "none.csv"], "none.csv: expected a file, found none"),
+    ],
+)
+def test_options_are_checked_before_a_surface_is_filled(
+    words: list[str], message: str, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faces = surface(TetMesh(1e-3 * NODES, ELEMENTS)).faces
+    meshio.write_points_cells(tmp_path / "skin.stl", NODES, [("triangle", faces)])
+    monkeypatch.setattr(body_file, "filled", None)
+    call = ("new", tmp_path / "made", "--kind", "mesh", "--mesh", tmp_path / "skin.stl", *WALL, *words)
+    assert softaim(*call) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_folder_with_files_is_refused_before_the_body_is_read(body: Path, tmp_path: Path, capsys) -> None:
+    (tmp_path / "file").touch()
+    call = ("new", tmp_path, "--kind", "mesh", "--mesh", body, "--unit", "m", "--fixed", "x<1")
+    assert softaim(*call) == 2
+    assert "expected an empty or new folder" in capsys.readouterr().err

@@ -8,6 +8,7 @@ import pytest
 
 from dynamics import NeedleMotion
 from estimators import TissueFilter, breathing_ahead, compliance
+from experiments.errors import InputError
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.live.advice import LiveAdvice
 from experiments.simulation.cases import Case, case_of
@@ -161,3 +162,28 @@ def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> 
     model, times = live._breathing, tissue.time_s + np.array([0.0, 0.2])
     assert (model.holds(times) > 0.9).all()
     np.testing.assert_allclose(breathing_ahead(model, tissue, times)[0][0], estimate.mean, atol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("z_mm", "way", "message"),
+    [
+        (130.0, -1.0, "needle.toml: entry_mm: expected a place within 50 mm of the body, found 100 mm outside"),
+        (34.0, 1.0, "needle.toml: direction: expected that of a line into the body, found one that passes it"),
+    ],
+)
+def test_a_needle_that_does_not_meet_the_body_is_refused(tmp_path: Path, z_mm: float, way: float, message: str) -> None:
+    case(tmp_path)
+    text = NEEDLE.replace("14.0, 30.0]", f"14.0, {z_mm}]").replace("0.0, -1.0]", f"0.0, {way}]")
+    (tmp_path / "needle.toml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        case_of(read_scenario(str(tmp_path / "scenario.toml")), needle_path=tmp_path / "needle.toml")
+
+
+def test_the_scene_of_another_body_is_refused(tmp_path: Path) -> None:
+    """Marks of the same names, one of them 35 mm away."""
+    case(tmp_path)
+    text = (tmp_path / "scene.toml").read_text()
+    assert text.count("[40.0, 5.0, 10.0]") == 1
+    (tmp_path / "other.toml").write_text(text.replace("[40.0, 5.0, 10.0]", "[5.0, 5.0, 10.0]"))
+    with pytest.raises(InputError, match=r"other.toml: expected M3 within .* mm of its place .*, found 35 mm"):
+        case_of(read_scenario(str(tmp_path / "scenario.toml")), scene_path=tmp_path / "other.toml")
