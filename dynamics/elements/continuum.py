@@ -41,10 +41,11 @@ NEARLY_INCOMPRESSIBLE = 0.46
 tetrahedra bend well enough, and the factor is three times smaller."""
 
 SMOOTH = (0.15, 0.3)
-"""Lengths over which short and slow surface forces are smooth, by the extent [1]; choice."""
+"""Lengths over which the surface forces that make the modes, and those of the filter, are smooth, by the extent [1];
+choice."""
 
 FIELDS = (60, 20)
-"""Functions of short and of slow forces at most, by each axis; numerical."""
+"""Functions of both at most, by each axis; numerical."""
 
 SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
@@ -225,7 +226,6 @@ def _continuum(
         rates=rates,
         damping=by_damping.diagonal().copy(),
         by_tissue=by_tissue,
-        short=V.T @ forces[0][:, 3:] / total,
         slow=V.T @ forces[1] / total,
         stiffness=0.5 * (stiffness + stiffness.T),
         dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),

@@ -41,8 +41,8 @@ class Continuum:
         Damping by mass [1/s].
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
-    short, slow : (n_modes, any)
-        Accelerations of the modal coordinates by unit surface forces, smooth over a short and a long length [1].
+    slow : (n_modes, any)
+        Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three: of the whole body.
     stiffness, dashpots : (n_free dim, n_free dim)
         Condensed to the free nodes [N/m], [N s/m].
     """
@@ -54,7 +54,6 @@ class Continuum:
     rates: Floats
     damping: Floats
     by_tissue: Floats
-    short: Floats
     slow: Floats
     stiffness: Floats
     dashpots: Floats
@@ -65,7 +64,6 @@ class Continuum:
             "rates": (n_modes,),
             "damping": (n_modes,),
             "by_tissue": (len(self.tissues), n_modes, n_modes),
-            "short": (n_modes, self.short.shape[-1]),
             "slow": (n_modes, self.slow.shape[-1]),
             "stiffness": (n, n),
             "dashpots": (n, n),
@@ -120,7 +118,6 @@ class Continuum:
             rates=np.maximum(rates, 0.0),
             damping=np.einsum("ir,ij,jr->r", turn, np.diag(self.damping), turn),
             by_tissue=turn.T @ own @ turn,
-            short=turn.T @ self.short,
             slow=turn.T @ self.slow,
             stiffness=0.5 * (stiffness + stiffness.T),
         )

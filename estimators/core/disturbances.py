@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
-SLOW_M_S2, SOLID_M_S2, SOLID_S = (0.0, 0.5, 2.0), (4.5, 45.0), 60.0
-"""Slow forces of networks, and of continua [m/s²], and their correlation time [s]; choice. A continuum always is
-pressed or leans somewhere: its two strengths differ in how fast such forces change."""
+SOLID, SOLID_S = (0.9, 9.0), 60.0
+"""Slow forces of continua, by those of a poke [1], and their correlation time [s]; choice. A continuum always is pressed
+or leans somewhere: its two strengths differ in how fast such forces change, of which a poke is the fastest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +40,8 @@ class Disturbances:
         Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
     smooth : float
         Length over which slow forces are smooth, by the body's extent [1]; choice.
+    short : bool
+        Whether there are short forces: those of a continuum are smooth, so all are slow ones.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -47,7 +49,7 @@ class Disturbances:
     calm_m_s2: float = 0.01
     poke_m_s2: float = 5.0
     led_m_s2: float = 50.0
-    slow_m_s2: tuple[float, ...] = SLOW_M_S2
+    slow_m_s2: tuple[float, ...] = (0.0, 0.5, 2.0)
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
@@ -58,13 +60,15 @@ class Disturbances:
     rise_s: float = 30.0
     fall_s: float = 30.0
     smooth: float = 0.25
+    short: bool = True
     bent: float = 0.1
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
         """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
-        return replace(pokes, slow_m_s2=SOLID_M_S2, slow_s=SOLID_S) if solid else pokes
+        by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
+        return replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, short=False) if solid else pokes
 
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
@@ -77,15 +81,21 @@ class Disturbances:
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white, short, led and slow forces in each mode; raised: factor on all but white and calm."""
         calm, poke, led = self.short_m_s2
+        shorts = (calm, raised * poke, raised * led) if self.short else (0.0,)
         return [
             (self.white, short, max(short, raised * led), raised * slow)
             for slow in self.slow_m_s2
-            for short in (calm, raised * poke, raised * led)
+            for short in shorts
         ]
 
+    @property
+    def strongest_mode(self) -> int:
+        """That of a poke and the strongest slow force."""
+        return len(self.calm_modes) - (2 if self.short else 1)
+
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strengths by name in the mode of a poke and the strongest slow force [m/s²]."""
-        return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[-2], strict=True))
+        """Strengths by name in the strongest mode [m/s²]."""
+        return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
     def short_m_s2(self) -> tuple[float, float, float]:
@@ -95,15 +105,16 @@ class Disturbances:
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Modes without a short force, (n_modes,)."""
-        return np.tile([True, False, False], len(self.slow_m_s2))
+        return np.tile([True, False, False] if self.short else [True], len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
         """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
-        short = np.zeros((3, 3))
-        short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
-        short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
+        short = np.zeros((3, 3) if self.short else (1, 1))
+        if self.short:
+            short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
+            short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
         n = len(self.slow_m_s2)
         slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
-        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(3))
+        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(len(short)))
         return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

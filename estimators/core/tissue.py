@@ -125,8 +125,8 @@ class TissueProcess:
 
     @property
     def _strongest(self) -> Floats:
-        """Variances of the sources in the mode of a poke and the strongest slow force."""
-        return np.asarray(self.variances(0.0)[-2])
+        """Variances of the sources in the strongest mode."""
+        return np.asarray(self.variances(0.0)[self.disturbances.strongest_mode])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Set the variances of all states that a source but white noise drives, by those of the sources."""

@@ -79,11 +79,10 @@ class ContinuumMotion:
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
         self.raised = disturbances.raised(self.extent_m * float(held.min()))
         by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
-        pushes = {"short": _effective(solid.short, by_force), "slow": _effective(solid.slow, by_force)}
-        self._basis = np.hstack(list(pushes.values()))
-        counts = [push.shape[1] for push in pushes.values()]
-        self.driving = np.repeat([SOURCES.index(name) for name in pushes], counts)
-        self.fading_s = disturbances.fading_s(self.driving == SOURCES.index("slow"))
+        self._basis = _effective(solid.slow, by_force)
+        self.driving = np.full(self._basis.shape[1], SOURCES.index("slow"))
+        self.fading_s = np.full(len(self.driving), disturbances.slow_s)
+        self._rate = 1.0 / disturbances.slow_s
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
@@ -137,17 +136,11 @@ class ContinuumMotion:
         motion[n, n] = 1.0
         motion[x, x], motion[x, n + x] = by_v[:, 0] + damping * by_x[:, 0], by_x[:, 0]
         motion[n + x, x], motion[n + x, n + x] = -rates * by_x[:, 0], by_v[:, 0]
-        for own, rate in self._kinds():
-            moved, speed, rates_of = self._pushed(rate)
-            grown = np.exp(rates_of * dt)
-            for factors, rows in ((moved, slice(1, n)), (speed, slice(n + 1, 2 * n))):
-                motion[rows, 2 * n + own] = (factors * grown).sum(axis=0).real[:, None] * self._basis[:, own]
-        return motion, np.exp(-dt / self.fading_s)
-
-    def _kinds(self) -> list[tuple[NDArray[np.int64], float]]:
-        """States of the forces of each source, and the rate at which they fade [1/s]."""
-        kinds = [np.flatnonzero(self.driving == source) for source in np.unique(self.driving)]
-        return [(own, 1.0 / float(self.fading_s[own[0]])) for own in kinds]
+        *answers, exponents = self._pushed(self._rate)
+        grown = np.exp(exponents * dt)
+        for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+            motion[rows, 2 * n :] = (factors * grown).sum(axis=0).real[:, None] * self._basis
+        return motion, np.full(len(self.driving), np.exp(-dt * self._rate))
 
     def _noises(self, dt: float, n_state: int) -> Floats:
         """Of `SOURCES` but the last two at unit variance, (4, n_state, n_state): answers to noise of every age."""
@@ -161,18 +154,17 @@ class ContinuumMotion:
         for a, rows in ((moved, x), (rates * moved, v)):
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
-        for own, rate in self._kinds():
-            noise, basis = noises[self.driving[own[0]]], self._basis[:, own]
-            *answers, rates = self._pushed(rate)
-            square, force = 2.0 * rate * (basis @ basis.T), 2 * n + own
-            grown = _grown(rates[:, None, :, None] + rates[:, None, :], dt)
-            faded = _grown(rates - rate, dt)
-            for a, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                for b, columns in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                    noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown).real * square
-                noise[rows, force] = 2.0 * rate * (a * faded).sum(axis=0).real[:, None] * basis
-                noise[force, rows] = noise[rows, force].T
-            noise[force, force] = -np.expm1(-2.0 * rate * dt)
+        noise, rate = noises[SOURCES.index("slow")], self._rate
+        *answers, rates = self._pushed(rate)
+        square, force = 2.0 * rate * (self._basis @ self._basis.T), np.arange(2 * n, n_state)
+        grown = _grown(rates[:, None, :, None] + rates[:, None, :], dt)
+        faded = _grown(rates - rate, dt)
+        for a, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+            for b, columns in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+                noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown).real * square
+            noise[rows, force] = 2.0 * rate * (a * faded).sum(axis=0).real[:, None] * self._basis
+            noise[force, rows] = noise[rows, force].T
+        noise[force, force] = -np.expm1(-2.0 * rate * dt)
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
