@@ -116,7 +116,7 @@ class TargetEstimate:
     status: see `Status`
     marks_used: number of marks used in this frame
     nis: normalised innovation squared of those marks, None where there were none or the method gives none
-    poked: probability that an external force acts, None where the method gives none
+    poked: probability that a short external force acts, 0 for a continuum, None where the method gives none
     model_only: whether the marks contribute next to nothing, so that the estimate is a prediction by the model
     gain: share of the open loop's variance of the target that the filter removes, at most 1; below 0 where the filter,
     which allows for pokes and wrong constants, is more uncertain than the open loop
