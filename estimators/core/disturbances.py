@@ -11,8 +11,8 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Slow forces of continua, by those of a poke [1], and their correlation time [s]; choice. A continuum always is pressed
-or leans somewhere: its two strengths differ in how fast such forces change, of which a poke is the fastest."""
+"""Slow forces of continua, by those of a poke [1], and their correlation time [s]; choice. A continuum always is
+pressed or leans somewhere: its two strengths differ in how fast such forces change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +83,7 @@ class Disturbances:
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led) if self.short else (0.0,)
         return [
-            (self.white, short, max(short, raised * led), raised * slow)
-            for slow in self.slow_m_s2
-            for short in shorts
+            (self.white, short, max(short, raised * led), raised * slow) for slow in self.slow_m_s2 for short in shorts
         ]
 
     @property

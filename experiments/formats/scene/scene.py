@@ -94,7 +94,7 @@ class Scene:
     def _check_led(self) -> None:
         of_networks = filter_table(self.settings).keys() & {"led_nodes", "poke_lasting_s"}
         if self.network.continuum is not None and of_networks:
-            raise SceneError(f"filter.{min(of_networks)}: expected no such key for a mesh: forces on it are smooth, and last")
+            raise SceneError(f"filter.{min(of_networks)}: expected no such key for a mesh, found one")
         for i, node in enumerate(self.settings.led_nodes):
             key = f"filter.led_nodes[{i}]"
             if node not in self.network.names:
