@@ -40,7 +40,7 @@ class Disturbances:
         Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
     smooth : float
         Length over which slow forces are smooth, by the body's extent [1]; choice.
-    short : bool
+    has_short : bool
         Whether there are short forces: those of a continuum are smooth, so all are slow ones.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
@@ -60,7 +60,7 @@ class Disturbances:
     rise_s: float = 30.0
     fall_s: float = 30.0
     smooth: float = 0.25
-    short: bool = True
+    has_short: bool = True
     bent: float = 0.1
 
     @classmethod
@@ -68,7 +68,7 @@ class Disturbances:
         """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        return replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, short=False) if solid else pokes
+        return replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, has_short=False) if solid else pokes
 
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
@@ -81,7 +81,7 @@ class Disturbances:
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white, short, led and slow forces in each mode; raised: factor on all but white and calm."""
         calm, poke, led = self.short_m_s2
-        shorts = (calm, raised * poke, raised * led) if self.short else (0.0,)
+        shorts = (calm, raised * poke, raised * led) if self.has_short else (0.0,)
         return [
             (self.white, short, max(short, raised * led), raised * slow) for slow in self.slow_m_s2 for short in shorts
         ]
@@ -89,7 +89,7 @@ class Disturbances:
     @property
     def strongest_mode(self) -> int:
         """That of a poke and the strongest slow force."""
-        return len(self.calm_modes) - (2 if self.short else 1)
+        return len(self.calm_modes) - (2 if self.has_short else 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
         """Strengths by name in the strongest mode [m/s²]."""
@@ -103,13 +103,13 @@ class Disturbances:
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Modes without a short force, (n_modes,)."""
-        return np.tile([True, False, False] if self.short else [True], len(self.slow_m_s2))
+        return np.tile([True, False, False] if self.has_short else [True], len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
         """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
-        short = np.zeros((3, 3) if self.short else (1, 1))
-        if self.short:
+        short = np.zeros((3, 3) if self.has_short else (1, 1))
+        if self.has_short:
             short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
             short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
         n = len(self.slow_m_s2)

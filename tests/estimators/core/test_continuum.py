@@ -1,5 +1,7 @@
 """The motion of a continuum against SciPy's exponentials, and its filter against finite elements of another mesh."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -9,7 +11,7 @@ from scipy.sparse.linalg import splu
 from dynamics import ParameterUncertainty, parameters
 from dynamics.elements import continuum, continuum_network
 from dynamics.mesh import Tissue, lumped_masses, rest_stiffness, surface
-from estimators import MarkMeasurement, OpenLoop, TissueFilter, normalised_error_squared
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, TissueFilter, normalised_error_squared
 from estimators.core import Disturbances, TissueProcess
 from estimators.core.motion import SOURCES
 from estimators.core.statics import Statics
@@ -242,3 +244,15 @@ def test_the_error_of_a_targets_place_is_apart_from_its_motion(network):
     np.testing.assert_array_equal(exact.offset_cov, np.zeros((3, 3)))
     tissue.fix(TARGET, 1e-8 * np.eye(3))
     assert np.sqrt(np.trace(tissue.offset_cov) / 3.0) < 1.5e-3
+
+
+def test_strengths_of_forces_follow_the_stated_poke(network):
+    """Two modes of slow forces in the ratio of ten; twice the poke doubles both. Either lasts 30 s on average."""
+    usual = FilterSettings()
+    strong = replace(usual, poked=replace(usual.poked, poke=2.0 * usual.poked.poke))
+    each = [TissueFilter(network, "target", list(MARKS), settings).process for settings in (usual, strong)]
+    rows = np.sqrt([process.variances(0.0)[:, SOURCES.index("slow")] / process.motion.raised**2 for process in each])
+    np.testing.assert_allclose(rows, [[4.5, 45.0], [9.0, 90.0]])
+    np.testing.assert_allclose(each[0].rates, np.array([[-1.0, 1.0], [1.0, -1.0]]) / 30.0)
+    assert each[0].disturbances.calm_modes.all()
+    assert set(each[0].motion.driving) == {SOURCES.index("slow")}
