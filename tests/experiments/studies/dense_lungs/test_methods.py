@@ -59,7 +59,7 @@ def test_the_field_is_the_conditional_normal_distribution(tmp_path, monkeypatch)
 
 
 def test_the_filter_follows_a_displacement_that_it_does_not_know(tmp_path):
-    """Hidden landmarks move by more than 2 mm in the mean; the estimate is within half the scatter of an axis, and covered."""
+    """Hidden landmarks move by more than 2 mm in the mean; the estimate is within half the scatter of an axis."""
     given = task(tmp_path, n_landmarks=100)
     found = by_filter(given)
     truth = given.lung.exhaled[given.lung.hidden]
