@@ -102,15 +102,14 @@ def poked(phantom, rest_state, driven, poke_forces):
     return places
 
 
-@pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("body", ["phantom", "block27"])
-def test_a_fifth_of_the_marks_is_something_else_in_every_frame(phantom, poked, body, seed):
+def test_a_fifth_of_the_marks_is_something_else_in_every_frame(phantom, poked, body):
     """By 50 mm, one standard deviation, different marks each time: next to nothing is TRACKING far off."""
     network, marked, hidden, places = phantom, OUTER, HIDDEN, poked
     if body == "block27":
-        made = make_body("block27", 700 + seed)
+        made = make_body("block27", 700)
         network, marked, hidden, places = made.network, made.marked, made.hidden[0], made.positions[:24]
-    rng, truth = np.random.default_rng(seed), places[:, network.index(hidden)]
+    rng, truth = np.random.default_rng(0), places[:, network.index(hidden)]
     frames = frames_of(network, places, marked, rng)
     off = [[name for name in marked if rng.random() < 0.2] for _ in frames]
     for seen, wrong in zip(frames, off, strict=True):

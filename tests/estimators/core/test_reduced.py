@@ -39,17 +39,21 @@ def swung(process):
 
 
 def test_the_derivative_is_that_of_the_motion(body):
-    """By central differences, to three hundredths of the largest entry of each block: dashpots turn a little."""
+    """By central differences in four columns of each part, to three hundredths of the largest entry of each block.
+
+    Dashpots turn a little.
+    """
     process = in_few(body)
     state = swung(process)
     found = process.linearize(state, HZ)
     np.testing.assert_allclose(found.mean, process.moved(state, HZ), rtol=1e-12)
-    steps = 1e-6 * np.eye(process.n)
-    exact = np.array([(process.moved(state + s, HZ) - process.moved(state - s, HZ)) / 2e-6 for s in steps]).T
-    for rows in process.parts.values():
-        for own in process.parts.values():
-            scale = np.abs(exact[rows, own]).max()
-            np.testing.assert_allclose(found.matrix[rows, own], exact[rows, own], atol=0.03 * scale + 1e-12)
+    for own in process.parts.values():
+        columns = np.linspace(own.start, own.stop - 1, 4).astype(int)
+        steps = 1e-6 * np.eye(process.n)[columns]
+        exact = np.array([(process.moved(state + s, HZ) - process.moved(state - s, HZ)) / 2e-6 for s in steps]).T
+        for rows in process.parts.values():
+            scale = np.abs(exact[rows]).max()
+            np.testing.assert_allclose(found.matrix[rows, columns], exact[rows], atol=0.03 * scale + 1e-12)
 
 
 def test_columns_of_constants_are_derivatives_of_the_motion_by_them(body, monkeypatch):
@@ -81,7 +85,7 @@ def marks_of(network, n_frames):
     frames = []
     for k in range(n_frames):
         pulled = 0.5 * np.sin(np.pi * k * HZ)
-        state[-4:] = [0.0, pulled, 0.5 * pulled, 4.0 * (8 <= k < 12)]
+        state[-4:] = [0.0, pulled, 0.5 * pulled, 4.0 * (4 <= k < 8)]
         state = motion.moves(state, HZ, HZ / 4.0, derivatives=False)[-1].state
         places = state[: 3 * len(free)].reshape(-1, 3)
         cov = 2.5e-7 * np.eye(3)
@@ -101,7 +105,7 @@ def estimates(network, frames):
 @pytest.fixture(scope="module")
 def both(body):
     """The filter in few shapes and that of all nodes after the same marks, with their estimates."""
-    frames = marks_of(body, 20)
+    frames = marks_of(body, 12)
     few = estimates(body, frames)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "FEWER", 0.0)

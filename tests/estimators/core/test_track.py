@@ -78,7 +78,7 @@ def breathing() -> np.ndarray:
     return truth_of(breath, 6.0)
 
 
-@pytest.mark.parametrize("sd_mm", [1.0, 4.14, 10.0])
+@pytest.mark.parametrize("sd_mm", [1.0, 10.0])
 def test_a_breath_is_covered_by_coarse_marks_too(breathing: np.ndarray, sd_mm: float) -> None:
     """And the error is a third of the open loop's where marks are coarse."""
     frames = seen(breathing, 1e-3 * sd_mm)

@@ -17,18 +17,18 @@ def learnt(true, rng, n=4000, bounds=(0.01, 100.0), part=PART, rest=REST):
     return scales
 
 
-@pytest.mark.parametrize("true", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("true", [0.2, 5.0])
 def test_it_learns_the_variance_that_is_there(true):
     """Within 3 / sqrt(information) of its logarithm, which is what the Cramér-Rao bound leaves three sigma.
 
-    30 frames/s and 10 s of memory are some 300 innovations of two coordinates. Mean of 8 seeds: a bias would show.
+    30 frames/s and 10 s of memory are some 300 innovations of two coordinates. Mean of 4 seeds: a bias would show.
     20 s leave all but e^-2 of that information.
     """
-    scales = [learnt(true, np.random.default_rng(seed), n=600) for seed in range(8)]
+    scales = [learnt(true, np.random.default_rng(seed), n=600) for seed in range(4)]
     logs = np.log([s.scale / true for s in scales])
     sigma = 1.0 / np.sqrt(scales[0].information)
     assert np.abs(logs).max() < 4.0 * sigma
-    assert abs(logs.mean()) < 3.0 * sigma / np.sqrt(8) + 0.02  # 0.02: the start is worth ten coordinates at 1
+    assert abs(logs.mean()) < 3.0 * sigma / np.sqrt(4) + 0.02  # 0.02: the start is worth ten coordinates at 1
     assert sigma < 0.12
 
 

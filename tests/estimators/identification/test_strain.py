@@ -14,8 +14,8 @@ SETTINGS = FilterSettings()
 
 @pytest.fixture(scope="module")
 def frames():
-    """Four seconds of a breath, marks to 1 mm."""
-    return seen(truth_of(breath, 4.0), 1e-3)
+    """Two seconds of a breath, marks to 1 mm."""
+    return seen(truth_of(breath, 2.0), 1e-3)
 
 
 def found(frames, network=None, **more):

@@ -20,7 +20,7 @@ from estimators import (
 from tests.estimators.states import digest
 
 WAYS = {"pickled": lambda one: pickle.loads(pickle.dumps(one)), "copied": copy.deepcopy}
-N_FRAMES, CUT = 15, 8
+N_FRAMES, CUT = 10, 6
 """Frames, and after how many of them the filter is pickled or copied."""
 
 way = pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
@@ -85,17 +85,17 @@ def assert_same(one: TissueFilter, other: TissueFilter) -> None:
     assert digest(one.snapshot()) == digest(other.snapshot())
 
 
-@way
 @pytest.mark.parametrize("make", FILTERS.values(), ids=FILTERS)
-def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
+def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make):
     """With a transition that no update has followed yet, and later under a known push, which its equations feel."""
     unbroken, first = make(), make()
     for each in (unbroken, first):
         for k in range(CUT):
             step(each, k)
         each.predict(CUT / 30.0)
-    other = way(first)
-    assert_same(other, unbroken)
+    others = [way(first) for way in WAYS.values()]
+    for other in others:
+        assert_same(other, unbroken)
     push = 0.2 * np.ones((len(first.network.free), 2))
 
     def go_on(tissue: TissueFilter) -> None:
@@ -104,9 +104,10 @@ def test_a_filter_goes_on_bit_for_bit_and_the_first_is_left_alone(make, way):
             step(tissue, k)
         tissue.predict((N_FRAMES + 3) / 30.0, push)
 
-    for each in (unbroken, other):
-        go_on(each)
-    assert_same(other, unbroken)
+    go_on(unbroken)
+    for other in others:
+        go_on(other)
+        assert_same(other, unbroken)
     assert first.time_s == CUT / 30.0
     go_on(first)
     assert_same(first, unbroken)

@@ -30,7 +30,7 @@ def test_where_it_will_be_can_be_trusted(phantom):
     """
     ahead, squared = 3, []
     for seed in range(2):
-        frames, states = poked_frames(5.0, 4.14e-3, seed)
+        frames, states = poked_frames(3.0, 4.14e-3, seed)
         tissue = TissueFilter(phantom, HIDDEN, OUTER)
         for k, frame in enumerate(frames[:-ahead]):
             followed(tissue, [frame])

@@ -2,7 +2,6 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from distributed import Client
 
 from experiments.engine import workers
 from experiments.engine.parts import Parts
@@ -50,22 +48,8 @@ def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two):
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "two" / "runs.parquet"), other.table)
 
 
-def test_a_worker_that_is_killed_is_replaced_and_its_runs_are_done_again(tmp_path, two):
-    victims = []
-
-    def advance(share):
-        if share > 0.2 and not victims:
-            with Client(two.scheduler) as client:
-                victims.append(next(iter(client.run(os.getpid).values())))
-            os.kill(victims[0], signal.SIGKILL)
-
-    done = run_study(small_runs.slow, cases(40, tmp_path), tmp_path / "study", two, advance)
-    assert victims
-    assert done.failures == ()
-    assert list(done.table["twice"]) == [2 * seed for seed in range(40)]
-
-
-def test_a_run_that_kills_its_workers_fails_and_the_others_do_not(tmp_path, two):
+def test_a_run_that_kills_its_workers_fails_and_the_others_are_done_again(tmp_path, two):
+    """Seed 3 kills its worker once, seed 7 always."""
     done = run_study(small_runs.deadly, cases(12, tmp_path), tmp_path / "study", two)
     failed = done.table[done.table["failure"].notna()]
     assert list(failed["seed"]) == [7]

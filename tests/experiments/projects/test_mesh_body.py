@@ -1,5 +1,6 @@
 """`softaim new --mesh`: tissues, wall, marks and target of a box of 40 x 30 x 30 mm, and one line for each fault."""
 
+import shutil
 from pathlib import Path
 
 import meshio
@@ -44,9 +45,11 @@ def body(tmp_path_factory) -> Path:
     return path
 
 
-@pytest.fixture(autouse=True)
-def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+@pytest.fixture(scope="module", autouse=True)
+def _own_cache(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+        yield
 
 
 def made(folder: Path, body: Path, *words: object) -> Scene:
@@ -84,18 +87,19 @@ def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: P
         assert own.density_kg_m3 == assumed.density_kg_m3
 
 
-def test_a_field_makes_four_mixtures(tmp_path: Path, body: Path) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity")
+def test_a_field_makes_four_mixtures_and_labelled_faces_hold_it(tmp_path: Path, body: Path) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity", "--fixed", "faces 5")
     assert scene.mesh is not None
     names = [tissue.name for tissue in scene.mesh.tissues]
     assert names == ["gland 0-25", "gland 25-50", "gland 50-75", "gland 75-100"]
     densities = [tissue.density_kg_m3 for tissue in scene.mesh.tissues]
     np.testing.assert_allclose(densities, 911.0 + (np.arange(4) + 0.5) / 4.0 * 130.0)
+    assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
+    assert scene.network.fixed.any()
 
 
-@pytest.mark.parametrize("fixed", ["faces 5", "faces part=1"])
-def test_labelled_faces_hold_it(tmp_path: Path, body: Path, fixed: str) -> None:
-    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", fixed)
+def test_faces_of_a_named_field_hold_it(tmp_path: Path, body: Path) -> None:
+    scene = made(tmp_path / "made", body, "--marks", 6, "--fixed", "faces part=1")
     assert (scene.network.positions[scene.network.fixed, 1] == 0.0).all()
     assert scene.network.fixed.any()
 
@@ -112,9 +116,16 @@ def test_marks_of_a_file_are_moved_onto_the_surface(tmp_path: Path, body: Path) 
     assert scene.target.position_sd_m == 0.002
 
 
-def test_its_files_are_read_and_explained(tmp_path: Path, body: Path) -> None:
-    folder = tmp_path / "made"
-    scene = made(folder, body, "--marks", 6, "--young-kpa", 4)
+@pytest.fixture(scope="module")
+def soft(tmp_path_factory, body: Path) -> Path:
+    """A project of one tissue of 4 kPa."""
+    folder = tmp_path_factory.mktemp("soft") / "made"
+    made(folder, body, "--marks", 6, "--young-kpa", 4)
+    return folder
+
+
+def test_its_files_are_read_and_explained(soft: Path) -> None:
+    folder, scene = soft, read_scene(soft / "scene.toml")
     assert scene.mesh is not None
     assert scene.mesh.tissues[0].young_pa == 4e3
     plan = read_needle(folder / "needle.toml", scene.target.radius_m, 3)
@@ -187,9 +198,10 @@ def test_without_unit_or_wall_it_asks(body: Path, tmp_path: Path, capsys) -> Non
     assert "--unit: expected --mesh beside it, found none" in capsys.readouterr().err
 
 
-def test_a_recording_has_its_mesh(tmp_path: Path, body: Path) -> None:
+def test_a_recording_has_its_mesh(tmp_path: Path, soft: Path) -> None:
     folder = tmp_path / "made"
-    scene = made(folder, body, "--marks", 6)
+    shutil.copytree(soft, folder)
+    scene = read_scene(folder / "scene.toml")
     text = (folder / "still.toml").read_text(encoding="utf-8").replace("duration_s = 2.0", "duration_s = 0.1")
     (folder / "still.toml").write_text(text, encoding="utf-8")
     assert softaim("simulate", folder / "still.toml", "--out", tmp_path / "still") == 0

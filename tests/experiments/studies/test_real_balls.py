@@ -15,11 +15,29 @@ from vision import Disc, Frame, Lighting, MarkFinder, MarkHue, Outline, VideoFil
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "rms_px"), [("red-pendulum", 0.6), ("green-hand", 0.6)])  # measured 0.51, 0.58
-def test_balls_are_found_where_people_see_them(name: str, rms_px: float) -> None:
-    film = FILMS[name]
+def test_balls_are_found_where_people_see_them_and_a_disc_of_their_colour_is_reported(
+    name: str, rms_px: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disc of the clicked pixel's colour, as large as the ball, is in the upper left corner from frame 290 to 419."""
+    film, came = FILMS[name], []
     if not (DATA / film.path).is_file():
         pytest.skip(f"no film {film.path}: set SOFTAIM_DATA to the folder of real pictures")
+    with VideoFileFrames(DATA / film.path) as frames:
+        clicked = next(frame.image for frame in frames if frame.index == film.click[0])
+    colour = clicked[int(film.click[2]), int(film.click[1])].tolist()
+
+    class Watched(MarkFinder):
+        def find(self, frame_bgr, *expected):
+            if 290 <= len(came) < 420:
+                cv2.circle(frame_bgr, (60, 60), round(film.radius_px), colour, -1)
+            found = super().find(frame_bgr, *expected)
+            came.append([one.center_px for one in self.came])
+            return found
+
+    monkeypatch.setattr(real_balls, "MarkFinder", partial(Watched, explain=True))
     rows, labels = followed(DATA / film.path, film), pd.read_csv(LABELS)
+    assert [k for k, each in enumerate(came) if each] == [292]
+    np.testing.assert_allclose(came[292], [(60.0, 60.0)], atol=film.radius_px)
     reported = against_labels(rows, labels[labels.film == name])
     assert reported["found"] == reported["labels"] > 70
     assert reported["coordinates"] > 50
@@ -35,36 +53,6 @@ def test_balls_are_found_where_people_see_them(name: str, rms_px: float) -> None
         assert not seen[:70].any()
         assert not seen[440:].any()
         assert rows.occluded[170:277].astype(bool).mean() > 0.5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FILMS)
-def test_nothing_comes_in_a_balls_colour_but_what_is_drawn_in(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disc of the clicked pixel's colour, as large as the ball, in the upper left corner from frame 290 on."""
-    film, came = FILMS[name], []
-    if not (DATA / film.path).is_file():
-        pytest.skip(f"no film {film.path}: set SOFTAIM_DATA to the folder of real pictures")
-    with VideoFileFrames(DATA / film.path) as frames:
-        clicked = next(frame.image for frame in frames if frame.index == film.click[0])
-    colour = clicked[int(film.click[2]), int(film.click[1])].tolist()
-
-    class Watched(MarkFinder):
-        def find(self, frame_bgr, *expected):
-            index = len(came)
-            if index >= 290:
-                cv2.circle(frame_bgr, (60, 60), round(film.radius_px), colour, -1)
-            found = super().find(frame_bgr, *expected)
-            came.append([one.center_px for one in self.came])
-            return found
-
-    monkeypatch.setattr(real_balls, "MarkFinder", partial(Watched, explain=True))
-    followed(DATA / film.path, film)
-    reported = [k for k, each in enumerate(came) if each]
-    if name == "green-toss":  # of 60 frames
-        assert reported == []
-        return
-    assert reported == [292]
-    np.testing.assert_allclose(came[292], [(60.0, 60.0)], atol=film.radius_px)
 
 
 def test_there_are_a_hundred_and_fifty_labels_and_some_twice() -> None:

@@ -35,7 +35,7 @@ def tracked(tissue: TissueFilter, until_s: float = AT_S):
 
 
 def test_marks_do_not_tell_the_place_however_long_they_are_seen():
-    first, later = (tracked(made(SD_M), until_s=s).cov for s in (0.5, 4.0))
+    first, later = (tracked(made(SD_M), until_s=s).cov for s in (0.5, 2.0))
     assert np.trace(later) >= 2.0 * SD_M**2
     assert np.trace(first) >= 2.0 * SD_M**2
 

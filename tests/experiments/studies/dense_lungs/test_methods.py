@@ -9,8 +9,8 @@ from experiments.studies.dense_lungs.methods import METHODS, Body, DenseConstant
 from tests.experiments.studies.dense_lungs.displaced import exhaled, landmarks, write_case
 
 
-def task(folder, moved=exhaled, n=20):
-    before = landmarks(1)
+def task(folder, moved=exhaled, n=20, n_landmarks=150):
+    before = landmarks(1, n_landmarks)
     write_case(folder / "case1.csv", before, moved(before))
     lung = read_person(folder / "case1.csv")[0]
     return Task(lung, lung.marks(n, "all"), DenseConstants())
@@ -59,11 +59,11 @@ def test_the_field_is_the_conditional_normal_distribution(tmp_path, monkeypatch)
 
 
 def test_the_filter_follows_a_displacement_that_it_does_not_know(tmp_path):
-    """Hidden landmarks move by 2.6 mm in the mean; the estimate is within half the scatter of an axis, and covered."""
-    given = task(tmp_path)
+    """Hidden landmarks move by more than 2 mm in the mean; the estimate is within half the scatter of an axis."""
+    given = task(tmp_path, n_landmarks=100)
     found = by_filter(given)
     truth = given.lung.exhaled[given.lung.hidden]
-    assert 1e3 * np.linalg.norm(given.wanted - truth, axis=1).mean() > 2.5
+    assert 1e3 * np.linalg.norm(given.wanted - truth, axis=1).mean() > 2.0
     assert errors(given, found).mean() < 0.3
     assert found.covs is not None
     nees = np.einsum(

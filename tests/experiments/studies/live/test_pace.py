@@ -16,8 +16,8 @@ def test_processors_that_were_busy_are_the_run_s_the_clients_and_others():
 
 @pytest.mark.slow
 def test_a_run_is_watched_by_both_clients():
-    found = measured(2.0, 10.0)
-    assert 1 <= found["frames"] <= 25
+    found = measured(1.0, 10.0)
+    assert 1 <= found["frames"] <= 15
     assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["worst_ms"]
     assert found["page_states_s"] > 0.0
     assert found["page_pictures_s"] > 0.0

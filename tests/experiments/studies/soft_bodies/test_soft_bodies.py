@@ -63,7 +63,7 @@ def test_each_seed_has_its_own_truth_and_stiffness(monkeypatch):
 
 
 def test_a_breast_is_moved_by_millimetres_at_thirty_frames_a_second(monkeypatch):
-    monkeypatch.setattr(bodies, "SECONDS", 0.8)
+    monkeypatch.setattr(bodies, "SECONDS", 0.4)
     found = bodies.breast(1)
     np.testing.assert_allclose(np.diff(found.times_s), 1.0 / 30.0)
     assert 1e-3 < np.linalg.norm(found.positions - found.positions[0], axis=2).max() < 0.03
