@@ -59,4 +59,3 @@ def test_the_table_is_of_every_command_that_takes_input() -> None:
     kinds = Counter(case["call"].split()[0] for case in TABLE)
     assert {command.__name__ for command in COMMANDS} <= set(kinds)
     assert len({case["said"] for case in TABLE}) >= 60
-
