@@ -55,7 +55,7 @@ def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
         return vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng)
 
     rest = picture(network.positions)
-    for k in range(20):
+    for k in range(12):
         yield picture(network.positions + 8e-3 * np.sin(k / 2.0) * ~network.fixed[:, None])
     for k in range(6):
         half = rest.copy()
@@ -69,7 +69,7 @@ def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
     yield from [None] * 40
     yield from [rest] * 8
     for shift_px in ((30.0, 0.0), (-20.0, 25.0)):
-        yield from [picture(network.positions, shift_px)] * 14
+        yield from [picture(network.positions, shift_px)] * 10
     yield from [(0.35 * rest).astype(np.uint8)] * 4
     yield from [np.clip(2.5 * rest.astype(float), 0, 255).astype(np.uint8)] * 4
     yield from [np.clip(rest + rng.normal(0.0, 25.0, rest.shape), 0, 255).astype(np.uint8)] * 4
