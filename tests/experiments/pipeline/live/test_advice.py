@@ -260,7 +260,9 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
     assert set(estimates["time_s"]) <= set(rows["time_s"])
     printed = capsys.readouterr().out
     assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
-    assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
+    assert (
+        softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5, "--no-page") == 0
+    )
     assert {path.name for path in (tmp_path / "plain").iterdir()} == {
         "estimates.csv",
         "provenance.json",
