@@ -20,7 +20,7 @@ version = 1
 title = "short"
 phantom = "four-mass"
 seed = 4
-duration_s = 2.0
+duration_s = 1.5
 frame_interval_s = 0.03333333333333333
 [tremor]
 acceleration_m_s2_sqrt_hz = 0.05
@@ -28,8 +28,8 @@ acceleration_m_s2_sqrt_hz = 0.05
 node = "M3"
 force_n = [2.0, 0.5]
 [camera]
-size_px = [640, 480]
-mm_per_px = [1.25, 1.25]
+size_px = [320, 240]
+mm_per_px = [2.5, 2.5]
 distractors = 3
 """
 COLUMNS = [
@@ -71,23 +71,12 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path):
     assert ours["mae_mm"] == pytest.approx(np.hypot(*off.T).mean(), rel=1e-6)
     assert ours["mean_nees"] == pytest.approx(nees.mean(), rel=1e-6)
     assert ours["coverage95"] == pytest.approx((nees <= chi2.ppf(0.95, 2)).mean())
-    assert ours["frames"] == len(truth) == 60
+    assert ours["frames"] == len(truth) == 45
     assert ours["mae_mm"] < 0.5 * summary[OPEN_LOOP]["mae_mm"]  # the open loop starts from rest, the truth does not
     for name in ("path.png", "error.png", "sigma.png", "consistency.png"):
         picture = cv2.imread(str(tmp_path / "out" / name))
         assert picture is not None
         assert picture.std() > 10.0, name
-
-
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_recording(recording, tmp_path):
-    (tmp_path / "again.toml").write_text(SCENARIO)
-    (tmp_path / "other.toml").write_text(SCENARIO.replace("seed = 4", "seed = 5"))
-    for name in ("again", "other"):
-        assert softaim("simulate", tmp_path / f"{name}.toml", "--out", tmp_path / name) == 0
-    for name in ("truth.csv", "video.avi"):
-        assert (tmp_path / "again" / name).read_bytes() == (recording / name).read_bytes()
-        assert (tmp_path / "other" / name).read_bytes() != (recording / name).read_bytes()
 
 
 @pytest.mark.slow
@@ -112,7 +101,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     assert set(summary[OPEN_LOOP]) == WITHOUT_TRUTH
     assert set(summary[FILTER]) == WITHOUT_TRUTH | OWN
     assert summary[FILTER]["frames_by_status"]["COASTING"] == unseen.sum() == 10
-    assert summary[FILTER]["verdict"].endswith("; 10 of 60 frames coasting")
+    assert summary[FILTER]["verdict"].endswith("; 10 of 45 frames coasting")
     judged = rows[(rows["status"] == "TRACKING") & rows["nis"].notna()]
     assert summary[FILTER]["mean_nis"] == pytest.approx(judged["nis"].mean(), rel=1e-6)
     degrees, n = 2.0 * judged["marks_used"].sum(), len(judged)
@@ -124,7 +113,7 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     assert "truth not known" in reported
     assert "None" not in reported
     assert f"{summary[FILTER]['mean_nis']:.2f}" in reported
-    assert "3 INITIALISING, 47 TRACKING, 10 COASTING; marks refused: 0" in reported
+    assert "3 INITIALISING, 32 TRACKING, 10 COASTING; marks refused: 0" in reported
     assert not (tmp_path / "out" / "error.png").exists()
 
 
@@ -137,7 +126,7 @@ def test_marks_predicted_as_if_hidden_are_reported_one_by_one(recording, tmp_pat
     ours = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
     assert list(ours["check_marks"]) == ["M1", "M3", "M4"]
     for node, one in ours["check_marks"].items():
-        assert 0 < one["frames"] <= 57  # three at the start
+        assert 0 < one["frames"] <= 42  # three at the start
         assert f"│ {node} " in reported
         assert f"{one['mean_error_mm']:.2f}" in reported
         assert one["ratio"] == pytest.approx(np.sqrt(one["mean_nees"] / 2))
@@ -156,12 +145,12 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
     folder.mkdir()
     (folder / "scene.toml").write_text((recording / "scene.toml").read_text())
     (folder / "frames.csv").write_text((recording / "frames.csv").read_text())
-    film = cv2.VideoWriter(str(folder / "video.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 30.0, (640, 480))
+    film = cv2.VideoWriter(str(folder / "video.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 30.0, (320, 240))
     for _, nodes in pd.read_csv(recording / "truth.csv").groupby("time_s"):
-        image = np.full((480, 640, 3), 215, np.uint8)
+        image = np.full((240, 320, 3), 215, np.uint8)
         for x_mm, y_mm in nodes[["x_mm", "y_mm"]].to_numpy():
-            u, v = 319.5 + x_mm / 1.25, 239.5 - (y_mm - 190.0) / 1.25
-            cv2.circle(image, (round(u * 16), round(v * 16)), 12 * 16, (40, 40, 200), -1, cv2.LINE_AA, 4)
+            u, v = 159.5 + x_mm / 2.5, 119.5 - (y_mm - 190.0) / 2.5
+            cv2.circle(image, (round(u * 16), round(v * 16)), 6 * 16, (40, 40, 200), -1, cv2.LINE_AA, 4)
         film.write(image)
     film.release()
     assert softaim("track", folder, "--out", tmp_path / "out") == 0
@@ -171,7 +160,7 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
 
 
 def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
-    assert softaim("live", "--source", "phantom", "--duration", 2, "--out", tmp_path / "out") == 0
+    assert softaim("live", "--source", "phantom", "--duration", 1, "--no-page", "--out", tmp_path / "out") == 0
     reported = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     counted = re.match(r".*?(\d+) frames and (\d+) moments without one", reported, re.DOTALL)
@@ -179,9 +168,9 @@ def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert len(rows) == int(counted[1]) + int(counted[2])
     assert "latency median" in reported
     assert (np.diff(rows["time_s"]) > 0).all()
-    # At most two seconds at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
+    # At most a second at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
     # tests/experiments/pipeline/live/test_session.py counts them by a clock of its own.
-    assert 1 <= len(rows) <= 70
+    assert 1 <= len(rows) <= 40
     assert rows["status"][0] == "INITIALISING"
     assert set(rows["status"]) <= {"INITIALISING", "TRACKING", "COASTING", "LOST"}
     assert set(re.findall(r"(\d+) ([A-Z]+)", reported)) == {
@@ -199,11 +188,8 @@ def test_all_filter_steps_do_the_same_work():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scenario", "most"), [("quiet", 0.2), ("poked", 0.3)])
-def test_hidden_error_against_the_open_loop(scenario, most):
-    """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.09 and 0.16; these are two of 4 s."""
-    runs = [run(scenario, seed, duration_s=4.0) for seed in (100, 101)]
-    ours, papers = (np.mean([r.errors[m].mean() for r in runs]) for m in (FILTER, OPEN_LOOP))
-    assert ours < most * papers
-    inside = np.mean([(r.nees < chi2.ppf(0.95, 2)).mean() for r in runs])
-    assert 0.90 <= inside <= 0.999
+def test_hidden_error_against_the_open_loop():
+    """A quick form of experiments/studies/hidden_error.py: 20 runs of 20 s give 0.16; this is one of 3 s."""
+    done = run("poked", 100, duration_s=3.0)
+    assert done.errors[FILTER].mean() < 0.3 * done.errors[OPEN_LOOP].mean()
+    assert 0.90 <= (done.nees < chi2.ppf(0.95, 2)).mean() <= 0.999

@@ -135,7 +135,7 @@ def test_a_recording_is_replaced_with_force_and_what_else_is_there_stays() -> No
         "smooth marks --out out",
         "sweep sweep.toml --out out --processes 1",
         "tune marks --out found.toml",
-        "live --source film --out out",
+        "live --source film --no-page --out out",
     ],
 )
 def test_json_is_all_that_is_on_standard_output(words: str, capfd: pytest.CaptureFixture[str]) -> None:
@@ -208,7 +208,7 @@ def test_a_sweep_says_what_it_read_and_which_runs_failed(monkeypatch: pytest.Mon
 def test_a_live_film_grows_beside_the_folder_that_it_is_called_in(monkeypatch: pytest.MonkeyPatch) -> None:
     Path("empty").mkdir()
     monkeypatch.chdir("empty")
-    assert softaim("live", "--source", "../film", "--out", ".", "--film") == 0
+    assert softaim("live", "--source", "../film", "--out", ".", "--film", "--no-page") == 0
     assert Path("film.avi").is_file()
     assert not Path("../empty-film").exists()
 

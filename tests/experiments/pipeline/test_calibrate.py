@@ -26,14 +26,14 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Drawn pictures: left/ and right/ of two cameras, charuco/, plain/ without a board, alike/ all from one place."""
     root, rng = tmp_path_factory.mktemp("boards"), np.random.default_rng(1)
     rays, at = sub_pixel_rays(LENS), poses(7, rng, far_m=0.38)
-    charuco = Board(8, 5, 0.025, "4X4_50", 0.018)
+    charuco, alike = Board(8, 5, 0.025, "4X4_50", 0.018), drawn(BOARD, at[0], rays, rng=rng)
     for name in ("left", "right", "charuco", "plain", "alike"):
         (root / name).mkdir()
     for k, pose in enumerate(at):
         cv2.imwrite(str(root / "left" / f"{k}.png"), drawn(BOARD, pose, rays, rng=rng))
         cv2.imwrite(str(root / "right" / f"{k}.png"), drawn(BOARD, TO_RIGHT.after(pose), rays, rng=rng))
         cv2.imwrite(str(root / "charuco" / f"{k}.png"), drawn(charuco, pose, rays, rng=rng))
-        cv2.imwrite(str(root / "alike" / f"{k}.png"), drawn(BOARD, at[0], rays, rng=rng))
+        cv2.imwrite(str(root / "alike" / f"{k}.png"), alike)
         cv2.imwrite(str(root / "plain" / f"{k}.png"), np.full((SIZE_PX[1], SIZE_PX[0]), 120, dtype=np.uint8))
     return root
 

@@ -57,12 +57,12 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory, cache):
-    """A calibration recording of 4 s, all marks seen, the scene that identify makes of it, its report to programs.
+    """A calibration recording of 3 s, all marks seen, the scene that identify makes of it, its report to programs.
 
     The search has one start: `test_identify_links` has the usual ones.
     """
     folder = tmp_path_factory.mktemp("calibration")
-    trial = Trial("poked", 1, duration_s=4.0)
+    trial = Trial("poked", 1, duration_s=3.0)
     recording = recorded(folder / "rec", trial, cache, ("M1", "M2", "M3", "M4"))
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as printed:
         patch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
@@ -72,12 +72,12 @@ def calibrated(tmp_path_factory, cache):
 
 @pytest.mark.slow
 def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, cache, tmp_path):
-    """Another 4 s, the hidden mark not seen: mean error below 0.9 of that with the scene that is 10 % off.
+    """Another 2 s, the hidden mark not seen: mean error below 0.9 of that with the scene that is 10 % off.
 
     Both by constants taken as exact: what is left uncertain of 38 constants, marks to 4 mm, costs more than they gain.
     The covariance holds: 88 to 100 % of the frames in the 95 % region.
     """
-    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
+    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=2.0), cache, OUTER)
     exact = tmp_path / "exact.toml"
     write_scene(replace(read_scene(calibrated[1]), uncertainty=None), exact)
     before = summary(track(read_recording(recording)))["filter"]
@@ -232,7 +232,7 @@ def test_compare_with_some_methods_and_with_one_that_there_is_not(cache, tmp_pat
 
 def test_fixes_are_fused_at_their_times(calibrated, cache, tmp_path):
     """Sightings of the target good to 0.2 mm, off by 0.5 mm together: the error falls below 0.9 of that without."""
-    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=4.0), cache, OUTER)
+    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=2.0), cache, OUTER)
     without = summary(track(read_recording(recording, calibrated[1])))["filter"]["mae_mm"]
     true = pd.read_csv(recording / "truth.csv").iloc[4::4]
     rng = np.random.default_rng(0)
@@ -261,7 +261,7 @@ def test_trials_repeat_and_keep_their_truth(cache):
 @pytest.mark.usefixtures("without_pictures")
 def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, cache, tmp_path, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
-    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=4.0), cache, OUTER)
+    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=2.0), cache, OUTER)
     found = track(read_recording(recording, calibrated[1]), check=True).counts
     assert found["check_nees"] < 2.6
     assert 1.0 <= found["check_scale"] < 2.0

@@ -34,7 +34,7 @@ to_mm = [130.0, 268.0]
 normal = [0.0, 1.0]
 max_angle_deg = 55.0
 max_length_mm = 140.0
-n = 60
+n = 20
 [[obstacle]]
 name = "rib 5"
 kind = "rib"
@@ -73,9 +73,9 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     ]
     rows = pd.read_csv(out / "plan.csv", keep_default_na=False)
     reported = json.loads((out / "plan.json").read_text())
-    assert len(rows) == reported["paths"] == 300
+    assert len(rows) == reported["paths"] == 100
     allowed = rows[rows["rejected"] == ""]
-    assert 0 < len(allowed) == reported["allowed"] < 300
+    assert 0 < len(allowed) == reported["allowed"] < 100
     assert (allowed.index == np.arange(len(allowed))).all()
     best = reported["best"]
     assert best["hit_probability"] == pytest.approx(rows["hit_probability"][0], abs=1e-4)
@@ -201,7 +201,7 @@ def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys
     assert softaim("plan", scene, "--plan", plan_file, "--out", tmp_path / "out") == 0
     reported = json.loads((tmp_path / "out" / "plan.json").read_text())
     assert reported["best"] is None
-    assert reported["rejected_by"]["wall"] == 300
+    assert reported["rejected_by"]["wall"] == 100
     assert "No path is allowed" in capsys.readouterr().out
 
 
@@ -223,8 +223,8 @@ def test_the_next_best_are_other_ways(scene, plan_file):
     [
         ("gauge = 16", "gauge = 15", "needle: gauge: expected one of 14, 16, 18, 20, 22, found 15"),
         ("gauge = 16", "guage = 16", "needle.guage: expected one of gauge, "),
-        ("n = 60", "n = 0", "entry.n: expected 1 or more, found 0"),
-        ("n = 60", "n_aims = 4", "entry: n_aims: expected an odd number, found 4"),
+        ("n = 20", "n = 0", "entry.n: expected 1 or more, found 0"),
+        ("n = 20", "n_aims = 4", "entry: n_aims: expected an odd number, found 4"),
         ("normal = [0.0, 1.0]", "normal = [0.0, 0.0]", "entry: normal: expected a direction out of the tissue"),
         ("from_mm = [-130.0, 268.0]", "from_mm = [-130.0, 268.0, 0.0]", "entry.from_mm: expected 2 numbers"),
         ("centre_mm = [3.0, 222.0]", "to_mm = [3.0, 222.0]", "obstacle[1]: expected centre_mm, or from_mm and to_mm"),

@@ -138,7 +138,7 @@ for case in sys.argv[2:]:
     codec, limit = case.split("-")
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), resource.RLIM_INFINITY))
     try:
-        record(EveryFrame(Frames(*noise(90))), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
+        record(EveryFrame(Frames(*noise(40))), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
     except InputError as error:
         print(error)
 """
@@ -147,7 +147,7 @@ for case in sys.argv[2:]:
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
 def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_path: Path) -> None:
     """Limits on the size of files: of each an error in one line, and no piece, for the first one does not fit."""
-    cases = [f"{codec}-{limit}" for codec in ("FFV1", "MJPG") for limit in (700, 20_000, 60_000)]
+    cases = [f"{codec}-{limit}" for codec in ("FFV1", "MJPG") for limit in (700, 60_000)]
     done = subprocess.run(
         [sys.executable, "-c", FULL, tmp_path, *cases],
         cwd=Path(__file__).parents[3],

@@ -17,7 +17,7 @@ from tests.experiments.command import softaim
 from tests.experiments.pipeline.tables import write_recording
 from vision import Frame
 
-FRAMES, FROM = 40, 20
+FRAMES, FROM = 30, 20
 TIMES_S = np.arange(FRAMES) / 30.0
 NOISE_M = 1e-3
 
@@ -45,7 +45,7 @@ def marks(places, k, *, since=FRAMES):
 def test_every_method_gets_the_marks_by_their_right_names(scene, places, check):
     """Fixes and the check of each mark, too: to the last bit what comes of no exchange."""
     target = scene.network.positions[scene.network.index(scene.target.node)]
-    fixes = [Fix(0.5, target, 1e-3), Fix(1.0, target, 1e-3)]
+    fixes = [Fix(0.5, target, 1e-3), Fix(0.8, target, 1e-3)]
     lines = [Line(scene, fixes=fixes, check=check) for _ in range(2)]
     for k, time_s in enumerate(TIMES_S):
         right = lines[0].take(time_s, marks(places, k))

@@ -54,8 +54,7 @@ def usual():
     return made_track(phantom(), small_errors(N, 2), np.full(N, 1e-3))
 
 
-@pytest.mark.parametrize("far_m", [1e3, 1e12, np.inf, np.nan])
-@pytest.mark.parametrize("with_truth", [True, False])
+@pytest.mark.parametrize(("far_m", "with_truth"), [(1e3, True), (1e12, False), (np.inf, True), (np.nan, False)])
 def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_truth):
     """Limits within a tenth of those without them, and how many frames are outside, in the legend."""
     errors = ran_away(small_errors(N, 2), far_m)

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, NeedleMotion, sliding_friction
-from estimators import Breathing, TissueFilter, compliance, normalised_error_squared
+from dynamics import HIDDEN, NeedleMotion, sliding_friction
+from estimators import compliance, normalised_error_squared
 from experiments.errors import InputError
 from experiments.formats.needle_file import NeedleForces
 from experiments.formats.scenario import read_scenario
@@ -27,10 +27,9 @@ def case(name):
 
 @pytest.fixture(scope="module")
 def poked():
-    return insert(case("poked"), 3)
+    return insert(replace(case("poked"), advice=False), 3)
 
 
-@pytest.mark.slow
 def test_looking_ahead_and_waiting_hits_more_than_the_paper_s_loop(poked):
     """Three worlds, the same for all: three hits, and two more at least than the open loop's; when written, two."""
     ours, paper = (sum(one.hit for one in poked.of(policy)) for policy in ("wait-for-go", "open-loop"))
@@ -67,48 +66,30 @@ def test_figures_of_those_that_hit_missed_and_never_came():
     assert (said["insertions"], said["retractions"], said["never"]) == (1.75, 1.0, 1)
 
 
-def test_a_breathing_target_is_predicted_half_a_second_ahead():
-    """A run of unknown period, marks of 4.14 mm: at most 1.5 times the filter's own error now, from 12 s on."""
-    world = world_of(replace(case("breathing"), seed=1, warm_s=18.0, patience_s=0.5))
-    tissue, breathing = TissueFilter(world.network, HIDDEN, OUTER), Breathing(2)
-    away, state = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0), world.start
-    now, truth, said = [], [], {}
-    for k in range(18 * 30):
-        t = world.frame_s(k)
-        tissue.predict(t)
-        estimate = tissue.update(world.marks(k, state))
-        truth.append(world.target(state))
-        if k >= 15:
-            breathing.update(t, estimate.mean, estimate.cov)
-        if k >= 12 * 30:
-            now.append(np.linalg.norm(estimate.mean - truth[k]))
-            said[k + 15] = breathing.predict(np.array([t + 0.5]))[0][0]
-        state, _ = world.moved(state, away, (t, world.frame_s(k + 1)), False)
-    assert np.std(truth, axis=0).max() > 7e-3
-    ahead = [np.linalg.norm(place - truth[k]) for k, place in said.items() if k < len(truth)]
-    assert np.mean(ahead) < 1.5 * np.mean(now)
-    assert np.mean(now) < 3e-3
-
-
 def test_a_needle_s_density_of_a_breathing_target_has_the_errors_of_its_breath():
-    """0.3 s ahead, every fifth of 120 frames, one seed: the breath's part has most of the weight.
+    """0.4 s ahead, every third of 60 frames, one seed of unknown period: the breath's part has most of the weight.
 
-    Its mean NEES is 0.5 to 6 of 2. Errors last for a breath: a run is hardly more than one sample of them.
+    Its mean error is at most 1.5 times the filter's own error now, its mean NEES 0.5 to 6 of 2. Errors last for a
+    breath: a run is hardly more than one sample of them.
     """
-    world = world_of(replace(case("breathing"), seed=5002))
+    world = world_of(replace(case("breathing"), seed=5002, frames_per_s=15.0, patience_s=4.5))
     state, _, warm = warmed(world)
     policy, away = Ahead(world, warm), NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
-    nothing, truth, said = np.zeros((2, len(world.network.free), 2)), [], []
-    first = round(world.case.warm_s * 30)
-    for k in range(first, first + 120):
+    nothing, truth, now, said = np.zeros((2, len(world.network.free), 2)), [], [], []
+    first = round(world.case.warm_s * 15)
+    for k in range(first, first + 60):
         policy.see(world.frame_s(k), world.marks(k, state), None)
         truth.append(world.target(state))
-        if (k - first) % 5 == 0:
-            said.append(policy.density_at(world.frame_s(k + 9), nothing))
+        now.append(np.linalg.norm(policy.estimate.mean - truth[-1]))
+        if (k - first) % 3 == 0:
+            said.append(policy.density_at(world.frame_s(k + 6), nothing))
         state, _ = world.moved(state, away, (world.frame_s(k), world.frame_s(k + 1)), False)
+    assert np.std(truth, axis=0).max() > 7e-3
     assert np.mean([one.weights[0] for one in said]) > 0.9
-    there = np.array(truth[9::5])
+    there = np.array(truth[6::3])
     errors = there - np.array([one.means[0] for one in said[: len(there)]])
+    assert np.linalg.norm(errors, axis=1).mean() < 1.5 * np.mean(now)
+    assert np.mean(now) < 3e-3
     nees = normalised_error_squared(errors, np.array([one.covs[0] for one in said[: len(there)]])).mean()
     assert 0.5 < nees < 6.0
 

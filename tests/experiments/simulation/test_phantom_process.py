@@ -1,14 +1,16 @@
 """The phantom's camera in another process: pictures at their times, and nothing left when it is released."""
 
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
+from experiments.formats.scenario import read_scenario
 from experiments.pipeline.frame_sources import open_source
 from experiments.simulation.phantom_camera import PhantomCamera
-from experiments.simulation.phantom_process import PhantomProcess
+from experiments.simulation.phantom_process import SCENARIO, PhantomProcess
 from tests.experiments.webcam import coarse_webcam
 
 
@@ -58,15 +60,13 @@ def test_pictures_come_at_times_that_this_process_shares():
     assert not camera.grab()
 
 
-@pytest.mark.slow
 def test_the_phantom_is_a_source_of_live_frames():
-    scene, frames = open_source("phantom", None, live=True)
+    """Here by a phantom in this process; the other process is tested above."""
+    scenario = read_scenario(SCENARIO)
+    here = SimpleNamespace(opened=lambda: PhantomCamera(scenario))
+    scene, frames = open_source("phantom", None, live=True, phantom=here)
     with frames:
-        until = time.monotonic() + 60.0
-        frame = None
-        while frame is None and time.monotonic() < until:
-            frame = frames.next(0.5)
-    assert frame is not None
+        frame = next(seen for _ in range(120) if (seen := frames.next(0.5)) is not None)
     assert scene is not None
     assert frame.image.shape[:2] == scene.cameras[0].size_px[::-1]
     assert scene.steps[-1].name == "simulate"
@@ -109,10 +109,10 @@ def test_the_phantom_goes_on_when_its_forces_come_again(monkeypatch):
 
 
 def test_the_phantom_moves_as_by_an_exact_integrator(monkeypatch):
-    """Within 3 µm, a tenth of what its marks are found to, over two seconds with pokes."""
-    found = moved(60)
+    """Within 3 µm, a tenth of what its marks are found to, over 1.5 s with pokes."""
+    found = moved(45)
     for name, value in (("RTOL", 1e-9), ("ATOL", 1e-11)):
         monkeypatch.setattr(f"experiments.simulation.phantom_camera.{name}", value)
-    exact = moved(60)
+    exact = moved(45)
     assert np.ptp(exact, axis=0).max() > 5e-3
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=3e-6)

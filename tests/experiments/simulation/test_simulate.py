@@ -18,7 +18,7 @@ from experiments.simulation.simulate import exposures, poke_force, scene_of, sim
 
 NETWORK = four_mass_phantom()
 FREE = NETWORK.free
-STILL = read_scenario("webcam").model_copy(update={"tremor": None, "pokes": None, "duration_s": 1.5})
+STILL = read_scenario("webcam").model_copy(update={"tremor": None, "pokes": None, "duration_s": 1.0})
 LET_GO = STILL.model_copy(update={"release": Release(node="M3", force_n=[2.0, 0.5])})
 PUSHED = STILL.model_copy(
     update={
@@ -97,8 +97,8 @@ def test_pokes_move_the_phantom_by_newtons_law():
 
 
 def test_nothing_moves_where_nothing_acts():
-    """Rest shapes balance to 1e-9 of the springs' forces: 1e-8 m in a second and a half."""
-    np.testing.assert_allclose(moved(STILL), np.broadcast_to(NETWORK.positions[FREE], (45, 4, 2)), rtol=0, atol=1e-8)
+    """Rest shapes balance to 1e-9 of the springs' forces: 1e-8 m in a second."""
+    np.testing.assert_allclose(moved(STILL), np.broadcast_to(NETWORK.positions[FREE], (30, 4, 2)), rtol=0, atol=1e-8)
 
 
 @pytest.mark.parametrize(("duration_s", "interval_s", "n"), [(2.0, 0.5, 4), (2.1, 0.5, 5), (1.0, 1 / 30, 30)])
@@ -110,9 +110,9 @@ def test_exposures_are_evenly_spaced_from_zero(duration_s: float, interval_s: fl
 def test_pokes_push_one_outer_node_at_a_time_as_hard_as_was_said():
     """Half sine waves between 0.3 and 1 of acceleration times mass, each as long as was said, nothing in between."""
     pokes = read_scenario("poked").pokes
-    force = poke_force(NETWORK, pokes, 200.0, np.random.default_rng(3))
-    dt = 1e-3
-    times = dt * np.arange(200_000)
+    force = poke_force(NETWORK, pokes, 100.0, np.random.default_rng(3))
+    dt = 2e-3
+    times = dt * np.arange(50_000)
     pushes = np.array([np.linalg.norm(force(t), axis=1) for t in times])  # (n, n_free)
     names = [NETWORK.names[i] for i in FREE]
     assert (pushes[:, names.index(HIDDEN)] == 0).all()
@@ -124,9 +124,9 @@ def test_pokes_push_one_outer_node_at_a_time_as_hard_as_was_said():
     lasting = dt * (ends - starts)
     peaks = np.array([strength[a:b].max() for a, b in zip(starts, ends, strict=True)])
     full = pokes.acceleration_m_s2 * NETWORK.masses[FREE[0]]
-    # A wave sampled each ms: its peak to 1 - cos(pi dt / 2 lasting) = 1.3e-4, its length to two samples
+    # A wave sampled each 2 ms: its peak to 1 - cos(pi dt / 2 lasting) = 5e-4, its length to two samples
     assert (peaks <= full).all()
-    assert (peaks > 0.3 * full * (1 - 2e-4)).all()
+    assert (peaks > 0.3 * full * (1 - 6e-4)).all()
     assert peaks.min() < 0.4 * full
     assert peaks.max() > 0.9 * full
     assert pokes.shortest_s - 2 * dt <= lasting.min() < lasting.max() <= pokes.longest_s + 2 * dt
@@ -135,9 +135,9 @@ def test_pokes_push_one_outer_node_at_a_time_as_hard_as_was_said():
     np.testing.assert_allclose(
         strength[starts[longest] : ends[longest]], peaks[longest] * np.sin(phase), atol=0.02 * full
     )
-    # Pauses: exponential, mean 1.5 s; about 110 of them, so 1.5 / sqrt(110) = 0.14 s for one standard deviation
+    # Pauses: exponential, mean 1.5 s; about 55 of them, so 1.5 / sqrt(55) = 0.2 s for one standard deviation
     pauses = dt * (starts[1:] - ends[:-1])
-    assert pauses.mean() == pytest.approx(pokes.pause_s, abs=0.45)
+    assert pauses.mean() == pytest.approx(pokes.pause_s, abs=0.6)
 
 
 def test_tremor_has_the_density_that_was_asked_for():

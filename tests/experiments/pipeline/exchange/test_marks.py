@@ -107,6 +107,7 @@ def test_a_part_without_a_node_is_left_out_where_asked() -> None:
     assert done.unlikely == 1
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_the_recording_is_read_as_it_was_meant() -> None:
     """By the command, from a frames.csv, and tracked from then on as any other."""
     words = ["--scene", "scene.toml", "--out", "rec", "--frames", "marks/frames.csv", "--rename", *TAIL]

@@ -176,16 +176,16 @@ def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan
         return rest + 0.01 * np.array([np.cos(np.pi / 2 * t), 0.3 * np.sin(np.pi / 2 * t)])
 
     off = []
-    for k in range(360):
-        t = k / 30.0
+    for k in range(180):
+        t = k / 15.0
         tissue.predict(t)
         tissue.health = replace(tissue.health, since_s=0.0, seen_s=t)
         estimate = TargetEstimate(t, at(t), 1e-8 * np.eye(2), Status.TRACKING, 3)
         said = advice.seen(tissue, estimate, t)
         off.append(np.linalg.norm(said.aim - at(said.arrival_s)))
     advice.table.close()
-    assert np.max(off[-60:]) < 1e-3
-    assert np.max(off[:60]) > 5e-3
+    assert np.max(off[-30:]) < 1e-3
+    assert np.max(off[:30]) > 5e-3
 
 
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
@@ -260,7 +260,9 @@ def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, nee
     assert set(estimates["time_s"]) <= set(rows["time_s"])
     printed = capsys.readouterr().out
     assert f"Advice in {out / 'advice.csv'}: GO {(rows['advice'] == 'GO').sum()}, WAIT" in printed
-    assert softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5) == 0
+    assert (
+        softaim("live", "--source", recording.folder, "--out", tmp_path / "plain", "--duration", 0.5, "--no-page") == 0
+    )
     assert {path.name for path in (tmp_path / "plain").iterdir()} == {
         "estimates.csv",
         "provenance.json",

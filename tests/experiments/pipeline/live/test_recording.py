@@ -95,7 +95,7 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     """Through a gap without frames, a sighting of the target, a new colour of a mark, a pause and a fresh start."""
-    source = Swinging(110, gap=range(11, 16))
+    source = Swinging(90, gap=range(11, 16))
     mark = source.scene.marks[0]
     at_px = source.scene.cameras[0].project(source.scene.network.positions[[source.scene.network.index(mark.node)]])[0]
     asked = {
@@ -104,9 +104,9 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
         8: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
         9: lambda control: control.session.needle_unseen(),
         10: lambda control: control.session.needle_at(np.array([0.0, 0.15]), np.array([0.0, 1.0])),
-        20: lambda control: control.session.pause(True),
-        23: lambda control: control.session.pause(False),
-        26: lambda control: control.session.reset(),
+        12: lambda control: control.session.pause(True),
+        14: lambda control: control.session.pause(False),
+        16: lambda control: control.session.reset(),
     }
     folder = recorded(tmp_path, source, asked)
     acts = {done.act for done in read_journal(folder / JOURNAL)}

@@ -49,27 +49,27 @@ def pictures(scene: Scene) -> Iterator[np.ndarray | None]:
     def picture(places_m: np.ndarray, shift_px: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
         centers = camera.project(places_m) + shift_px
         discs = [
-            vision.Disc(centers[network.index(mark.node)], (10.0, 10.0), mark.hue_deg + rng.normal(0.0, 2.0))
+            vision.Disc(centers[network.index(mark.node)], (5.0, 5.0), mark.hue_deg + rng.normal(0.0, 2.0))
             for mark in scene.marks
         ]
         return vision.draw_frame(camera.size_px, discs, vision.Lighting(), rng)
 
     rest = picture(network.positions)
-    for k in range(20):
+    for k in range(12):
         yield picture(network.positions + 8e-3 * np.sin(k / 2.0) * ~network.fixed[:, None])
     for k in range(6):
         half = rest.copy()
-        half[:, : 320 - 20 * k] = 128
+        half[:, : 160 - 10 * k] = 128
         yield half
     cloth = rest.copy()
     for center in camera.project(network.positions).astype(int):
-        cloth[max(center[1] - 30, 0) : center[1] + 30, max(center[0], 0) : center[0] + 30] = (10, 10, 120)
+        cloth[max(center[1] - 15, 0) : center[1] + 15, max(center[0], 0) : center[0] + 15] = (10, 10, 120)
     yield from [cloth] * 6
     yield from [np.full_like(rest, 128)] * 6
     yield from [None] * 40
     yield from [rest] * 8
-    for shift_px in ((60.0, 0.0), (-40.0, 50.0)):
-        yield from [picture(network.positions, shift_px)] * 14
+    for shift_px in ((30.0, 0.0), (-20.0, 25.0)):
+        yield from [picture(network.positions, shift_px)] * 10
     yield from [(0.35 * rest).astype(np.uint8)] * 4
     yield from [np.clip(2.5 * rest.astype(float), 0, 255).astype(np.uint8)] * 4
     yield from [np.clip(rest + rng.normal(0.0, 25.0, rest.shape), 0, 255).astype(np.uint8)] * 4
@@ -80,8 +80,8 @@ def run_phantom() -> set[str]:
     network = four_mass_phantom()
     marks = tuple(Mark(node, hue, 0.03) for node, hue in zip(OUTER, (0.0, 120.0, 240.0), strict=True))
     low, high = network.positions.min(axis=0), network.positions.max(axis=0)
-    mm_per_px = 1.6e3 * float(((high - low) / (640, 480)).max())
-    camera = vision.fronto_parallel_camera("front", (640, 480), (mm_per_px, mm_per_px), tuple(0.5 * (low + high)))
+    mm_per_px = 1.6e3 * float(((high - low) / (320, 240)).max())
+    camera = vision.fronto_parallel_camera("front", (320, 240), (mm_per_px, mm_per_px), tuple(0.5 * (low + high)))
     scene = Scene(network, marks, Target(HIDDEN, 5e-3), (camera,))
     now = [100.0]
     with tempfile.TemporaryDirectory() as folder:

@@ -76,13 +76,13 @@ def test_values_that_freeze_are_no_marks(tmp_path, caplog) -> None:
     ids=["y down", "in m"],
 )
 def test_a_mirrored_world_is_said_by_the_verdict(tmp_path, caplog, changed, words) -> None:
-    done = track(recording(tmp_path, 12, changed))
+    done = track(recording(tmp_path, 6, changed))
     assert words in summary(done)[FILTER]["verdict"]
     assert any(words in record.message and record.levelname == "WARNING" for record in caplog.records)
 
 
 def test_marks_that_lie_as_drawn_are_nothing_to_speak_of(tmp_path, caplog) -> None:
-    done = track(recording(tmp_path, 12))
+    done = track(recording(tmp_path, 6))
     assert done.counts["frames_frozen"] == 0
     assert "drawn" not in summary(done)[FILTER]["verdict"]
     assert not [record for record in caplog.records if record.levelname == "WARNING"]

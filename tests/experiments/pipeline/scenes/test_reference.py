@@ -1,7 +1,6 @@
 """Marks corrected by reference marks: the target where the camera drifts, is moved, is turned, as where it stands."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -44,29 +43,28 @@ def filmed(line, scene, time_s, lit=None):
     return line.see(time_s, image)
 
 
-@cache
-def short(row):
-    return figures([run("phantom", row, seed, 5.0) for seed in (100, 101)])
+def test_the_target_of_a_moving_camera_is_as_that_of_one_that_stands(monkeypatch):
+    """One seed, 1.5 s after the move; of ten seeds and seven seconds the study has less than 1.1."""
+    monkeypatch.setattr("experiments.studies.faults.reference_marks.MOVED_S", 1.0)
+    still, *moving = (
+        figures([run("phantom", row, 101, 2.5)]) for row in ("still", "drift 1 mm/s", "moved 10 mm", "turned 2 deg")
+    )
+    for found in moving:
+        assert found["mae_mm"] < 1.2 * still["mae_mm"]
+        assert found["coverage95"] >= 0.9
 
 
-@pytest.mark.parametrize("row", ["drift 1 mm/s", "moved 10 mm", "turned 2 deg"])
-def test_the_target_of_a_moving_camera_is_as_that_of_one_that_stands(row):
-    """Two seeds, and two seconds after the move; of ten seeds and seven seconds the study has less than 1.1."""
-    assert short(row)["mae_mm"] < 1.2 * short("still")["mae_mm"]
-    assert short(row)["coverage95"] >= 0.9
-
-
-@pytest.mark.parametrize("change", [(8e-3, 6e-3, 0.0), (0.0, 0.0, np.radians(2.0)), (3e-2, 0.0, 0.03)])
+@pytest.mark.parametrize("change", [(8e-3, 6e-3, 0.0), (3e-2, 0.0, 0.03)])
 def test_a_film_of_a_camera_that_was_moved_loses_no_mark_and_says_so_once(change):
     scene = filmed_scene()
     line, rest = Line(scene, baseline=False), scene.network.positions
-    steps = [filmed(line, scene, k * DT) for k in range(15)]
-    steps += [filmed(line, moved_camera(scene, change), k * DT) for k in range(15, 22)]
+    steps = [filmed(line, scene, k * DT) for k in range(8)]
+    steps += [filmed(line, moved_camera(scene, change), k * DT) for k in range(8, 14)]
     assert {step.estimates[FILTER].marks_used for step in steps} == {len(scene.measured_nodes)}
     assert all(len(step.reference.seen) == 3 for step in steps)
     reports = [step.reference.moved for step in steps if step.reference.moved is not None]
     (report,) = reports
-    assert report.time_s == pytest.approx(15 * DT)
+    assert report.time_s == pytest.approx(8 * DT)
     assert report.distance_m == pytest.approx(np.hypot(*change[:2]), abs=1e-3)
     assert report.angle_rad == pytest.approx(change[2], abs=5e-3)
     for mark in steps[-1].marks:
@@ -93,9 +91,9 @@ def test_hidden_reference_marks_leave_the_pose_and_widen_what_is_known():
     def taken(k, places):
         return line.take(k * DT, [MarkMeasurement(name, place, cov) for name, place in places.items()])
 
-    for k in range(60):
+    for k in range(30):
         seen = taken(k, of_tissue | still)
-    for k in range(60, 120):
+    for k in range(30, 60):
         unseen = taken(k, of_tissue)
     assert seen.reference.seen == tuple(still)
     assert unseen.reference.seen == ()

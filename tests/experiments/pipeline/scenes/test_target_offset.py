@@ -16,7 +16,6 @@ from estimators.process.target import TargetMap, TargetPoint, target_map
 from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
-from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene
 from experiments.pipeline.advise import advise
 from experiments.pipeline.compare import compare
@@ -27,6 +26,7 @@ from experiments.pipeline.track import Track, each_frame, figures, track
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.pipeline.tables import near, write_recording
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 OFFSET_M = (0.012, -0.007)
@@ -46,7 +46,7 @@ def compared_of(folder: Path) -> Track:
     return compare(read_recording(folder), (OPEN_LOOP, FILTER, *METHODS))
 
 
-def recording(folder: Path, offset_m: tuple[float, ...], n: int = 15) -> Path:
+def recording(folder: Path, offset_m: tuple[float, ...], n: int = 6) -> Path:
     """So many frames, 30 a second, of the phantom at rest by noisy marks, the hidden one seen for scoring only."""
     marks = tuple(Mark(node, 0.0 if node == HIDDEN else 120.0, 0.03, node != HIDDEN) for node in (*OUTER, HIDDEN))
     scene, rng = Scene(four_mass_phantom(), marks, Target(HIDDEN, RADIUS_M, offset_m), ()), np.random.default_rng(0)
@@ -81,7 +81,7 @@ def planned_from(source: Path, folder: Path) -> np.ndarray:
 
 def lived(folder: Path) -> np.ndarray:
     """Means in the table of a live session before a camera, at rest."""
-    scene = replace(scene_of(read_scenario("webcam")), target=read_scene(folder / "scene.toml").target)
+    scene = replace(scene_of(coarse_webcam()), target=read_scene(folder / "scene.toml").target)
     session = Session(scene, folder / "live.csv", lambda _text: None)
     image = draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
     for k in range(6):
@@ -109,14 +109,14 @@ DOORS: dict[str, tuple[Callable[[Path], np.ndarray], float]] = {
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[int, tuple[Path, Path]]:
     """By how many frames: without an offset, and with it."""
     folder = tmp_path_factory.mktemp("offset")
-    return {n: (recording(folder / f"node{n}", (), n), recording(folder / f"point{n}", OFFSET_M, n)) for n in (15, 70)}
+    return {n: (recording(folder / f"node{n}", (), n), recording(folder / f"point{n}", OFFSET_M, n)) for n in (6, 70)}
 
 
 @pytest.mark.parametrize("door", DOORS)
 def test_every_output_reports_the_point(recordings: dict[int, tuple[Path, Path]], door: str) -> None:
     """With the offset less without it is the offset, for as many estimates."""
     report, within = DOORS[door]
-    n = 70 if door == "advise" else 15  # which nothing advises on in the first two seconds
+    n = 70 if door == "advise" else 6  # which nothing advises on in the first two seconds
     node, point = map(report, recordings[n])
     assert len(node) == len(point) > 0
     np.testing.assert_allclose(point - node, np.tile(OFFSET_M, (len(node), 1)), rtol=0, atol=within)
@@ -125,7 +125,7 @@ def test_every_output_reports_the_point(recordings: dict[int, tuple[Path, Path]]
 def test_it_is_scored_against_the_truth_of_the_point(tmp_path: Path) -> None:
     """The hidden mark shows the node: the offset is added to it, and errors are those without one."""
     node, point = (track(read_recording(recording(tmp_path / name, o))) for name, o in (("n", ()), ("p", OFFSET_M)))
-    np.testing.assert_allclose(point.truth - node.truth, np.tile(OFFSET_M, (15, 1)), atol=1e-12)
+    np.testing.assert_allclose(point.truth - node.truth, np.tile(OFFSET_M, (6, 1)), atol=1e-12)
     for method in (FILTER, OPEN_LOOP):
         assert figures(point, method)["mae_mm"] == pytest.approx(figures(node, method)["mae_mm"], rel=1e-9)
 
@@ -142,7 +142,7 @@ def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, m
     for module in ("estimators.core.posterior", "experiments.pipeline.track"):
         monkeypatch.setattr(f"{module}.target_map", deeper)
     after = track(read_recording(folder))
-    np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (15, 1)), atol=1e-12)
+    np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (6, 1)), atol=1e-12)
     assert figures(after, FILTER)["mae_mm"] == pytest.approx(figures(before, FILTER)["mae_mm"], rel=1e-9)
 
 

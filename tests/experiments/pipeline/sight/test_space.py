@@ -212,7 +212,7 @@ stagger_s = {stagger_s}
 
 def recorded(folder: Path, scene: Scene, **keys: float) -> Path:
     write_scene(scene, folder / "scene.toml")
-    (folder / "film.toml").write_text(SCENARIO.format(**{"duration_s": 0.6, "stagger_s": 0.0, **keys}), "utf-8")
+    (folder / "film.toml").write_text(SCENARIO.format(**{"duration_s": 0.3, "stagger_s": 0.0, **keys}), "utf-8")
     simulate(read_scenario(str(folder / "film.toml")), folder / "rec")
     return folder / "rec"
 
@@ -222,7 +222,7 @@ def recorded(folder: Path, scene: Scene, **keys: float) -> Path:
 def test_a_hidden_target_is_followed_by_films_of_two_cameras(tmp_path: Path, stagger_s: float) -> None:
     recording = read_recording(recorded(tmp_path, breast(), stagger_s=stagger_s))
     assert [film.camera for film in recording.films] == ["left", "right"]
-    assert len(recording.exposures_s) == (19 if stagger_s == 0.0 else 38)
+    assert len(recording.exposures_s) == (10 if stagger_s == 0.0 else 20)
     done = track(recording)
     assert recording.truth is not None
     for step in done.steps[1:]:
