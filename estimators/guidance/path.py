@@ -1,8 +1,7 @@
 """The predicted path of the target that advice uses: from tables where they hold, else from the filter.
 
 Mostly nobody pokes before the needle arrives; sometimes somebody does. One Gaussian for both is too wide for the first
-case and too narrow for the second: for quiet tissue it predicted 73 % hits and 96 % were observed. So the path is a
-mixture of two parts: no poke until then, and everything else.
+case and too narrow for the second. So the path is a mixture of two parts: no poke until then, and everything else.
 """
 
 from __future__ import annotations

@@ -10,6 +10,15 @@ from dynamics import MassSpringNetwork
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.formats.toml_file import toml_text, toml_value
+from experiments.projects.steps_text import (
+    CONSTANTS_OF_MESH,
+    CONSTANTS_OF_SPRINGS,
+    REAL_FILM,
+    REAL_MARKS,
+    STEPS,
+    TRUTH_OF_MESH,
+    TRUTH_OF_SPRINGS,
+)
 from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
@@ -239,118 +248,3 @@ def _filled(text: str, words: Mapping[str, str]) -> str:
     for key, word in words.items():
         text = text.replace(f"<{key}>", word)
     return text
-
-
-REAL_FILM = """\
-With a real phantom, films replace step 2: calibrate the camera (`softaim calibrate`),
-learn the hues of the marks (`softaim hue FILM --at U,V`), write both into `scene.toml`, and record. In `still` and
-`calibration` every mark is seen, also the target's; in `rec` those inside may be covered.
-
-```sh
-softaim record 0 --out still --scene scene.toml --seconds 2
-softaim record 0 --out calibration --scene scene.toml --seconds 20
-softaim record 0 --out rec --scene scene.toml --seconds 20
-```
-"""
-
-REAL_MARKS = """\
-With a real body, recordings of a tracker replace step 2: folders with `scene.toml` and `marks.csv`
-(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, also those inside, by CT or
-ultrasound; in `rec` only those on the outside.
-"""
-
-TRUTH_OF_SPRINGS = """\
-The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
-some 20 %, and each spring by a few per cent more. So it does not rest as drawn, like real tissue.
-"""
-
-TRUTH_OF_MESH = """\
-The constants of `truth/` differ from those of `scene.toml`: the stiffness of each tissue by some 10 %, its damping by
-some 20 %. Both rest as drawn.
-"""
-
-CONSTANTS_OF_SPRINGS = """\
-Stiffness, dashpots, drag and friction come from a recording with pushes in which the target is seen. Push where the
-measured marks are: a push on any other node would look like a wrong constant.
-"""
-
-CONSTANTS_OF_MESH = """\
-The stiffness of each tissue has a standard error of 30 % at first. The target has to be seen in the recording. Forces
-are unknown, so only fast motion shows the stiffness, and weakly: expect that this recording does not determine it, and
-that `identified.toml` keeps the value of `scene.toml` with its error, which the next steps consider. No recording
-states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
-"""
-
-STEPS = f"""\
-# <title>: from nothing to advice
-
-Type these lines in this folder, in this order. They take some minutes in all, and each prints its result.
-
-| file | what it is |
-| --- | --- |
-| `scene.toml` | your assumptions: the network, its marks, its target <target>. Adapt it to your tissue |
-| `needle.toml` | the needle that is advised |
-| `truth/scene.toml` | the simulated tissue, to be identified. Only `simulate` reads it |
-| `truth/all_marks.toml` | the same, all marks measured: for calibration |
-| `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of three simulated recordings |
-
-{TRUTH_OF_SPRINGS}
-## 1. Check the scene
-
-```sh
-softaim check scene.toml --out check
-```
-
-Look at `check/check.png`. `missing` names what the next steps bring.
-
-## 2. Simulate recordings
-
-Each is <recorded>, with its truth for scoring.
-
-```sh
-softaim simulate still.toml --out still
-softaim simulate calibration.toml --out calibration
-softaim simulate scenario.toml --out rec
-```
-
-<real>
-## 3. Identify the rest shape
-
-Rest lengths come from the picture at rest: otherwise the model sags under gravity, and the target's estimate is biased.
-
-```sh
-softaim identify still --at-rest --scene scene.toml --out rest.toml
-```
-
-## 4. Identify the constants
-
-{CONSTANTS_OF_SPRINGS}
-```sh
-softaim identify calibration --scene rest.toml --out identified.toml
-```
-
-## 5. Tune the noise levels
-
-Tune before advice, by the prediction of each mark from the others: with too high levels advice waits, with too low
-levels it gives GO too early.
-
-```sh
-softaim tune rec --scene identified.toml --out tuned.toml
-```
-
-## 6. Track the target
-
-```sh
-softaim track rec --scene tuned.toml --out track
-```
-
-`track/path.png` shows the target's path, true and estimated, with its ellipses.
-
-## 7. Get advice
-
-```sh
-softaim advise rec --scene tuned.toml --needle needle.toml --out advice
-```
-
-`advice/advice.png` shows when to go, when to wait and when to realign.
-"""
