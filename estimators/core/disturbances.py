@@ -21,7 +21,8 @@ class Disturbances:
 
     Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning,
     are a smooth field over all of the nodes where forces may act. Each has its own chain, and a mode is a pair of their
-    states. Strengths but those of calm are raised with the acceleration by which a stiff body returns when it is bent.
+    states, of a continuum a slow state alone. Strengths but those of calm and white noise are raised with the
+    acceleration by which a stiff body returns when it is bent.
 
     Attributes
     ----------
@@ -88,7 +89,7 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """That of a poke and the strongest slow force."""
+        """That of the strongest slow force, of networks with a poke."""
         return len(self.calm_modes) - (2 if self.has_short else 1)
 
     def strongest(self, raised: float) -> dict[str, float]:

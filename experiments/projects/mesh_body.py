@@ -23,7 +23,6 @@ from experiments.formats.scene.schema import MeshTable, SceneError
 from experiments.formats.scene.target import Target
 from experiments.formats.tables import Table, read_table
 from experiments.log import LOG
-from experiments.plain import counted
 from experiments.projects.mesh_tissues import assigned, check_tissues
 from experiments.projects.template import (
     GROUP_SD,
@@ -140,7 +139,7 @@ def _check_words(of: MeshChoice, young_pa: float | None) -> None:
     elif not (n_marks := int(of.marks)):
         raise InputError.at("--marks", "1 or more, or a file of marks", of.marks)
     if n_marks < FEW:
-        LOG.warning("--marks: %s determine the target poorly; expected %d or more", counted(n_marks, "mark"), FEW)
+        LOG.warning("--marks: expected %d or more, found %d: the target is poorly determined", FEW, n_marks)
     if n_marks > MANY:
         LOG.warning("--marks: with more than %d, found %d, an estimate takes longer than a frame", MANY, n_marks)
 

@@ -12,7 +12,7 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom, pack
 from estimators import ForceMode, TissueFilter, posterior_bound
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
-from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Model, Trial, passed, run, seen, truth
+from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Model, Trial, run, truth
 
 TREMOR = 0.05
 """White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
@@ -54,23 +54,6 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
         {"from": label, "square_m2": float(squared[first:].mean()), "bound_m2": float(bound[first:].mean())}
         for label, first in SECTIONS.items()
     ]
-
-
-def lost_row(case: Case, cache: Path) -> dict[str, Any]:
-    """All marks lost from 3 to 5 s: statuses meanwhile, growth of sigma, and error and NEES half a second after."""
-    frames, hidden = seen(Trial(case["scenario"], case["seed"]), cache, np.random.default_rng([case["seed"], 6]))
-    without = [(time_s, [] if 90 <= k < 150 else marks) for k, (time_s, marks) in enumerate(frames[:166])]
-    estimates = passed(TissueFilter(four_mass_phantom(), HIDDEN, OUTER, EXACTLY), without)
-    error = estimates[165].mean - hidden[165]
-    before, late, after = (np.array(estimates[k].cov, dtype=float) for k in (89, 149, 165))
-    meanwhile = [one.status.value for one in estimates[91:149]]
-    return {
-        "coasted_then_lost": any(meanwhile == ["COASTING"] * n + ["LOST"] * (58 - n) for n in (28, 29)),
-        "grew": bool(np.trace(late) > np.trace(before)),
-        "tracking": estimates[165].status.value == "TRACKING",
-        "nees": float(error @ np.linalg.solve(after, error)),
-        "error_mm": 1e3 * float(np.linalg.norm(error)),
-    }
 
 
 def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:

@@ -40,7 +40,7 @@ from estimators import FilterSettings, coverage, identify_constants, principal_u
 from experiments.engine.runs import Case
 from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.estimation.limits import bound_row, hard_trial, longest, lost_row
+from experiments.studies.estimation.limits import bound_row, hard_trial, longest
 from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, run, seen
 from experiments.studies.grid import command, kept_runs, print_figures, study_options
 from experiments.studies.grid import grid as cases_of
@@ -254,32 +254,8 @@ def hard_row(case: Case, cache: Path) -> dict[str, Any]:
     return row_of(run(hard_trial(case["seed"]), Model(), cache))
 
 
-def overturned(study: Study) -> dict[str, Row]:
-    """Pokes so strong that the truth turns over: whether the filter follows, or reports its failure."""
-    cases = cases_of(strength=(1.5, 2.0, 3.0), seed=[3000 + seed for seed in study.seeds])
-    runs = study.runs("overturned", overturned_row, cases)
-    by_strength = runs[runs["turned"]].groupby("strength", sort=False)
-    return {f"{10 * strength:g} m/s²": far_figures(own) for strength, own in by_strength}
-
-
-def overturned_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run of strong pokes."""
-    return row_of(run(Trial("shoved", case["seed"], strength=case["strength"]), Model(), cache))
-
-
-def lost(study: Study) -> dict[str, Row]:
-    """All marks lost for 2 s with continued pokes, and half a second of marks after; 4.14 mm, 30 frames/s."""
-    rows: dict[str, Row] = {}
-    cases = cases_of(scenario=SCENARIOS, seed=study.seeds)
-    for name, runs in study.runs("lost", lost_row, cases).groupby("scenario", sort=False):
-        counts = {key: int(runs[key].sum()) for key in ("coasted_then_lost", "grew", "tracking")}
-        errors = {"mean_mm": float(runs["error_mm"].mean()), "worst_mm": float(runs["error_mm"].max())}
-        rows[str(name)] = {"runs": len(runs), **counts, "coverage95": coverage(runs["nees"].to_numpy(), 2), **errors}
-    return rows
-
-
 PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
-    one.__name__: one for one in (identified, grid, unidentified, bound, hard, overturned, lost)
+    one.__name__: one for one in (identified, grid, unidentified, bound, hard)
 }
 
 

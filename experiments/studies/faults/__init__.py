@@ -1,1 +1,1 @@
-"""What a live run does when something fails: `softaim faults`, and the table of docs/faults.md."""
+"""What a live run does when something fails: `softaim faults`, and the list of docs/faults.md."""

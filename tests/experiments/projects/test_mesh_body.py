@@ -211,7 +211,7 @@ def test_a_recording_has_its_mesh(tmp_path: Path, soft: Path) -> None:
     assert softaim("identify", tmp_path / "still", "--at-rest", "--out", tmp_path / "rest.toml") == 2
 
 
-@pytest.mark.parametrize(("n", "words"), [(6, "6 marks determine the target poorly"), (90, "more than 80, found 90")])
+@pytest.mark.parametrize(("n", "words"), [(6, "found 6: the target is poorly"), (90, "more than 80, found 90")])
 def test_a_number_of_marks_of_little_use_is_one_warning(body: Path, tmp_path: Path, capsys, n: int, words: str) -> None:
     made(tmp_path / "made", body, "--marks", n)
     (line,) = [line for line in capsys.readouterr().err.splitlines() if "--marks" in line]

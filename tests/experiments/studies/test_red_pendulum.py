@@ -1,15 +1,18 @@
-"""The fit of the scale of the real film on a swing of known length."""
+"""The real film, where it is at hand, and the fit of its scale on a swing of known length."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from experiments.studies.red_pendulum import FIRST_FREE, FOCAL_PX, GRAVITY, HOOK_PX, fitted_swing
+from experiments.studies.red_pendulum import FIRST_FREE, FOCAL_PX, GRAVITY, HOOK_PX, fitted_swing, report
+from tests.real_data import DATA
+
+FILM = DATA / "red-pendulum" / "ball.mp4"
 
 
 def swinging_ball(length_m: float, turn_rad: float, radius_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and places [px] of a ball that bounces off a wall straight below the hook, in a turned plane."""
-    times = np.arange(100) / 30.0
+    times = np.arange(150) / 30.0
     theta, rate, wall = -0.6, 0.0, 0.0
     angles = [theta] * (FIRST_FREE + 1)
     for _ in range(len(times) - FIRST_FREE - 1):
@@ -27,15 +30,39 @@ def swinging_ball(length_m: float, turn_rad: float, radius_px: float) -> tuple[n
     return times, np.column_stack([u, v])
 
 
-def test_scale_and_turn_come_out_of_a_known_swing():
+@pytest.mark.slow
+@pytest.mark.parametrize("turn_deg", [8.0, 20.0])
+def test_scale_and_turn_come_out_of_a_known_swing(turn_deg):
     """A cord of 0.6 m seen 440 px long: length and scale to 1 %, the turn to 2 degrees, residue below 0.1 px.
 
     Noiseless; what is left is that a strike falls between two frames.
     """
-    turn_deg = 20.0
     times, centers = swinging_ball(0.6, np.radians(turn_deg), 440.0)
     swing = fitted_swing(times, centers, (360, 640))
     assert swing.length_m == pytest.approx(0.6, rel=0.01)
     assert swing.mm_per_px == pytest.approx(600.0 / 440.0, rel=0.01)
     assert np.degrees(np.arccos(swing.plane.narrowing)) == pytest.approx(turn_deg, abs=2.0)
     assert swing.rms_px < 0.1
+
+
+@pytest.mark.slow
+def test_the_real_film(tmp_path):
+    """The figures of docs/real-film.md: the ball in all frames, coverage as found, good or bad.
+
+    Where the ball is blurred, rounding, which processors do differently, decides between its rim and its colour: in
+    flight 11.8 and 12.1 mm were found. Looked for as a disc of the plane it is 2.0 px off the labels, and 15.9 mm.
+    """
+    if not FILM.is_file():
+        pytest.skip(f"the film is not part of the repository: {FILM.name} not found, set SOFTAIM_DATA to its folder")
+    reported = report(FILM, tmp_path / "out")
+    assert reported["frames"] == reported["frames_found"] == 334
+    assert reported["mm_per_px"] == pytest.approx(1.33, abs=0.05)
+    covered = {kind: figures["coverage95"] for kind, figures in reported["withheld"].items()}
+    expected = {"all": 0.72, "flying": 0.89, "after impact": 0.28, "leaning": 0.81}
+    assert covered == pytest.approx(expected, abs=0.05)
+    assert 40.0 <= reported["withheld"]["flying"]["mae_mm"] <= 60.0
+    assert reported["labels"]["coordinates"] > 50
+    assert reported["labels"]["rms_px"] < 0.7
+    assert reported["labels"]["rms_px"] / 1.5 < reported["labels"]["sigma_px"] < 1.5 * reported["labels"]["rms_px"]
+    assert (tmp_path / "out" / "withheld.png").stat().st_size > 10_000
+    assert (tmp_path / "out" / "recording" / "scene.toml").is_file()

@@ -23,6 +23,7 @@ pytestmark = [
 ]
 
 SEED = 7000
+FULL = "expected a table that can be written"
 PACES = [(6, 1.5), (24, 6.0), (60, 12.0)]
 """How much of the film may go by before the first state, and how long it goes on after the fault [s].
 
@@ -35,6 +36,7 @@ def _patient(monkeypatch):
     """Processes have all the time to start, to answer and to end that they take on a busy machine."""
     for name in ("STARTS_S", "ENDS_S", "GONE_S"):
         monkeypatch.setattr(process, name, 120.0)
+    monkeypatch.setattr(system, "LASTS_S", 120.0)  # of the fifty viewers, who go with the run
 
 
 def judged(name, folder, monkeypatch, enough=lambda _found: True):
@@ -57,8 +59,8 @@ def judged(name, folder, monkeypatch, enough=lambda _found: True):
 
 
 def film_s(starts_s, after_s):
-    """How long the film is [s]: 1.5 before the fault, and half until it ends."""
-    return round(starts_s + after_s + 2.0)
+    """How long the film is [s]: 1.5 before the fault and 2 while it lasts at most, and half until it ends."""
+    return round(starts_s + after_s + 4.0)
 
 
 def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read(tmp_path, monkeypatch):
@@ -69,6 +71,49 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
     assert found.lacks_s <= PIECE_S + 3.0 * process.FRAME_S
     assert found.ended == "ended by SIGKILL"
     assert found.go_shown_while_faulty == 0
+
+
+def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
+    """Closed outputs and 1,500 warnings: the loop once ended with the first of them."""
+    shown, moments = [], system._moments
+    monkeypatch.setattr(system, "_moments", lambda *given: shown.append(moments(*given)) or shown[-1])
+    found = judged("stdout closed", tmp_path, monkeypatch)
+    assert shown[-1][-1].status != "NO CONNECTION"
+    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
+    assert found.go_shown_while_faulty == 0
+
+
+def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
+    """A busy machine may show STALE for longer than that: asked for is what was said."""
+    said = []
+    new = Viewer._new
+
+    def kept(viewer, events):
+        text = new(viewer, events)
+        said.append(text)
+        return text
+
+    monkeypatch.setattr(Viewer, "_new", kept)
+    found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in said))
+    assert any(FULL in text for text in said)
+    assert str(tmp_path) not in found.shown
+    assert found.noticed_ms is not None
+    assert found.lacks_s is not None
+    assert found.lacks_s <= PIECE_S + 3.0 * process.FRAME_S
+    assert found.ended == "exit 2"
+
+
+def test_of_fifty_viewers_those_beyond_are_notified_and_the_others_see_all_go_on(tmp_path, monkeypatch):
+    """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came."""
+    said = []
+    tell = Viewer.tell
+    monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
+    found = judged("50 viewers", tmp_path, monkeypatch, lambda _: said)
+    assert set(said) == {"to those beyond: 16 clients are already connected"}
+    assert found.noticed_ms is not None
+    assert found.go_shown_while_faulty == 0
+    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
+    assert found.ended == "exit 0"
 
 
 def test_the_usual_port_is_the_pages():
