@@ -40,12 +40,12 @@ NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
 tetrahedra bend well enough, and the factor is three times smaller."""
 
-SMOOTH = (0.15, 0.3)
-"""Lengths over which the surface forces that make the modes, and those of the filter, are smooth, by the extent [1];
-choice."""
+SMOOTH = 0.2
+"""Length over which surface forces are smooth, by the extent [1]; choice."""
 
-FIELDS = (60, 20)
-"""Functions of both at most, by each axis; numerical."""
+FUNCTIONS = 30
+"""Functions of which surface forces are sums, by each axis; numerical: with 60, over 0.15 of the extent, the targets of
+blocks and breasts are estimated alike."""
 
 SAMPLES = 500
 """Surface nodes at which the functions are chosen, at most; numerical."""
@@ -202,13 +202,12 @@ def _continuum(
     moves = place[outside.nodes] >= 0
     areas[place[outside.nodes[moves]]] = outside.areas[moves]
     pushed, nodes = np.flatnonzero(areas), mesh.nodes[free]
-    fields = [np.zeros((len(free), 1 + count)) for count in FIELDS]
-    for own, length, count in zip(fields, SMOOTH, FIELDS, strict=True):
-        own[pushed, 1:] = _smooth(nodes[pushed], length * extent_m, count) * (masses.sum() / areas.sum())
-        own[:, 1:] *= areas[:, None]
-        own[:, 0] = masses  # all of it, as gravity's turn
-    forces = [np.kron(own, np.eye(3)) for own in fields]
-    moved = factor.solve(forces[0])  # long fields are sums of short ones
+    fields = np.zeros((len(free), 1 + FUNCTIONS))
+    fields[:, 0] = masses  # all of it, as gravity's turn
+    fields[pushed, 1:] = _smooth(nodes[pushed], SMOOTH * extent_m, FUNCTIONS)
+    fields[:, 1:] *= (areas * masses.sum() / areas.sum())[:, None]
+    forces = np.kron(fields, np.eye(3))
+    moved = factor.solve(forces)
     weights = csr_array(named.weights[:, free])
     rows = _by_axis(weights)
     V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved), left_out)
@@ -226,7 +225,7 @@ def _continuum(
         rates=rates,
         damping=by_damping.diagonal().copy(),
         by_tissue=by_tissue,
-        slow=V.T @ forces[1] / total,
+        forces=V.T @ forces / total,
         stiffness=0.5 * (stiffness + stiffness.T),
         dashpots=float(damping_s.mean()) * 0.5 * (stiffness + stiffness.T),
     )

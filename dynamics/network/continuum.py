@@ -41,7 +41,7 @@ class Continuum:
         Damping by mass [1/s].
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
-    slow : (n_modes, any)
+    forces : (n_modes, any)
         Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three: of the whole body.
     stiffness, dashpots : (n_free dim, n_free dim)
         Condensed to the free nodes [N/m], [N s/m].
@@ -54,7 +54,7 @@ class Continuum:
     rates: Floats
     damping: Floats
     by_tissue: Floats
-    slow: Floats
+    forces: Floats
     stiffness: Floats
     dashpots: Floats
 
@@ -64,7 +64,7 @@ class Continuum:
             "rates": (n_modes,),
             "damping": (n_modes,),
             "by_tissue": (len(self.tissues), n_modes, n_modes),
-            "slow": (n_modes, self.slow.shape[-1]),
+            "forces": (n_modes, self.forces.shape[-1]),
             "stiffness": (n, n),
             "dashpots": (n, n),
         }
@@ -88,7 +88,7 @@ class Continuum:
         (n_free dim, dim): by each axis
         """
         held = self.rates > LOOSE * self.rates.max()
-        return np.asarray(self.shapes[:, held] @ (self.slow[held, :3] / self.rates[held, None]))
+        return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
@@ -118,7 +118,7 @@ class Continuum:
             rates=np.maximum(rates, 0.0),
             damping=np.einsum("ir,ij,jr->r", turn, np.diag(self.damping), turn),
             by_tissue=turn.T @ own @ turn,
-            slow=turn.T @ self.slow,
+            forces=turn.T @ self.forces,
             stiffness=0.5 * (stiffness + stiffness.T),
         )
 

@@ -41,8 +41,8 @@ class Disturbances:
         Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
     smooth : float
         Length over which slow forces are smooth, by the body's extent [1]; choice.
-    has_short : bool
-        Whether there are short forces: those of a continuum are smooth, so all are slow ones.
+    n_short : int
+        States of short forces: these three; of a continuum, whose forces are all smooth and so slow, calm alone.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -61,7 +61,7 @@ class Disturbances:
     rise_s: float = 30.0
     fall_s: float = 30.0
     smooth: float = 0.25
-    has_short: bool = True
+    n_short: int = 3
     bent: float = 0.1
 
     @classmethod
@@ -69,7 +69,7 @@ class Disturbances:
         """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        return replace(pokes, slow_m_s2=by_poke, slow_s=SOLID_S, has_short=False) if solid else pokes
+        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
 
     def raised(self, returning_m_s2: float) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
@@ -82,7 +82,7 @@ class Disturbances:
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white, short, led and slow forces in each mode; raised: factor on all but white and calm."""
         calm, poke, led = self.short_m_s2
-        shorts = (calm, raised * poke, raised * led) if self.has_short else (0.0,)
+        shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
             (self.white, short, max(short, raised * led), raised * slow) for slow in self.slow_m_s2 for short in shorts
         ]
@@ -90,7 +90,7 @@ class Disturbances:
     @property
     def strongest_mode(self) -> int:
         """That of the strongest slow force, of networks with a poke."""
-        return len(self.calm_modes) - (2 if self.has_short else 1)
+        return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
         """Strengths by name in the strongest mode [m/s²]."""
@@ -104,16 +104,15 @@ class Disturbances:
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Modes without a short force, (n_modes,)."""
-        return np.tile([True, False, False] if self.has_short else [True], len(self.slow_m_s2))
+        return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
         """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
-        short = np.zeros((3, 3) if self.has_short else (1, 1))
-        if self.has_short:
-            short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
-            short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
+        short = np.zeros((3, 3))
+        short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
+        short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
         n = len(self.slow_m_s2)
         slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
-        rates = np.kron(np.eye(n), short) + np.kron(slow, np.eye(len(short)))
+        rates = np.kron(np.eye(n), short[: self.n_short, : self.n_short]) + np.kron(slow, np.eye(self.n_short))
         return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

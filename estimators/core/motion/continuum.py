@@ -79,7 +79,7 @@ class ContinuumMotion:
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
         self.raised = disturbances.raised(self.extent_m * float(held.min()))
         by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
-        self._basis = _effective(solid.slow, by_force)
+        self._basis = _effective(solid.forces, by_force)
         self.driving = np.full(self._basis.shape[1], SOURCES.index("slow"))
         self.fading_s = np.full(len(self.driving), disturbances.slow_s)
         self._rate = 1.0 / disturbances.slow_s

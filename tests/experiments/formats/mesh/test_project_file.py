@@ -112,7 +112,7 @@ def test_the_cache_has_the_same_network(made: Reduced) -> None:
     assert first.continuum is not None
     assert second.continuum is not None
     assert second.continuum.tissues == ("fat",)
-    for field in ("shapes", "rates", "damping", "by_tissue", "slow", "stiffness", "dashpots"):
+    for field in ("shapes", "rates", "damping", "by_tissue", "forces", "stiffness", "dashpots"):
         np.testing.assert_array_equal(getattr(second.continuum, field), getattr(first.continuum, field))
     made("another")
     assert made.calls == 2
