@@ -34,6 +34,8 @@ class Disturbances:
         Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times [s]; choice.
+    smooth_s : float
+        Time over which a slow force of a continuum is smooth [s]; choice.
     calm_s, poked_s, led_each_s, led_s : float
         Mean durations of calm and of a poke, mean time between two times of being led and mean duration of one [s];
         choice.
@@ -54,6 +56,7 @@ class Disturbances:
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
+    smooth_s: float = 0.3
     calm_s: float = 20.0
     poked_s: float = 0.3
     led_each_s: float = 60.0

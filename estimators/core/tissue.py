@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dynamics import MassSpringNetwork
 from dynamics.elements import ForceElement, Span
@@ -130,9 +129,10 @@ class TissueProcess:
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Set the variances of all states that a source but white noise drives, by those of the sources."""
-        by_name = dict(zip(SOURCES, variances, strict=True))
-        for name, columns in self._columns().items():
-            cov[columns, columns] = by_name[name]
+        strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
+        cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
+        left = np.arange(self.n)[self.parts["discrepancy"]]
+        cov[left, left] = variances[SOURCES.index("discrepancy")]
 
     def coordinates(self, positions: Floats) -> Floats:
         """The coordinates of the state (n,) next to the positions of all nodes [m], (n_nodes, dim)."""
@@ -172,12 +172,6 @@ class TissueProcess:
     def _behind(self) -> int:
         """Where the states of errors that last begin."""
         return self.n - self._lasting.n
-
-    def _columns(self) -> dict[str, NDArray[np.int64]]:
-        """States that each source but white noise drives."""
-        force = np.arange(self.parts["force"].start, self.parts["force"].stop)
-        found = {name: force[self.motion.driving == SOURCES.index(name)] for name in ("short", "led", "slow")}
-        return found | {"discrepancy": np.arange(self.n)[self.parts["discrepancy"]]}
 
     def variances(self, level: float) -> Floats:
         """Variance of each source in each mode, (n_modes, n_sources).

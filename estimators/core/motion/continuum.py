@@ -1,7 +1,8 @@
 """The motion of a continuum: damped modes under smooth surface forces that fade, in closed form.
 
 A mode of rate w² and damping c follows x'' + c x' + w² x = f. Its answers to an impulse and to a force exp(-a t) are
-sums of exponentials, so a step of any length is exact.
+sums of exponentials, so a step of any length is exact. A force is smooth in time, too: the difference of two states
+that fade at different rates and have one noise.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ APART = 1e-3
 
 LEFT_OUT = 1e-4
 """Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
+
+SIGNS = np.array([1.0, -1.0])
+"""Of the two states of a force."""
 
 SAME_S = 1e-9
 """Difference of frame intervals that is rounding [s]; numerical."""
@@ -80,9 +84,13 @@ class ContinuumMotion:
         self.raised = disturbances.raised(self.extent_m * float(held.min()))
         by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
         self._basis = _effective(solid.forces, by_force)
-        self.driving = np.full(self._basis.shape[1], SOURCES.index("slow"))
-        self.fading_s = np.full(len(self.driving), disturbances.slow_s)
-        self._rate = 1.0 / disturbances.slow_s
+        each = np.eye(self._basis.shape[1])
+        self.driving = np.full(2 * len(each), SOURCES.index("slow"))
+        self.fading_s = np.repeat([disturbances.slow_s, disturbances.smooth_s], len(each))
+        self._fading = 1.0 / np.array([disturbances.slow_s, disturbances.smooth_s])
+        shared = 1.0 / (self._fading[:, None] + self._fading)
+        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # of the noise that makes the variance of a force 1
+        self.force_cov = np.kron(self._density * shared, each)
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
@@ -136,11 +144,17 @@ class ContinuumMotion:
         motion[n, n] = 1.0
         motion[x, x], motion[x, n + x] = by_v[:, 0] + damping * by_x[:, 0], by_x[:, 0]
         motion[n + x, x], motion[n + x, n + x] = -rates * by_x[:, 0], by_v[:, 0]
-        *answers, exponents = self._pushed(self._rate)
-        grown = np.exp(exponents * dt)
-        for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-            motion[rows, 2 * n :] = (factors * grown).sum(axis=0).real[:, None] * self._basis
-        return motion, np.full(len(self.driving), np.exp(-dt * self._rate))
+        for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
+            *answers, exponents = self._pushed(rate)
+            grown = sign * np.exp(exponents * dt)
+            for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+                motion[rows, force] = (factors * grown).sum(axis=0).real[:, None] * self._basis
+        return motion, np.exp(-dt / self.fading_s)
+
+    def _states(self, first: int) -> list[slice]:
+        """Places of the forces' two states in a state, from the first force on."""
+        k = self._basis.shape[1]
+        return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
     def _noises(self, dt: float, n_state: int) -> Floats:
         """Of `SOURCES` but the last two at unit variance, (4, n_state, n_state): answers to noise of every age."""
@@ -154,17 +168,20 @@ class ContinuumMotion:
         for a, rows in ((moved, x), (rates * moved, v)):
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
-        noise, rate = noises[SOURCES.index("slow")], self._rate
-        *answers, rates = self._pushed(rate)
-        square, force = 2.0 * rate * (self._basis @ self._basis.T), np.arange(2 * n, n_state)
+        noise, forces = noises[SOURCES.index("slow")], self._states(2 * n)
+        *answers, rates = (np.concatenate(both) for both in zip(*map(self._pushed, self._fading), strict=True))
+        answers = [np.repeat(SIGNS, 3)[:, None] * factors for factors in answers]
+        square = self._density * (self._basis @ self._basis.T)
         grown = _grown(rates[:, None, :, None] + rates[:, None, :], dt)
-        faded = _grown(rates - rate, dt)
         for a, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
             for b, columns in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown).real * square
-            noise[rows, force] = 2.0 * rate * (a * faded).sum(axis=0).real[:, None] * self._basis
-            noise[force, rows] = noise[rows, force].T
-        noise[force, force] = -np.expm1(-2.0 * rate * dt)
+                noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown, optimize=True).real * square
+            for rate, force in zip(self._fading, forces, strict=True):
+                by_force = (a * _grown(rates - rate, dt)).sum(axis=0).real
+                noise[rows, force] = self._density * by_force[:, None] * self._basis
+                noise[force, rows] = noise[rows, force].T
+        both = self._fading[:, None] + self._fading
+        noise[2 * n :, 2 * n :] = self.force_cov * np.kron(-np.expm1(-both * dt), np.eye(self._basis.shape[1]))
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:

@@ -45,6 +45,8 @@ class Motion(Protocol):
         Which of `SOURCES` drives each force.
     fading_s : (n_f,)
         Correlation time of each force [s].
+    force_cov : (n_f, n_f)
+        Covariance of the forces when their sources have variance 1.
     is_linear : bool
         Whether `along` is exact, however far from the state.
     """
@@ -70,6 +72,10 @@ class Motion(Protocol):
     @property
     def fading_s(self) -> Floats:
         """Correlation time of each force [s], (n_f,)."""
+
+    @property
+    def force_cov(self) -> Floats:
+        """Covariance of the forces when their sources have variance 1, (n_f, n_f)."""
 
     def moved(self, state: Floats, dt: float) -> Floats:
         """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""

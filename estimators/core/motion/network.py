@@ -89,6 +89,7 @@ class NetworkMotion:
         moving = assembly if is_whole else ReducedAssembly(assembly, self.span)
         basis, self.driving = self._forces(pushes)
         self.fading_s = disturbances.fading_s(self.driving == SOURCES.index("slow"))
+        self.force_cov = np.eye(len(self.driving))
         self._stepper = Rosenbrock(moving, self.span.masses, basis, self.fading_s, STEP_TOLERANCE * self.extent_m)
         self._explicit = Stepper(network) if sigma_points else None
         self._basis = basis * self.span.masses[:, None]

@@ -57,13 +57,12 @@ def generator(process):
     A[1:n, n + 1 : 2 * n] = np.eye(r)
     A[n + 1 : 2 * n, 1:n] = -np.diag(solid.rates)
     A[n + 1 : 2 * n, n + 1 : 2 * n] = -np.diag(solid.damping)
-    A[n + 1 : 2 * n, 2 * n :] = motion._basis
+    A[n + 1 : 2 * n, 2 * n :] = np.hstack([motion._basis, -motion._basis])
     A[2 * n :, 2 * n :] = -np.diag(1.0 / motion.fading_s)
     densities = np.zeros((4, len(A), len(A)))
     densities[0, n + 1 : 2 * n, n + 1 : 2 * n] = np.diag(process.span.white[1:] ** 2)
-    for source in (1, 3):
-        own = 2 * n + np.flatnonzero(motion.driving == source)
-        densities[source, own, own] = 2.0 / motion.fading_s[motion.driving == source]
+    fading = A[2 * n :, 2 * n :]
+    densities[SOURCES.index("slow"), 2 * n :, 2 * n :] = -(fading @ motion.force_cov + motion.force_cov @ fading)
     return A, densities
 
 
@@ -256,3 +255,14 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
     np.testing.assert_allclose(each[0].rates, np.array([[-1.0, 1.0], [1.0, -1.0]]) / 30.0)
     assert each[0].disturbances.calm_modes.all()
     assert set(each[0].motion.driving) == {SOURCES.index("slow")}
+
+
+def test_a_force_is_smooth_in_time(process):
+    """What is new in it after a short time grows as the cube of the time; of noise that fades, as the time."""
+    k = len(process.motion.driving) // 2
+    added = []
+    for dt in (HZ / 16.0, HZ / 32.0):
+        noise = process.motion.along(np.zeros(process.parts["discrepancy"].start), dt).noises[SOURCES.index("slow")]
+        force = noise[-2 * k :, -2 * k :]
+        added.append(force[0, 0] + force[k, k] - 2.0 * force[0, k])
+    assert added[0] / added[1] == pytest.approx(8.0, rel=0.05)
