@@ -12,10 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from experiments.formats.page import rewrite_page
-from experiments.studies.estimation.study import NOISES_MM, RATES
 from experiments.studies.grid import DOCS, markdown_table
 
 PAGE = DOCS / "estimation-study.md"
@@ -50,21 +47,9 @@ def _filled(columns: Mapping[str, str], row: Mapping[str, Any]) -> list[str]:
     return [cell.format(**row) for cell in columns.values()]
 
 
-def grid_table(rows: Rows) -> str:
-    """Ratios by noise and every other frame rate, all frames; of all rates the largest and the geometric mean below."""
-    ratios = np.array([[rows[f"{noise:g} mm, {rate}/s, all"]["ratio"] for rate in RATES] for noise in NOISES_MM])
-    shown = ratios[:, ::2]
-    body = [[f"{noise:g} mm", *(f"{r:.2f}" for r in line)] for noise, line in zip(NOISES_MM, shown, strict=True)]
-    return (
-        markdown_table(["ratio", *(f"{rate}/s" for rate in RATES[::2])], body)
-        + f"\nLargest: {ratios.max():.2f}. Geometric mean: {np.exp(np.log(ratios).mean()):.2f}."
-    )
-
-
 TABLES: Mapping[str, Callable[[Rows], str]] = {
     "identified": partial(table, USUAL),
     "unidentified": partial(table, USUAL, last=", all"),
-    "grid": grid_table,
     "bound": partial(table, BOUND),
     "hard": partial(table, HARD),
 }

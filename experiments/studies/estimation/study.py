@@ -1,7 +1,7 @@
 """How accurate and consistent the filter is, in seeded runs on the phantom: the figures of docs/estimation-study.md.
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
-    python -m experiments.studies.estimation.study grid --runs 10 --out study
+    python -m experiments.studies.estimation.study hard --runs 10 --out study
     python -m experiments.studies.estimation.page study                    # rewrite the page from what is there
 
 Parts are kept as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
@@ -16,7 +16,6 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache as once
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,14 +28,13 @@ from dynamics import (
     KINDS,
     OUTER,
     ParameterUncertainty,
-    fit_rest_lengths,
     four_mass_phantom,
     independent_uncertainty,
     parameter_value,
     parameters,
     scale_parameters,
 )
-from estimators import FilterSettings, coverage, identify_constants, principal_uncertainty
+from estimators import FilterSettings, coverage, identify_constants
 from experiments.engine.runs import Case
 from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.outputs import write_whole
@@ -48,13 +46,7 @@ from experiments.studies.grid import grid as cases_of
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 """Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
 
-LEFT = {kind: 0.02 for kind in KINDS if kind != "rest_length"}
-"""Errors assumed after identification in the grid; rest lengths are corrected by a picture at rest."""
-
 SCENARIOS = ("quiet", "poked", "shoved")
-NOISES_MM = (0.1, 0.3, 1.0, 4.14, 8.0)
-RATES = (5, 10, 30, 60, 120)
-
 FAR_M = 0.04
 """Error of the hidden mass that counts as large [m]."""
 
@@ -154,11 +146,6 @@ def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertaint
     return Model(scale_parameters(network, which, change), uncertainty, FilterSettings())
 
 
-def resting(model: Model) -> Model:
-    """The model with rest lengths corrected by a picture of the true phantom at rest."""
-    return replace(model, network=fit_rest_lengths(model.network, four_mass_phantom().positions))
-
-
 def calibration(seed: int, cache: Path) -> Frames:
     """30 s of the poked phantom, all four marks seen with 4.14 mm of noise, 30 frames/s."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
@@ -204,34 +191,6 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
     return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
-def grid(study: Study) -> dict[str, Row]:
-    """Mark noise by frame rate, constants wrong by 2 % and so stated, rest seen; half the runs quiet, half shoved."""
-    seeds = study.seeds[: (study.n_runs + 1) // 2]
-    cases = cases_of(noise_mm=NOISES_MM, rate=RATES, scenario=("quiet", "shoved"), seed=seeds)
-    found = study.runs("grid", grid_row, cases).groupby(["noise_mm", "rate"], sort=False)
-    return {
-        name: row
-        for (noise_mm, rate), runs in found
-        for name, row in by_scenario(runs, f"{noise_mm:g} mm, {rate}/s, ").items()
-    }
-
-
-def grid_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run of the grid."""
-    seed = case["seed"]
-    trial = Trial(case["scenario"], seed, frames_per_s=case["rate"], mark_sd_m=1e-3 * case["noise_mm"])
-    return row_of(run(trial, resting(perturbed(seed, LEFT, _left(cache))), cache))
-
-
-@once
-def _left(cache: Path) -> ParameterUncertainty:
-    """The uncertainty that identification leaves in the grid, in few directions."""
-    network = four_mass_phantom()
-    which = parameters(network, tuple(LEFT))
-    wide = independent_uncertainty(which, [LEFT[one.kind] for one in which])
-    return principal_uncertainty(network, wide, calibration(0, cache), OUTER, HIDDEN)
-
-
 def bound(study: Study) -> dict[str, Row]:
     """No pokes, exact constants: RMSE relative to the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
     runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
@@ -255,7 +214,7 @@ def hard_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
-    one.__name__: one for one in (identified, grid, unidentified, bound, hard)
+    one.__name__: one for one in (identified, unidentified, bound, hard)
 }
 
 
