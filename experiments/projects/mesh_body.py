@@ -116,7 +116,10 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     out /= reach
     entry = target + max(reach, 1e-3 * LEAST_REACH_MM) * out
-    counts = f"{len(mesh.nodes)} nodes, {len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
+    counts = (
+        f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
+        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
+    )
     return Template(
         f"A body of {counts} from {of.path.name}",
         assumed,

@@ -236,6 +236,7 @@ def _of_mesh(text: str) -> str:
         "the network, its marks": "the mesh `mesh.npz`, its tissues, its marks",
         CONSTANTS_OF_SPRINGS: CONSTANTS_OF_MESH,
         "--scene rest.toml": "--scene scene.toml",
+        "softaim simulate still.toml --out still\n": "",
         **{f"## {k}. ": f"## {k - 1}. " for k in range(4, 8)},
     }
     page = head + tail[tail.index("## 4. ") :]

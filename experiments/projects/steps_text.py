@@ -14,8 +14,8 @@ softaim record 0 --out rec --scene scene.toml --seconds 20
 
 REAL_MARKS = """\
 With a real body, recordings of a tracker replace step 2: folders with `scene.toml` and `marks.csv`
-(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `still` and `calibration` every mark is seen, also those inside, by CT or
-ultrasound; in `rec` only those on the outside.
+(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `rec` only the marks on the outside are seen, in the others also those
+inside, by CT or ultrasound.
 """
 
 TRUTH_OF_SPRINGS = """\
@@ -35,9 +35,9 @@ measured marks are: a push on any other node would look like a wrong constant.
 
 CONSTANTS_OF_MESH = """\
 The stiffness of each tissue has a standard error of 30 % at first. The target has to be seen in the recording. Forces
-are unknown, so only fast motion shows the stiffness, and weakly: expect that this recording does not determine it, and
-that `identified.toml` keeps the value of `scene.toml` with its error, which the next steps consider. No recording
-states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
+are unknown, so only fast motion shows the stiffness, and weakly: expect a large standard error. Where the recording
+does not determine it, `identified.toml` keeps the value of `scene.toml`. The next steps consider the error. No
+recording states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
 """
 
 STEPS = f"""\
