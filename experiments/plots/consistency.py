@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
-from scipy.stats import chi2
 
 from estimators import chi_square_bounds
 from estimators.consistency.whiteness import effective_count
@@ -126,7 +125,7 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
     known = ~np.isnan(found)
     bounds = {n: chi_square_bounds(max(int(n), 1)) for n in np.unique(freedom)}
     low, high = np.array([bounds[n] if n else (np.nan, np.nan) for n in freedom]).T
-    inside = float(np.mean(found[known] <= chi2.ppf(0.95, np.maximum(freedom[known], 1))))
+    inside = float(np.mean((low <= found) & (found <= high), where=known))
     ms = 2.0 if len(found) < N_DRAWN else 0.7
     ax.semilogy(done.times_s[known], found[known], ".", color=OURS, ms=ms, mew=0.0, label="a frame", zorder=3)
     label = "95 % of frames if consistent"
@@ -141,7 +140,7 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
     if key == "nis" and fit is not None:
         title = f"NIS: mean {_average(fit.mean_nis)}, 95 % band of the mean {fit.low:.2f} to {fit.high:.2f}"
     ax.set_title(
-        f"{title}; {100 * inside:.1f} % of frames in the 95 % region"
+        f"{title}; {100 * inside:.1f} % of frames in the band"
         + (f"; {counted(beyond, 'frame')} outside the plot" if beyond else "")
     )
 
