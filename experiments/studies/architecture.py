@@ -3,14 +3,13 @@
     python -m experiments.studies.architecture          # rewrites both, from the code
     python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
 
-A room is a sub-package. The first line of its docstring is its content, the second paragraph what may enter.
+A room is a sub-package. The first line of its docstring is its content.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
-import re
 import sys
 import tomllib
 from collections.abc import Iterator
@@ -35,11 +34,10 @@ PACKAGES = ("dynamics", "vision", "estimators", "experiments")
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A sub-package: its name, its content, what may enter, the rooms that it imports."""
+    """A sub-package: its name, its content, the rooms that it imports."""
 
     name: str
     holds: str
-    enters: str
     imports: frozenset[str]
 
 
@@ -49,11 +47,10 @@ def rooms_of(package: str) -> list[Room]:
     found = []
     for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
-        first, _, second = text.partition("\n\n")
+        first = text.split("\n\n", maxsplit=1)[0]
         name = f"{package}.{folder.name}"
         imported = {room for path in folder.rglob("*.py") for room in _imported(path)}
-        enters = re.sub(r"^What may enter: ", "", " ".join(second.split()))
-        found.append(Room(name, " ".join(first.split()), enters, frozenset(imported - {name})))
+        found.append(Room(name, " ".join(first.split()), frozenset(imported - {name})))
     return found
 
 
