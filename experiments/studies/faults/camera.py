@@ -18,20 +18,20 @@ DEVICE_S = 3.0
 """What a device's own clock says at the first exposure [s]."""
 
 
-def _within(arrival: Arrival, lasts_s: float = LASTS_S) -> bool:
+def _within(arrival: Arrival, lasts_s: float) -> bool:
     return ONSET_S <= arrival.at_s - BEGAN_S < ONSET_S + lasts_s
 
 
-def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
-    return [replace(one, image=None) if _within(one) else one for one in arrivals]
+def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
+    return [replace(one, image=None) if _within(one, lasts_s) else one for one in arrivals]
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
     """While the fault lasts only these reads come back, counted from its onset on."""
 
-    def arrives(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
+    def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
-        return [one for k, one in enumerate(arrivals) if not _within(one) or keeps(k - first, rng)]
+        return [one for k, one in enumerate(arrivals) if not _within(one, lasts_s) or keeps(k - first, rng)]
 
     return arrives
 
@@ -42,32 +42,35 @@ _blocked = _kept(lambda _k, _rng: False)
 def _frozen(n_pictures: int) -> Arrives:
     """So many pictures in turn."""
 
-    def arrives(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
+    def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
         turns = iter(range(len(arrivals)))
-        return [replace(one, image=before[next(turns) % n_pictures]) if _within(one) else one for one in arrivals]
+        return [
+            replace(one, image=before[next(turns) % n_pictures]) if _within(one, lasts_s) else one for one in arrivals
+        ]
 
     return arrives
 
 
-def _late(arrivals: list[Arrival], rng: np.random.Generator) -> list[Arrival]:
-    at_s = np.array([one.at_s + (rng.exponential(0.05) if _within(one) else 0.0) for one in arrivals])
+def _late(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
+    at_s = np.array([one.at_s + (rng.exponential(0.05) if _within(one, lasts_s) else 0.0) for one in arrivals])
     in_order = np.maximum.accumulate(at_s)
     return [replace(one, at_s=float(at)) for one, at in zip(arrivals, in_order, strict=True)]
 
 
-def _lag(arrivals: list[Arrival], _rng: np.random.Generator) -> list[Arrival]:
-    return [replace(one, at_s=one.at_s + 1.0) if one.at_s - BEGAN_S >= ONSET_S else one for one in arrivals]
+def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
+    return [replace(one, at_s=one.at_s + 1.0) if _within(one, lasts_s) else one for one in arrivals]
 
 
-def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng: arrivals) -> Arrives:
+def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
     """Frames of a device with its own times, whose clock has this error during the fault [s]."""
-    return lambda arrivals, rng: arrives(
+    return lambda arrivals, rng, lasts_s: arrives(
         [
-            replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, FOREVER) else 0.0))
+            replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))
             for k, one in enumerate(arrivals)
         ],
         rng,
+        lasts_s,
     )
 
 

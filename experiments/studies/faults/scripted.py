@@ -49,7 +49,8 @@ WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
 Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
-Arrives = Callable[[list[Arrival], np.random.Generator], list[Arrival]]
+Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
+"""Changes reads by a fault that lasts so long [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ class ScriptedFault(Fault):
     picture: Alters = lambda image, _since_s, _rng: image
     covered: tuple[str, ...] = ()
     places: Moves = lambda places, _since_s, _scene: places
-    arrivals: Arrives = lambda arrivals, _rng: arrivals
+    arrivals: Arrives = lambda arrivals, _rng, _lasts_s: arrivals
     becomes: Callable[[MassSpringNetwork], MassSpringNetwork] = as_is
     assumed: Callable[[Scene], Scene] = as_is
     needle: TrackedNeedle | None = None
@@ -220,4 +221,4 @@ def _arrivals(fault: ScriptedFault, scene: Scene, motion: Motion, seed: int, dur
             places, hidden = fault.places(places, since_s, scene), fault.covered
         image = drawn(scene, places, rng, hidden=hidden)
         arrivals.append(Arrival(BEGAN_S + time_s + ARRIVES_S, fault.picture(image, since_s, rng) if acts else image))
-    return fault.arrivals(arrivals, rng)
+    return fault.arrivals(arrivals, rng, fault.lasts_s)

@@ -117,7 +117,7 @@ def played(name, n_frames):
     shown = [fault.picture(one, t, rng) if fault.acts(t) else one for one, t in zip(pictures, times, strict=True)]
     given = [Arrival(BEGAN_S + t + ARRIVES_S, one) for one, t in zip(shown, times, strict=True)]
     exposed = {one.tobytes(): BEGAN_S + t for one, t in zip(pictures, times, strict=True)}
-    return ScriptedFrames(fault.arrivals(given, rng)), exposed
+    return ScriptedFrames(fault.arrivals(given, rng, fault.lasts_s)), exposed
 
 
 @pytest.mark.parametrize(
