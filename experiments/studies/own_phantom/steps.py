@@ -83,7 +83,10 @@ HEADS = ("phantom", "recordings", "insertions", *OF_HITS, "observed - predicted,
 
 
 def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Insertions into one recording of a project: predicted, observed hit, advice; case: phantom, project, seed."""
+    """Insertions into one recording of a project: predicted, observed hit, advice; case: phantom, project, seed.
+
+    Raises InputError where no true target is known.
+    """
     project = Path(case["project"])
     scenario = read_scenario(str(project / "scenario.toml")).model_copy(update={"seed": case["seed"]})
     with tempfile.TemporaryDirectory() as folder:
@@ -93,6 +96,8 @@ def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
         scene = recording.scene
         plan = read_needle(project / "needle.toml", scene.target.radius_m, scene.network.dim)
         rows = table(advise(recording, plan, every_s=EVERY_S))
+    if "observed" not in rows:
+        raise InputError.at(f"{project}, seed {case['seed']}", "insertions whose true target is known", "none")
     known = rows[np.isfinite(rows["p_hit"]) & np.isfinite(rows["observed"])]
     return [
         {"time_s": row.time_s, "predicted": row.p_hit, "observed": row.observed, "advice": row.advice}
