@@ -222,7 +222,10 @@ def _check_given(path: Path, given: Scene, truth: Scene) -> None:
         if mark.measured and mark.node not in free:
             raise InputError.at(f"{path}: mark[{i}].node", "a free node of the scenario's scene", shown(mark.node))
     most = ELSEWHERE * float(np.linalg.norm(np.ptp(truth.network.positions, axis=0)))
-    for node in given.measured_nodes:
+    if given.target.node != truth.target.node:
+        expected = f"{shown(truth.target.node)}, as in the scenario's scene"
+        raise InputError.at(f"{path}: target.node", expected, shown(given.target.node))
+    for node in (*given.measured_nodes, truth.target.node):
         places = (scene.network.positions[scene.network.index(node)] for scene in (given, truth))
         if (apart := float(np.linalg.norm(np.subtract(*places)))) > most:
             expected = f"{node} within {1e3 * most:.3g} mm of its place in the scenario's scene"

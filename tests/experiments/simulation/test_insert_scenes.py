@@ -122,6 +122,17 @@ def test_a_scene_of_another_tissue_is_reported(scenario: Path, tmp_path: Path):
         case(scenario, scene_path=flat)
 
 
+def test_a_scene_of_another_target_is_reported(scenario: Path, tmp_path: Path):
+    own = case(scenario).truth
+    line = f'[target]\nnode = "{own.target.node}"'
+    assert line in HANGING
+    other = next(node for node in own.measured_nodes if node != own.target.node)
+    assumed = tmp_path / "assumed.toml"
+    assumed.write_text(HANGING.replace(line, f'[target]\nnode = "{other}"'))
+    with pytest.raises(InputError, match=rf'assumed\.toml: target\.node: expected "{own.target.node}", as in'):
+        case(scenario, scene_path=assumed)
+
+
 def test_every_policy_reaches_the_target_of_a_tissue_at_rest(scenario: Path):
     """Nothing but a tremor moves it: tips of 0.5 mm, a lesion of 4 mm; a needle that turns costs no more."""
     tried, of_advice = one_run(case(scenario))
