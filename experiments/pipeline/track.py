@@ -265,7 +265,10 @@ def verdict_of(done: Track) -> str:
     covered, nees = found.get("coverage95"), found.get("mean_nees")
     truth = None if covered is None or nees is None else TruthScore(covered, nees, done.recording.scene.network.dim)
     by_status = frames_by_status(estimates)
-    said = verdict(fit_of(estimates), by_status, refused, frozen=frozen, pictures=pictures, truth=truth)
+    checked = bool(done.withheld)
+    said = verdict(
+        fit_of(estimates), by_status, refused, frozen=frozen, pictures=pictures, checked=checked, truth=truth
+    )
     return said if done.recording.aside is None else f"{said}; {done.recording.aside}"
 
 

@@ -107,12 +107,13 @@ def verdict(
     *,
     frozen: int = 0,
     pictures: bool = True,
+    checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
     """The verdict by innovations, its limits, and the number of frames with them.
 
     refused: marks that the gate rejected; frozen: frames with repeated values; pictures: whether marks were found in
-    pictures; truth: scores of the target, if its truth is known
+    pictures; checked: whether marks were predicted as if hidden; truth: scores of the target, if its truth is known
     """
     frames = sum(by_status.values())
     missed = [(by_status[str(status)], status.lower()) for status in MISSED if by_status[str(status)]]
@@ -121,8 +122,9 @@ def verdict(
         together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         together = f"none of {frames} frames coasting, lost or diverged"
-    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit)
-    of_target = UNTESTED if truth is None and fit is not None else truth.words if truth is not None else None
+    too_small = truth is not None and truth.coverage95 < COVERED[0]
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, too_small)
+    of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
         together,
         f"{counted(frozen, 'frame')} frozen: their values repeat those before" if frozen else None,
@@ -131,15 +133,17 @@ def verdict(
     return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 
 
-def _fit_words(fit: Fit) -> str:
+def _fit_words(fit: Fit, too_small: bool) -> str:
+    """The fit, and its cause unless the target's covariance is too small: lower noise levels would not help it."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"
     if fit.ratio < 1.0:
-        return (
-            f"marks are predicted better than stated: they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than "
-            f"predicted, NIS {fit.mean_nis:.2f} below {band}: noise levels are too high for these marks (softaim tune)"
+        less = (
+            f"they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than predicted, NIS {fit.mean_nis:.2f} below {band}"
         )
+        cause = "" if too_small else ": noise levels are too high for these marks (softaim tune)"
+        return f"marks are predicted better than stated: {less}{cause}"
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
         f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "

@@ -66,7 +66,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sys.stdout.write(page)
     if given.page:
         rewrite_page(DOCS / "zoo.md", {"zoo table": page_tables(cells_of(done.table))})
-        write_whole(DOCS / "images" / "zoo.png", (given.out / "zoo.png").read_bytes())
     for failure in done.failures:
         sys.stderr.write(f"{failure}\n")
     return 1 if done.failures else 0

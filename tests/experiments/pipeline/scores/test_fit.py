@@ -95,6 +95,14 @@ def test_a_verdict_never_contradicts_the_truth(mean, coverage95, nees, words):
     assert words in found
     assert "does not test" not in found
     assert "fit the model" not in found
+    assert ("too high" in found) == (mean == 1.5 and coverage95 > 0.9)
+
+
+def test_a_verdict_names_a_test_of_the_target_unless_it_was_made():
+    frames = estimates([6.0] * 300)
+    by_status = frames_by_status(frames)
+    assert "does not test the hidden target" in verdict(fit_of(frames), by_status)
+    assert "test" not in verdict(fit_of(frames), by_status, checked=True)
 
 
 def test_a_verdict_counts_what_was_missed():
