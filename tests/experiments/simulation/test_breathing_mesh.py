@@ -39,8 +39,8 @@ def test_breathing_without_nodes_accelerates_all_of_a_mesh():
     expected = np.einsum("kc,kcd->kd", within, everywhere[mesh.elements[elements]])
     waves = [moved[:, k] @ expected[k] / (expected[k] @ expected[k]) for k in range(3)]
     for k, wave in enumerate(waves):  # one wave for all points, along the way of each
-        np.testing.assert_allclose(wave, waves[2], atol=0.04)
-        np.testing.assert_allclose(moved[:, k], wave[:, None] * expected[k], atol=0.04 * np.abs(expected).max())
+        np.testing.assert_allclose(wave, waves[2], atol=0.05)
+        np.testing.assert_allclose(moved[:, k], wave[:, None] * expected[k], atol=0.05 * np.abs(expected).max())
     amplitude = np.abs(np.fft.rfft(waves[2][:400])) / 200.0
     np.testing.assert_allclose(amplitude[1:3], [1.0, 0.5], atol=0.03)
     assert amplitude[3:].max() < 0.01
