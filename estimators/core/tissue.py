@@ -128,11 +128,11 @@ class TissueProcess:
         return np.asarray(self.variances(0.0)[self.disturbances.strongest_mode])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
-        """Set the variances of all states that a source but white noise drives, by those of the sources."""
+        """Set the covariance of forces and discrepancy in cov (n, n), by the variances of the sources (n_sources,)."""
         strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
         cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
-        left = np.arange(self.n)[self.parts["discrepancy"]]
-        cov[left, left] = variances[SOURCES.index("discrepancy")]
+        displaced = np.arange(self.n)[self.parts["discrepancy"]]
+        cov[displaced, displaced] = variances[SOURCES.index("discrepancy")]
 
     def coordinates(self, positions: Floats) -> Floats:
         """The coordinates of the state (n,) next to the positions of all nodes [m], (n_nodes, dim)."""

@@ -25,7 +25,7 @@ LEFT_OUT = 1e-4
 """Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""Of the two states of a force."""
+"""Of the two states of a force, that which lasts and that which fades within its smooth time [1]."""
 
 SAME_S = 1e-9
 """Difference of frame intervals that is rounding [s]; numerical."""
@@ -84,13 +84,13 @@ class ContinuumMotion:
         self.raised = disturbances.raised(self.extent_m * float(held.min()))
         by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
         self._basis = _effective(solid.forces, by_force)
-        each = np.eye(self._basis.shape[1])
-        self.driving = np.full(2 * len(each), SOURCES.index("slow"))
-        self.fading_s = np.repeat([disturbances.slow_s, disturbances.smooth_s], len(each))
+        n_forces = self._basis.shape[1]
+        self.driving = np.full(2 * n_forces, SOURCES.index("slow"))
         self._fading = 1.0 / np.array([disturbances.slow_s, disturbances.smooth_s])
+        self.fading_s = np.repeat(1.0 / self._fading, n_forces)
         shared = 1.0 / (self._fading[:, None] + self._fading)
         self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # of the noise that makes the variance of a force 1
-        self.force_cov = np.kron(self._density * shared, each)
+        self.force_cov = np.kron(self._density * shared, np.eye(n_forces))
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])

@@ -89,9 +89,14 @@ class TruthScore:
     dim: int
 
     @property
+    def too_small(self) -> bool:
+        """Whether the covariance is too small."""
+        return self.coverage95 < COVERED[0]
+
+    @property
     def words(self) -> str:
         """The scores, and the verdict on the covariance."""
-        found = "is too small" if self.coverage95 < COVERED[0] else "holds"
+        found = "is too small" if self.too_small else "holds"
         if self.coverage95 > COVERED[1]:
             found = "is larger than the errors"
         return (
@@ -122,7 +127,7 @@ def verdict(
         together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         together = f"none of {frames} frames coasting, lost or diverged"
-    too_small = truth is not None and truth.coverage95 < COVERED[0]
+    too_small = truth is not None and truth.too_small
     of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, too_small)
     of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
