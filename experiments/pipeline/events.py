@@ -163,7 +163,8 @@ def report_distractors(time_s: float, came: Sequence[Distractor]) -> None:
         report_event(time_s, DISTRACTOR, distractor_line(one))
 
 
-def report_source_events(frames: SourceOf[object]) -> None:
-    """Report the pending events of a source."""
+def report_source_events(frames: SourceOf[object], camera: str = "") -> None:
+    """Report the pending events of a source; camera: its name, if there are several."""
     for event in frames.take_events():
-        report_event(event.time_s - frames.origin_s, event.kind, event.text)
+        text = f"camera {camera}: {event.text}" if camera else event.text
+        report_event(event.time_s - frames.origin_s, event.kind, text)

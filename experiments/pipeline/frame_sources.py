@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 import vision
 from experiments.errors import InputError
-from experiments.formats.recording import read_recording
+from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, usable_scene, with_step
 from experiments.simulation.phantom_process import PHANTOM, SCENARIO, PhantomProcess
@@ -31,6 +34,9 @@ def open_source(
     live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: for a folder of pictures without fps;
     phantom: its process, if started ahead. Raises InputError, also if the scene has no camera.
     """
+    recording = _recording_in(spec, scene_path, fps)
+    if recording is not None:
+        return recording.scene, vision.from_file(recording.open_frames(), live=live)
     scene = None if scene_path is None else filmed_scene(scene_path)
     if spec == PHANTOM:
         seen = with_step(scene_of(read_scenario(SCENARIO)), "simulate", version())
@@ -46,17 +52,79 @@ def open_source(
             exposures=lambda: vision.stated_exposure_time,
         )
         return (seen if scene is None else scene), frames
-    folder = Path(spec)
-    if folder.is_dir() and ((folder / "frames.csv").exists() or (folder / "scene.toml").exists()):
-        without_fps(spec, fps, "a recording")
-        recording = read_recording(folder, scene_path)
-        return recording.scene, vision.from_file(recording.open_frames(), live=live)
     try:
-        if fps is None and folder.is_dir():
+        if fps is None and Path(spec).is_dir():
             fps = usual_fps
         return scene, vision.open_source(spec.removeprefix(FILM), live=live, fps=fps)
     except vision.SourceError as error:
         raise InputError(str(error)) from error
+
+
+def open_live(
+    specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
+) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
+    """The newest frames of a source, or of those of several cameras in space, and the scene, as `open_source`."""
+    named = by_camera(specs)
+    if "" not in named:
+        scene = None if scene_path is None else scene_in_space(scene_path, named)
+        cameras = cast(Mapping[str, vision.LiveFrames], open_cameras(named, live=True, fps=fps))
+        return scene, vision.SeveralFrames(cameras)
+    recording = _recording_in(named[""], scene_path, fps)
+    if recording is not None:
+        films = {one.camera: one.open_frames() for one in recording.films}
+        played = vision.played_together(films) if films else vision.from_file(recording.open_frames(), live=True)
+        return recording.scene, played
+    return open_source(named[""], scene_path, live=True, fps=fps, phantom=phantom)
+
+
+def open_each(
+    specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None
+) -> tuple[Scene | None, dict[str, vision.Source]]:
+    """Every frame of a source, by "", or of several cameras, by name, and the scene, as `open_source`."""
+    named = by_camera(specs)
+    if "" in named:
+        scene, frames = open_source(named[""], scene_path, live=False, fps=fps)
+        return scene, {"": frames}
+    return None if scene_path is None else scene_in_space(scene_path, named), open_cameras(named, live=False, fps=fps)
+
+
+def _recording_in(spec: str, scene_path: Path | None, fps: float | None) -> Recording | None:
+    folder = Path(spec)
+    if not folder.is_dir() or not ((folder / "scene.toml").exists() or any(folder.glob("frames*.csv"))):
+        return None
+    without_fps(spec, fps, "a recording")
+    return read_recording(folder, scene_path)
+
+
+def by_camera(specs: Sequence[str]) -> dict[str, str]:
+    """The sources by the camera that each names, NAME=SOURCE; "" for a single one without a name. InputError."""
+    named: dict[str, str] = {}
+    for spec in specs:
+        match = None if Path(spec).exists() else re.fullmatch(r"(\w[\w .-]*)=(.+)", spec)
+        name, source = ("", spec) if match is None else match.groups()
+        if name in named or (not name and len(specs) > 1):
+            expected = "NAME=SOURCE of each camera, once" if name else "NAME=SOURCE where there are several"
+            raise InputError.at("source", expected, vision.shown_source(spec))
+        named[name] = source
+    return named
+
+
+def open_cameras(named: Mapping[str, str], *, live: bool, fps: float | None = None) -> dict[str, vision.Source]:
+    """The frames of each camera's source, as `vision.open_source`; raises InputError."""
+    try:
+        return {name: vision.open_source(spec, live=live, fps=fps) for name, spec in named.items()}
+    except vision.SourceError as error:
+        raise InputError(str(error)) from error
+
+
+def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
+    """The scene of a file; InputError if it has no cameras in space of these names."""
+    scene = usable_scene(path, rests=False)
+    names = [camera.name for camera in scene.space_cameras]
+    for name in cameras:
+        if name not in names:
+            raise InputError.at(f"source of camera {name}", f"a camera of {path} ({', '.join(names) or 'none'})", name)
+    return scene
 
 
 def without_fps(spec: str, fps: float | None, what: str) -> None:
@@ -69,14 +137,18 @@ def filmed_scene(path: Path) -> Scene:
     """The scene of a file; InputError if it has no camera."""
     scene = usable_scene(path, rests=False)
     if not scene.cameras:
-        in_space = f"{len(scene.space_cameras)} in space" if scene.space_cameras else "none"
+        in_space = f"{len(scene.space_cameras)} in space: give NAME=SOURCE of each" if scene.space_cameras else "none"
         raise InputError.at(f"{path}: camera", "one", scene.n_cameras if scene.lenses else in_space)
     return scene
 
 
-def check_size(frame: vision.Frame, scene: Scene) -> None:
-    """Raise InputError for a frame of another size than the scene's camera."""
-    height, width = frame.image.shape[:2]
-    size_px = scene.cameras[0].size_px
-    if size_px != (width, height):
-        raise InputError.at("scene: camera[0].size_px", f"[{width}, {height}], like the frames", str(list(size_px)))
+def check_size(frame: vision.Frame | vision.Exposure, scene: Scene, camera: str = "") -> None:
+    """Raise InputError for a picture of another size than the scene's camera, in space that of this name."""
+    images = {camera: frame.image} if isinstance(frame, vision.Frame) else frame.images
+    names = [one.name for one in scene.space_cameras] or [camera]
+    for name, image in images.items():
+        i, (height, width) = names.index(name), image.shape[:2]
+        size_px = (scene.space_cameras or scene.cameras)[i].size_px
+        if size_px != (width, height):
+            place = f"scene: camera[{i}].size_px"
+            raise InputError.at(place, f"[{width}, {height}], like the frames", str(list(size_px)))

@@ -27,7 +27,6 @@ from estimators import (
 )
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.films.several import Exposure
 from experiments.formats.recording import Fix
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
@@ -169,16 +168,16 @@ class Line:
         step = self._estimated(exposure_s, marks, found - predicted, predicted - began, sight)
         return replace(step, reference=reference)
 
-    def see_all(self, exposure: Exposure) -> Step:
+    def see_all(self, exposure: vision.Exposure) -> Step:
         """Estimates at an exposure time from the pictures of cameras in space."""
         assert self.space is not None
         began = time.perf_counter()
-        self._predict(exposure.time_s)
+        self._predict(exposure.exposure_s)
         predicted = time.perf_counter()
         marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
         found = time.perf_counter()
         sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
-        return self._estimated(exposure.time_s, marks, found - predicted, predicted - began, sight)
+        return self._estimated(exposure.exposure_s, marks, found - predicted, predicted - began, sight)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from another tracker's marks."""

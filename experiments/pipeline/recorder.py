@@ -10,7 +10,8 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from experiments.formats.outputs import check_apart, write_together
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, mesh_beside, write_scene
 from experiments.pipeline.events import report_source_events
-from experiments.pipeline.frame_sources import check_size, open_source
+from experiments.pipeline.frame_sources import by_camera, check_size, open_each
 from experiments.plain import counted
 
 PIECE_S = 1.0
@@ -145,7 +146,7 @@ class Recorded:
 
 
 def record(
-    frames: vision.Source,
+    sources: vision.Source | Mapping[str, vision.Source],
     folder: Path,
     *,
     scene: Scene | None = None,
@@ -157,47 +158,62 @@ def record(
 ) -> int:
     """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns their number, in pieces.
 
+    sources: of one camera, or of several by name, each of which grows in a folder of its name
     scene: checked against the frames' size; scene_path: its file, copied if given
     force: a recording in the folder is removed when the first frame comes
     Nothing is written before the first frame. Raises InputError, SourceError; earlier frames are kept.
     """
-    recorder: Recorder | None = None
+    named = dict(sources) if isinstance(sources, Mapping) else {"": sources}
+    recorders: dict[str, Recorder] = {}
     began, first_s = clock(), 0.0
+
+    def begin(name: str, frame: vision.Frame) -> None:
+        nonlocal first_s
+        if scene is not None:
+            check_size(frame, scene, name)
+        if not recorders:
+            first_s = frame.exposure_s
+            if force:
+                remove_recording(folder)
+        height, width = frame.image.shape[:2]
+        recorders[name] = Recorder(folder / name, (width, height), codec, clock=clock)
+        if len(recorders) == 1:
+            _copy_scene(scene, scene_path, folder / "scene.toml")
+
+    def goes_on(name: str, wait_s: float) -> bool:
+        """Record the camera's next picture; returns whether more are to come."""
+        frame = named[name].next(wait_s)
+        report_source_events(named[name], name)
+        if frame is None:
+            if name in recorders:
+                recorders[name].check()
+            return not named[name].ended and clock() - began < seconds
+        if name not in recorders:
+            begin(name, frame)
+        elif frame.exposure_s - first_s >= seconds:
+            return False
+        recorders[name].take(frame)
+        return True
+
+    going = list(named)
     try:
-        while not frames.ended:
-            frame = frames.next(0.1 * PIECE_S)
-            report_source_events(frames)
-            if frame is None:
-                if recorder is not None:
-                    recorder.check()
-                if clock() - began >= seconds:
-                    break
-                continue
-            if recorder is None:
-                first_s = frame.exposure_s
-                if scene is not None:
-                    check_size(frame, scene)
-                if force:
-                    remove_recording(folder)
-                height, width = frame.image.shape[:2]
-                recorder = Recorder(folder, (width, height), codec, clock=clock)
-                _copy_scene(scene, scene_path, folder / "scene.toml")
-            elif frame.exposure_s - first_s >= seconds:
-                break
-            recorder.take(frame)
+        while going:
+            going = [name for name in going if goes_on(name, 0.1 * PIECE_S / len(going))]
     except KeyboardInterrupt:
         pass  # Ctrl-C ends a recording
     finally:
-        report_source_events(frames)
-        if recorder is not None:
+        for name, frames in named.items():
+            report_source_events(frames, name)
+        for recorder in recorders.values():
             recorder.finish_piece()
-    return 0 if recorder is None else recorder.n_rows
+    return sum(recorder.n_rows for recorder in recorders.values())
 
 
 def remove_recording(folder: Path) -> None:
     """Remove a recording's files from a folder, except its scene; all else stays. Raises InputError."""
     of_cameras = [path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS]
     of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
+    of_cameras += _growing(folder)
     try:
         for path in (*(folder / name for name in (*VIDEOS, *TABLES, *FOLDERS)), *of_cameras):
             if path.is_dir():
@@ -233,10 +249,37 @@ def rate_of(exposures_s: Floats) -> float:
 
 
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
-    """Join the pieces of a recording into one film; returns its number of frames. Raises InputError without frames.
+    """Join the pieces of a recording into a film of each camera; returns the frames. Raises InputError without frames.
 
     Incomplete rows, and frames without a row, are dropped. After a kill it can be repeated.
     """
+    cameras = _growing(folder)
+    if not cameras:
+        return _join(folder, advance)
+    n_frames, faults = 0, []
+    for k, camera in enumerate(cameras):
+        try:
+            if (camera / SEGMENTS).is_dir():
+                n_frames += _join(camera, lambda share, k=k: advance((k + share) / len(cameras)))  # type: ignore[misc]
+            for film in camera.glob("video.*"):
+                film.rename(folder / f"video.{camera.name}{film.suffix}")
+            (camera / "frames.csv").rename(folder / f"frames.{camera.name}.csv")
+            camera.rmdir()
+        except InputError as error:
+            faults.append(error)
+        except OSError as error:
+            raise InputError.refused(folder, "a folder that can be written", error) from error
+    if faults:
+        raise faults[0]
+    return n_frames
+
+
+def _growing(folder: Path) -> list[Path]:
+    """The folders of cameras, of a recording of several that has not been joined."""
+    return sorted(path.parent for path in folder.glob("*/frames.csv") if not (path.parent / "scene.toml").exists())
+
+
+def _join(folder: Path, advance: Advance) -> int:
     if not (folder / SEGMENTS).is_dir():
         raise InputError.at(folder, f"{SEGMENTS}/ of a killed recording", "none")
     exposures_s = read_frames(folder / "frames.csv", torn=True)
@@ -258,7 +301,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def record_source(
-    source: str,
+    sources: Sequence[str],
     out: Path,
     scene_path: Path | None = None,
     *,
@@ -268,17 +311,19 @@ def record_source(
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
     force: bool = False,
 ) -> Recorded:
-    """Record the named source to the new or empty folder `out`, and join it.
+    """Record a source, or one for each of several cameras, NAME=SOURCE, to the new or empty folder `out`, and join it.
 
     force: also to a folder with files; a recording in it is replaced when the first frame comes
     Raises InputError; if the source fails, earlier frames are kept and joined first.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)
-    check_folder(out, force, [path for path in (Path(source),) if path.exists()])
-    scene, frames = open_source(source, scene_path, live=False, fps=fps)
+    check_folder(out, force, [path for path in map(Path, by_camera(sources).values()) if path.exists()])
+    scene, frames = open_each(sources, scene_path, fps=fps)
     fault: Exception | None = None
-    with frames:
+    with ExitStack() as opened:
+        for one in frames.values():
+            opened.enter_context(one)
         try:
             record(
                 frames,
@@ -292,7 +337,7 @@ def record_source(
         except (vision.SourceError, InputError) as error:
             fault = error
     n_frames = 0
-    if (out / SEGMENTS).is_dir():
+    if (out / SEGMENTS).is_dir() or _growing(out):
         try:
             n_frames = join(out, stage("join"))
         except InputError as error:
@@ -301,5 +346,5 @@ def record_source(
         fault = InputError("expected frames, found none")
     if fault is not None:
         kept = f"; {counted(n_frames, 'frame')} until then in {out}" if n_frames else ""
-        raise InputError(f"{vision.shown_source(source)}: {fault}{kept}")
-    return Recorded(n_frames, frames.frames_dropped, scene is not None)
+        raise InputError(f"{', '.join(map(vision.shown_source, sources))}: {fault}{kept}")
+    return Recorded(n_frames, sum(one.frames_dropped for one in frames.values()), scene is not None)

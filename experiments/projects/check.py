@@ -19,7 +19,6 @@ from estimators import MarkMeasurement, TargetEstimate, resting_bound
 from estimators.core.motion import network as springs
 from estimators.process.target import target_map
 from experiments.arrays import Floats
-from experiments.formats.films.several import Exposure
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import NEAR_SD_MM
@@ -188,7 +187,7 @@ def _found(scene: Scene, recording: Recording | None) -> tuple[MarkMeasurement, 
         for film in recording.films:
             with film.open_frames() as frames:
                 images[film.camera] = next(iter(frames)).image
-    return line.see_all(Exposure(0.0, images)).marks
+    return line.see_all(vision.Exposure(0.0, images)).marks
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:

@@ -3,11 +3,12 @@
 What may enter: another source or container.
 """
 
-from vision.sources.closing import Closing
 from vision.sources.events import EventKind, Source, SourceEvent, SourceOf
 from vision.sources.every_frame import EveryFrame, FrameFile
 from vision.sources.exposure_times import DeviceTimes, ExposureRule, FilmTimes, stated_exposure_time
 from vision.sources.frames import (
+    Closing,
+    Exposure,
     FilePath,
     FolderFrames,
     Frame,
@@ -32,6 +33,7 @@ from vision.sources.segments import (
     segments_in,
 )
 from vision.sources.settings import SourceSettings
+from vision.sources.several import TOGETHER_S, SeveralFrames, played_together
 from vision.sources.video import Codec, VideoWriter, compress
 from vision.sources.watchdog import FrozenValues, SourceWatchdog
 
@@ -39,12 +41,14 @@ __all__ = [
     "FILMS",
     "NOMINAL_FPS",
     "SUFFIX",
+    "TOGETHER_S",
     "Capture",
     "Closing",
     "Codec",
     "DeviceTimes",
     "EventKind",
     "EveryFrame",
+    "Exposure",
     "ExposureRule",
     "FilePath",
     "FilmTimes",
@@ -57,6 +61,7 @@ __all__ = [
     "Playback",
     "SegmentFrames",
     "SegmentWriter",
+    "SeveralFrames",
     "Source",
     "SourceError",
     "SourceEvent",
@@ -74,6 +79,7 @@ __all__ = [
     "grey_pictures",
     "join_segments",
     "open_source",
+    "played_together",
     "quiet_opencv",
     "segments_in",
     "sharp_frames",

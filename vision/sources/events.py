@@ -51,12 +51,11 @@ class SourceEvent:
 
 
 class SourceOf(Protocol[F_co]):
-    """A source of frames in order of exposure.
+    """A source of frames in order of exposure."""
 
-    frames_dropped: frames that were read and not delivered, because newer ones had come, or their time was wrong
-    """
-
-    frames_dropped: int
+    @property
+    def frames_dropped(self) -> int:
+        """Frames that were read and not delivered, because newer ones had come, or their time was wrong."""
 
     @property
     def origin_s(self) -> float:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Protocol
 
-from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
-from vision.sources.frames import Frame
+from vision.sources.frames import Closing, Frame
 
 
 class FrameFile(Protocol):

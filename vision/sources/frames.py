@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.closing import Closing
 from vision.sources.exposure_times import FilmTimes
 
 # FFmpeg's own lines bypass OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
@@ -31,6 +31,20 @@ class SourceError(ValueError):
     """Frames that are not available; the message is one line: the source, what was expected and what was found."""
 
 
+class Closing(ABC):
+    """Closed at the end of its `with` block, also after an exception."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Release the resource."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_fault: object) -> None:
+        self.close()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
     """One picture: its place in the source, its exposure time [s], and the pixels, (height, width, 3) BGR."""
@@ -38,6 +52,14 @@ class Frame:
     index: int
     exposure_s: float
     image: Image
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Exposure:
+    """Pictures of several cameras at one exposure time [s]: by camera the pixels, (height, width, 3) BGR."""
+
+    exposure_s: float
+    images: dict[str, Image]
 
 
 def bgr(picture: Any) -> Image:

@@ -14,10 +14,9 @@ import cv2
 import numpy as np
 
 from vision.arrays import Image
-from vision.sources.closing import Closing
 from vision.sources.events import EventKind, SourceEvent
 from vision.sources.exposure_times import Arrivals, DeviceTimes, ExposureRule, RisingTimes
-from vision.sources.frames import Frame, SourceError, bgr, quiet_opencv
+from vision.sources.frames import Closing, Frame, SourceError, bgr, quiet_opencv
 from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 

@@ -18,7 +18,7 @@ from vision.sources.exposure_times import stated_exposure_time
 from vision.sources.frames import FilePath, SourceError, VideoFileFrames, opencv_name
 from vision.sources.live import LiveFrames
 from vision.sources.picture_folder import PictureFolderFrames
-from vision.sources.playback import Playback
+from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
@@ -70,9 +70,12 @@ def open_source(
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
     """The frames of a file: live at their own pace, newest first; otherwise every one."""
-    if not live:
-        return EveryFrame(frames)
-    playback = Playback(frames)
+    return played(frames) if live else EveryFrame(frames)
+
+
+def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
+    """The frames of a file at its own pace, newest first; start: shared with films that play together."""
+    playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
         ends=lambda _capture: True,

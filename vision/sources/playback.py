@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 
@@ -12,15 +13,24 @@ from vision.sources.every_frame import FrameFile
 from vision.sources.frames import Frame
 
 
+@dataclass(slots=True)
+class Start:
+    """Zero of films' own times on the clock [s]; None before the first frame of any of them."""
+
+    at_s: float | None = None
+
+
 class Playback:
     """A capture that holds each frame of a file back until it is due; frame times count from the first grab().
 
-    State: the frames still to come, the one shown, when the first was shown [s].
+    start: shared by films that play together
+    State: the frames still to come, the one shown, the start.
     """
 
     def __init__(
         self,
         frames: FrameFile,
+        start: Start | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
@@ -28,12 +38,12 @@ class Playback:
         self._frames, self._coming = frames, iter(frames)
         self._clock, self._sleep = clock, sleep
         self._shown: Frame | None = None
-        self._began_s: float | None = None
+        self._start = Start() if start is None else start
 
     @property
     def origin_s(self) -> float:
         """Zero of the file's own time on the clock [s]; 0 before the first frame."""
-        return self._began_s or 0.0
+        return self._start.at_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
         """Always true; iterating raises SourceError where there are no frames."""
@@ -44,9 +54,9 @@ class Playback:
         self._shown = next(self._coming, None)
         if self._shown is None:
             return False
-        if self._began_s is None:
-            self._began_s = self._clock() - self._shown.exposure_s
-        wait_s = self._began_s + self._shown.exposure_s - self._clock()
+        if self._start.at_s is None:
+            self._start.at_s = self._clock() - self._shown.exposure_s
+        wait_s = self._start.at_s + self._shown.exposure_s - self._clock()
         if wait_s > 0:
             self._sleep(wait_s)
         return True
@@ -57,9 +67,9 @@ class Playback:
 
     def get(self, prop: int) -> float:
         """CAP_PROP_POS_MSEC: when the frame was due, on the clock [ms]; 0 for other properties."""
-        if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None or self._began_s is None:
+        if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None:
             return 0.0
-        return 1e3 * (self._began_s + self._shown.exposure_s)
+        return 1e3 * (self.origin_s + self._shown.exposure_s)
 
     def release(self) -> None:
         """Release the file."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 
 from vision.arrays import Image
-from vision.sources.closing import Closing
 from vision.sources.frames import (
+    Closing,
     FilePath,
     Frame,
     SourceError,

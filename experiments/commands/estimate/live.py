@@ -24,12 +24,13 @@ if TYPE_CHECKING:
 def live(
     run: Run,
     source: Annotated[
-        str,
+        list[str] | None,
         typer.Option(
             "--source",
-            help="Camera index, device, film, folder, stream, recording, phantom; marks: udp://:PORT, - or marks.csv.",
+            help="Camera index, device, film, folder, stream, recording, phantom; marks: udp://:PORT, - or marks.csv; "
+            "NAME=SOURCE of each camera in space. Default: phantom.",
         ),
-    ] = "phantom",
+    ] = None,
     scene: SceneFile = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
     duration: Annotated[
@@ -60,7 +61,8 @@ def live(
 
     # Both processes load while this one does
     link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
-    phantom = PhantomProcess(fps=fps) if source == PHANTOM else None
+    sources = source or [PHANTOM]
+    phantom = PhantomProcess(fps=fps) if sources == [PHANTOM] else None
     if phantom is not None:
         run.opened.callback(phantom.release)
 
@@ -75,7 +77,7 @@ def live(
 
     @contextmanager
     def begin(used: Scene) -> Iterator[Path]:
-        with run.folder(path, force=force, inputs=[Path(source), scene, needle], growing=True) as folder:
+        with run.folder(path, force=force, inputs=[*map(Path, sources), scene, needle], growing=True) as folder:
             run.use(used, before="track")
             yield folder
 
@@ -90,10 +92,10 @@ def live(
         from experiments.servers.publisher import Shows
 
         assert link is not None
-        return run.opened.enter_context(Shows(link, used, plan, shown_source(source)))
+        return run.opened.enter_context(Shows(link, used, plan, ", ".join(map(shown_source, sources))))
 
     done = followed(
-        source,
+        sources,
         scene,
         begin,
         begun=run.begun,

@@ -15,7 +15,10 @@ from experiments.plain import counted
 def record(
     run: Run,
     source: Annotated[
-        str | None, typer.Argument(help="Camera index, device, film, folder, stream, recording, or phantom.")
+        list[str] | None,
+        typer.Argument(
+            help="Camera index, device, film, folder, stream, recording, or phantom; NAME=SOURCE of several cameras."
+        ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into it.")] = None,
@@ -32,14 +35,14 @@ def record(
     from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source
 
-    if recover is not None and source is None and out is None:
+    if recover is not None and not source and out is None:
         n_frames = join(recover, run.stage("join"))
         run.finish(recover, recover)
         return Answer({"out": recover, "frames": n_frames}, lambda: print(f"{counted(n_frames, 'frame')} in {recover}"))
-    if recover is not None or source is None or out is None:
+    if recover is not None or not source or out is None:
         raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
     done = record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force)
-    run.finish(out, out, [Path(source), scene])
+    run.finish(out, out, [*map(Path, source), scene])
     dropped = f", {done.n_dropped} dropped" if done.n_dropped else ""
     track = f"; next: softaim track {out} --out {out}-track" if done.has_scene else ""
     return Answer(

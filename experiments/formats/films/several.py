@@ -22,12 +22,7 @@ from experiments.formats.films.pictures import (
     source_in,
 )
 from experiments.formats.scene.scene import Scene
-from vision import Frame
-from vision.arrays import Image
-
-TOGETHER_S = 1e-3
-"""Pictures of several cameras whose times differ by no more are of one time [s]; choice: cameras with a common trigger
-differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
+from vision import TOGETHER_S, Exposure, Frame
 
 SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
 
@@ -43,14 +38,6 @@ class CameraFilm:
     def open_frames(self) -> Pictures:
         """The frames from the first on; InputError if they cannot be opened."""
         return open_pictures(self.source, self.exposures_s.tolist())
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Exposure:
-    """Pictures of one time: that time [s], and by camera the picture, (height, width, 3) BGR."""
-
-    time_s: float
-    images: dict[str, Image]
 
 
 def film_name(camera: str, i: int) -> str:
@@ -116,7 +103,7 @@ def read_films(
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
     """Times at which any camera exposed [s], (n,), and the numbers of the films with a picture of each.
 
-    Pictures of several cameras within `TOGETHER_S` of the first are of one time, its own.
+    Pictures of several cameras within `vision.TOGETHER_S` of the first are of one time, its own.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

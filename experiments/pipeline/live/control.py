@@ -76,7 +76,7 @@ class Control:
         """End the run's recordings, and join the pieces of each into one film; returns their folders."""
         self._end()
         for one in self.recordings:
-            if (one.folder / "segments").is_dir():
+            if any(one.folder.glob("**/segments")):
                 try:
                     join(one.folder)
                 except InputError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +20,7 @@ from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.interrupts import as_interrupts
 from experiments.log import LOG, SHOWN
 from experiments.pipeline.events import report_source_events
-from experiments.pipeline.frame_sources import check_size, open_source, without_fps
+from experiments.pipeline.frame_sources import check_size, open_live, without_fps
 from experiments.pipeline.line import Film
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
@@ -32,6 +32,9 @@ from experiments.pipeline.live.shown import Publisher, memory_mb
 from experiments.simulation.phantom_process import PhantomProcess
 
 SCENE = "scene.toml"
+
+Frames = vision.Source | vision.SeveralFrames | MarkSource
+CAMERAS = (vision.LiveFrames, vision.SeveralFrames)
 
 
 class Attendant(Publisher, Protocol):
@@ -74,7 +77,7 @@ class Followed:
 
 
 def live(
-    source: str,
+    sources: Sequence[str],
     scene_path: Path | None,
     begin: Callable[[Scene], AbstractContextManager[Path]],
     *,
@@ -89,14 +92,15 @@ def live(
 ) -> Followed:
     """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
 
+    sources: one, or NAME=SOURCE of each camera of a scene in space
     begin: opens the folder to which rows are written; begun: called when frames are used. Without a frame the target is
     predicted; events of the source are reported on standard error. With a needle file there is also advice, in the
     status line and in advice.csv. film: makes the film of the run; attendant: shows it to viewers; record: from the
     first frame on; phantom: its process, if started ahead. Raises InputError.
     """
-    shown_source = vision.shown_source(source)
+    shown_source = ", ".join(map(vision.shown_source, sources))
     name = f"--source {shown_source}"
-    scene, frames = _open(source, scene_path, fps, phantom)
+    scene, frames = _open(sources, scene_path, fps, phantom)
     fault: Exception | None = None
     with frames:
         if scene is None:
@@ -151,7 +155,7 @@ def live(
 
 def _prepared(
     make: Callable[[], Session],
-    frames: vision.Source | MarkSource,
+    frames: Frames,
     name: str,
     *,
     scene: Scene,
@@ -161,7 +165,7 @@ def _prepared(
 ) -> Session:
     """The session, prepared while frames of a continuous source are shown and counted as not used."""
 
-    def show(frame: vision.Frame | None, n_shown: int) -> None:
+    def show(frame: vision.Frame | vision.Exposure | None, n_shown: int) -> None:
         report_source_events(frames)
         if frame is not None:
             check_size(frame, scene)
@@ -169,10 +173,11 @@ def _prepared(
             status.show(PREPARING)
         if viewer is not None:
             now_s = time.monotonic() if by_itself is not None or isinstance(frames, LiveMarks) else 0.0
-            viewer.prepare(frame, n_shown, now_s if frame is None else frame.exposure_s)
+            picture = frame if isinstance(frame, vision.Frame) else None
+            viewer.prepare(picture, n_shown, now_s if frame is None else frame.exposure_s)
 
     rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # it writes nothing without a frame
-    by_itself = frames if isinstance(frames, vision.LiveFrames) and not frames.waits else None
+    by_itself = frames if isinstance(frames, CAMERAS) and not frames.waits else None
     try:
         session, n_shown = prepared(make, rehearse, by_itself, show)
     except (vision.SourceError, InputError) as error:
@@ -225,17 +230,17 @@ def as_written(scene: Scene) -> Scene:
 
 
 def _open(
-    source: str, scene_path: Path | None, fps: float | None, phantom: PhantomProcess | None
-) -> tuple[Scene | None, vision.Source | MarkSource]:
-    if is_mark_source(source):
-        without_fps(source, fps, "marks")
-        return open_mark_source(source, scene_path)
-    return open_source(source, scene_path, live=True, fps=fps, phantom=phantom)
+    sources: Sequence[str], scene_path: Path | None, fps: float | None, phantom: PhantomProcess | None
+) -> tuple[Scene | None, Frames]:
+    if len(sources) == 1 and is_mark_source(sources[0]):
+        without_fps(sources[0], fps, "marks")
+        return open_mark_source(sources[0], scene_path)
+    return open_live(sources, scene_path, fps=fps, phantom=phantom)
 
 
 def follow(
     session: Session,
-    frames: vision.Source | MarkSource,
+    frames: Frames,
     duration_s: float,
     clock: Callable[[], float] = time.monotonic,
     *,
@@ -247,7 +252,7 @@ def follow(
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:
-        if isinstance(frames, vision.LiveFrames) and frames.opening:
+        if isinstance(frames, CAMERAS) and frames.opening:
             began = clock()
         attend()
         asked = time.perf_counter()
@@ -256,7 +261,7 @@ def follow(
         session.count_from(frames.origin_s)
         session.counters.dropped = frames.frames_dropped - dropped_before
         report_source_events(frames)
-        if isinstance(frames, vision.LiveFrames):
+        if isinstance(frames, CAMERAS):
             session.dated(frames.late_s, uneven=frames.uneven)
         if frame is not None and session.paused:
             session.counters.not_used += 1

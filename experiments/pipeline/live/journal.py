@@ -29,7 +29,8 @@ class Act(StrEnum):
     ORIGIN = "origin"
     """Zero of the source's time at time_s."""
     FRAME = "frame"
-    """A frame with exposure time time_s: the next picture of the recording."""
+    """A frame with exposure time time_s: the next picture of the recording, or of each of the cameras in space that the
+    values name."""
     MARKS = "marks"
     """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"

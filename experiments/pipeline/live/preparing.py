@@ -31,7 +31,8 @@ NICENESS = 10
 """Priority of the compiling process, below camera and page; chosen."""
 
 Made = TypeVar("Made")
-Show = Callable[[vision.Frame | None, int], None]
+Cameras = vision.LiveFrames | vision.SeveralFrames
+Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 
 class NotCompiledError(Exception):
@@ -54,7 +55,7 @@ class _Refusal(Listener):
 
 
 def prepared(
-    make: Callable[[], Made], rehearse: Callable[[], object], frames: vision.LiveFrames | None, show: Show
+    make: Callable[[], Made], rehearse: Callable[[], object], frames: Cameras | None, show: Show
 ) -> tuple[Made, int]:
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
@@ -91,7 +92,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
     return made
 
 
-def _shown_until(over: Callable[[], bool], frames: vision.LiveFrames | None, show: Show, n_shown: int) -> int:
+def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n_shown: int) -> int:
     """Show frames until it is over; returns the number of frames shown, with n_shown before."""
     while not over():
         frame = None
@@ -104,9 +105,7 @@ def _shown_until(over: Callable[[], bool], frames: vision.LiveFrames | None, sho
     return n_shown
 
 
-def _compiled_elsewhere(
-    rehearse: Callable[[], object], frames: vision.LiveFrames | None, show: Show, n_shown: int
-) -> int:
+def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, show: Show, n_shown: int) -> int:
     """Compile in another process; if it fails, this one has to. Returns the number of frames shown."""
     LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(

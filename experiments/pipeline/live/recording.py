@@ -1,7 +1,7 @@
 """Record a live run: a folder with all its input, actions and estimates, for an exact replay.
 
 It is a recording like that of `softaim record`, or one with marks.csv, plus the loop's journal and tables. It is
-written continuously; a thread compresses pictures, for which the loop does not wait.
+written continuously; a thread for each camera compresses pictures, for which the loop does not wait.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 import vision
 from experiments.errors import InputError
 from experiments.formats.films.pictures import MARKS
+from experiments.formats.films.several import film_name
 from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
 from experiments.formats.outputs import write_whole
 from experiments.formats.scene.scene import Scene, write_scene
@@ -29,7 +30,7 @@ class LiveRecording:
 
     begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
     If the thread falls behind, or the disk is full, the recording ends with a message; the run continues.
-    State: the tables; the thread; how many frames were taken; the fault that ended it.
+    State: the tables; the thread of each camera; how many frames were taken; the fault that ended it.
     """
 
     def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
@@ -46,20 +47,24 @@ class LiveRecording:
         self._journal = LiveTable(folder / JOURNAL, HEADER)
         self._marks: LiveTable | None = None
         self._frames: LiveTable | None = None
-        self._pictures = RecorderThread[vision.Frame](
-            folder,
+        cameras = [film_name(one.name, i) for i, one in enumerate(scene.space_cameras)] or [""]
+        self._pictures = {name: self._recorder(name) for name in cameras}
+        self.note(Done(Act.BEGIN, 0.0, 0.0, (source, begun)))
+
+    @property
+    def going(self) -> bool:
+        """Whether it is still being written."""
+        return self.fault is None and not any(thread.ends for thread in self._pictures.values())
+
+    def _recorder(self, camera: str) -> RecorderThread[vision.Frame]:
+        return RecorderThread(
+            self.folder / camera,
             "FFV1",
             lambda frame: frame,
             n_waiting=WAITING,
             faults=(InputError, vision.SourceError, OSError),
             failed=self.fail,
         )
-        self.note(Done(Act.BEGIN, 0.0, 0.0, (source, begun)))
-
-    @property
-    def going(self) -> bool:
-        """Whether it is still being written."""
-        return self.fault is None and not self._pictures.ends
 
     def note(self, done: Done) -> None:
         """Write an action that is not a frame."""
@@ -67,7 +72,9 @@ class LiveRecording:
             self._journal.write(done.row)
             self.fault = self.fault or self._journal.fault
 
-    def frame(self, frame: vision.Frame | MarksFrame, exposure_s: float, now_s: float, *, fits: bool) -> None:
+    def frame(
+        self, frame: vision.Frame | vision.Exposure | MarksFrame, exposure_s: float, now_s: float, *, fits: bool
+    ) -> None:
         """Write a frame with this exposure time [s]; fits: whether it can be used."""
         if not self.going:
             return
@@ -78,11 +85,13 @@ class LiveRecording:
             self.note(Done(Act.MARKS, exposure_s, now_s, mark_values(frame.marks)))
             self.n_frames += 1
         else:
-            if not self._pictures.put(vision.Frame(self.n_frames, exposure_s, frame.image)):
-                found = f"{WAITING} frames waiting"
-                self.fail(InputError.at(self.folder, "a disk and a processor that keep up", found))
-                return
-            self.note(Done(Act.FRAME, exposure_s, now_s))
+            images = {"": frame.image} if isinstance(frame, vision.Frame) else frame.images
+            for name, image in images.items():
+                if not self._pictures[name].put(vision.Frame(self.n_frames, exposure_s, image)):
+                    found = f"{WAITING} frames waiting"
+                    self.fail(InputError.at(self.folder, "a disk and a processor that keep up", found))
+                    return
+            self.note(Done(Act.FRAME, exposure_s, now_s, tuple(name for name in images if name)))
             self.n_frames += 1
 
     def _keep_marks(self, frame: MarksFrame, exposure_s: float) -> None:
@@ -103,7 +112,8 @@ class LiveRecording:
 
     def finish(self) -> None:
         """Write what waits, and end the tables."""
-        self._pictures.finish()
+        for thread in self._pictures.values():
+            thread.finish()
         for table in (self._journal, self._marks, self._frames):
             if table is not None:
                 table.close()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene
 from experiments.pipeline.live.journal import JOURNAL, Act, Done, marks_of, read_journal
 from experiments.pipeline.live.marks.receiver import MarksFrame
-from experiments.pipeline.live.session import ADVICE, ESTIMATES, Session
+from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Session
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +47,10 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
     begun = bool(journal) and journal[0].act is Act.BEGIN and journal[0].values[-1] is True
     now_s = 0.0  # the time on the run's clock
     session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=lambda: now_s)
-    pictures = _pictures(folder, journal)
+    opened = ExitStack()
     n_frames = lacking = 0
     try:
+        pictures = _pictures(folder, journal, opened)
         for k, done in enumerate(journal):
             advance(k / len(journal))
             now_s = done.now_s
@@ -61,9 +63,10 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
                 n_frames += 1
             else:
                 _again(done, session, folder)
-    except (ValueError, TypeError, IndexError) as error:
+    except (ValueError, TypeError, IndexError, KeyError) as error:
         raise InputError(f"{folder / JOURNAL}: {error}") from error
     finally:
+        opened.close()
         session.close()
     advance(1.0)
     rows, different = {}, {}
@@ -74,18 +77,23 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
     return Replayed(n_frames, lacking, rows, different, begun)
 
 
-def _pictures(folder: Path, journal: list[Done]) -> Iterator[vision.Frame]:
-    """The pictures of a recording, none for another tracker's marks."""
-    if any(done.act is Act.FRAME for done in journal):
-        with read_recording(folder).open_frames() as frames:
-            yield from frames
+def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str, Iterator[vision.Frame]]:
+    """The pictures of a recording, by camera in space, or by "" of the only one; none for another tracker's marks."""
+    if not any(done.act is Act.FRAME for done in journal):
+        return {}
+    recording = read_recording(folder)
+    films = {film.camera: film.open_frames() for film in recording.films} or {"": recording.open_frames()}
+    return {name: iter(opened.enter_context(film)) for name, film in films.items()}
 
 
-def _frame(done: Done, pictures: Iterator[vision.Frame], index: int) -> vision.Frame | MarksFrame | None:
+def _frame(done: Done, pictures: Mapping[str, Iterator[vision.Frame]], index: int) -> LiveFrame | None:
     if done.act is Act.MARKS:
         return MarksFrame(index, done.time_s, marks_of(done.values))
-    frame = next(pictures, None)
-    return None if frame is None else vision.Frame(index, done.time_s, frame.image)
+    frames = {name: next(pictures[name], None) for name in done.values or [""]}
+    images = {name: frame.image for name, frame in frames.items() if frame is not None}
+    if len(images) < len(frames):
+        return None
+    return vision.Exposure(done.time_s, images) if done.values else vision.Frame(index, done.time_s, images[""])
 
 
 def _again(done: Done, session: Session, folder: Path) -> None:

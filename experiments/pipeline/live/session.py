@@ -25,6 +25,7 @@ from estimators import (
     health_fault,
 )
 from experiments.arrays import Floats
+from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
@@ -57,6 +58,8 @@ class LiveSettings:
 
 LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
+
+LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 
 SOURCE = vision.SourceSettings()
 """hung_s: how far the filter stays behind before two frames have shown the interval; settled_frames: number of frames
@@ -106,8 +109,8 @@ class Session:
         self._intervals_s: deque[float] = deque(maxlen=SOURCE.settled_frames)
         self._last_s: float | None = None
 
-    def take(self, frame: vision.Frame | MarksFrame, waited_s: float = 0.0) -> bool:
-        """Estimate, write and show one frame, of pictures or of marks; returns whether it could be used.
+    def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
+        """Estimate, write and show one frame, of one picture or several, or of marks; returns whether it could be used.
 
         A frame is not used if it is older than the filter's state, not newer than the one before, or of another size
         than the scene's camera.
@@ -139,7 +142,7 @@ class Session:
         stages_s = {"wait": waited_s, **step.stages_s, "advise": ended - estimated}
         self.counters.add(self._clock() - exposure_s, stages_s, took_s=ended - began, interval_s=self.interval_s)
         self._show(status_text(self._own(estimate), self.interval_s, self.counters.latency_ms, advised))
-        self.picture = None if isinstance(frame, MarksFrame) else frame
+        self.picture = frame if isinstance(frame, vision.Frame) else None
         if self.watch is not None:
             self.watch.take(self.picture, self.line, step, advised)
         self._publish(estimate, self.picture, step, advised, now_s)
@@ -167,11 +170,13 @@ class Session:
         self._came(exposure_s)
         self.counters.not_used += 1
 
-    def _step(self, frame: vision.Frame | MarksFrame, exposure_s: float) -> Step | None:
+    def _step(self, frame: LiveFrame, exposure_s: float) -> Step | None:
         """The line's step for a frame; None if its marks cannot be used, which is reported once."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)
+            elif isinstance(frame, vision.Exposure):
+                step = self.line.see_all(vision.Exposure(exposure_s, frame.images))
             else:
                 step = self.line.see(exposure_s, frame.image)
         except CovarianceError as error:
@@ -211,11 +216,14 @@ class Session:
         shown = Shown(own, estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters, errors)
         self.publisher.publish(shown, self.line)
 
-    def _fits(self, frame: vision.Frame) -> bool:
-        if not self.counters.frames:
+    def _fits(self, frame: vision.Frame | vision.Exposure) -> bool:
+        try:
             check_size(frame, self.line.scene)
-        height, width = frame.image.shape[:2]
-        return self.line.scene.cameras[0].size_px == (width, height)
+        except InputError:
+            if not self.counters.frames:
+                raise
+            return False
+        return True
 
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.

@@ -18,6 +18,7 @@ from estimators import CovarianceError, MarkMeasurement
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Line
+from experiments.simulation.space_film import draw_in_space
 from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
@@ -31,6 +32,9 @@ def warm_up(scene: Scene) -> None:
     _rehearse_marks(scene, rest)
     if scene.cameras:
         _rehearse_pictures(scene, rest)
+        _rehearse_search()
+    if scene.space_cameras:
+        _rehearse_exposures(scene)
         _rehearse_search()
 
 
@@ -65,6 +69,18 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
     line = Line(scene, baseline=False, explain=True)
     for k, picture in enumerate([whole, whole, whole, halves, whole, none, whole]):
         _tried(partial(line.see, k * INTERVAL_S, picture))
+
+
+def _rehearse_exposures(scene: Scene) -> None:
+    """Pictures of all cameras in space, of one, and of none of the marks."""
+    rng, light = np.random.default_rng(0), vision.Lighting()
+    x, hidden = scene.network.positions, [mark.node for mark in scene.marks]
+    whole = {c.name: draw_in_space(scene, c, x, light, rng) for c in scene.space_cameras}
+    none = {c.name: draw_in_space(scene, c, x, light, rng, covered=hidden) for c in scene.space_cameras}
+    one = dict([next(iter(whole.items()))])
+    line = Line(scene, baseline=False, explain=True)
+    for k, images in enumerate([whole, whole, one, none, whole]):
+        _tried(partial(line.see_all, vision.Exposure(k * INTERVAL_S, images)))
 
 
 def _rehearse_search() -> None:

@@ -12,7 +12,6 @@ import vision
 from estimators import MarkMeasurement
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.films.several import Exposure
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
@@ -98,7 +97,7 @@ class SpaceSight:
 
     def find(
         self,
-        exposure: Exposure,
+        exposure: vision.Exposure,
         predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
         after_impulse: Callable[[str], tuple[Floats, Floats]],
     ) -> tuple[MarkMeasurement, ...]:

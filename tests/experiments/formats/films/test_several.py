@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
-from experiments.formats.films.several import TOGETHER_S, CameraFilm, exposures_of, film_name, merged
+from experiments.formats.films.several import CameraFilm, exposures_of, film_name, merged
 from experiments.formats.recording import read_recording, write_frames_csv
 from experiments.formats.scene.scene import write_scene
 from tests.experiments.in_space import breast
+from vision import TOGETHER_S
 
 
 def film(name: str, times_s: list[float]) -> CameraFilm:
@@ -44,7 +45,7 @@ def test_pictures_of_two_folders_come_in_order_of_time(tmp_path: Path) -> None:
     opened = read_recording(recording(tmp_path, left=3, right=2))
     assert (opened.source, opened.marks) == (None, None)
     seen = [
-        (round(one.time_s, 6), {k: int(v[0, 0, 0]) for k, v in one.images.items()})
+        (round(one.exposure_s, 6), {k: int(v[0, 0, 0]) for k, v in one.images.items()})
         for one in exposures_of(opened.films)
     ]
     assert seen == [

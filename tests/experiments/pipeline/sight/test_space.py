@@ -12,7 +12,6 @@ from scipy.stats import chi2
 import vision
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.films.several import Exposure
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
@@ -22,7 +21,7 @@ from experiments.simulation.simulate import simulate
 from experiments.simulation.space_film import draw_in_space
 from tests.experiments.in_space import breast, dome
 from tests.vision.cameras.test_space_camera import camera_at
-from vision import LostMark, Reason, SpaceCamera
+from vision import Exposure, LostMark, Reason, SpaceCamera
 
 PAGE = Path(__file__).parents[4] / "docs" / "cameras-in-space.md"
 

@@ -1,0 +1,161 @@
+"""Pictures of several live cameras in order of exposure, those of one time together."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from vision.sources.events import SourceEvent
+from vision.sources.every_frame import FrameFile
+from vision.sources.frames import Closing, Exposure, Frame, SourceError
+from vision.sources.live import LiveFrames
+from vision.sources.opening import played
+from vision.sources.playback import Start
+from vision.sources.settings import DEFAULTS
+
+TOGETHER_S = 1e-3
+"""Pictures of several cameras whose times differ by no more are of one time [s]; choice: cameras with a common trigger
+differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
+
+JITTER_S = 5e-3
+"""A picture waits for a camera whose next one is due at most so much later [s]; choice: the error of an exposure time
+by arrival."""
+
+MOST_WAIT_S, FIRST_S = 0.02, 1.0
+"""Longest wait for the picture of another camera, and for its first one [s]; choices: less than a frame at 30 frames/s,
+and cameras that open one after the other."""
+
+POLL_S = 2e-3
+"""Period of asking the cameras [s]; choice: short beside a frame's 33 ms."""
+
+
+class SeveralFrames(Closing):
+    """The newest pictures of several cameras, by name, each once, until all of them end or `close()`.
+
+    Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. If
+    all cameras of an exposure already have a newer one, it is dropped.
+    sources: by camera; clock, nap: the one monotonic clock [s], and how to pause
+    State: waiting pictures of each camera and when they came [s]; the last exposure times [s]; pictures dropped here.
+    """
+
+    def __init__(
+        self,
+        sources: Mapping[str, LiveFrames],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+        nap: Callable[[float], object] = time.sleep,
+    ) -> None:
+        self.sources, self._clock, self._nap = dict(sources), clock, nap
+        self._waiting: dict[str, deque[tuple[float, Frame]]] = {name: deque() for name in sources}
+        self._last_s = dict.fromkeys(sources, -np.inf)
+        self._given_s = -np.inf
+        self._dropped = 0
+
+    @property
+    def frames_dropped(self) -> int:
+        """Pictures that were read and not delivered."""
+        return self._dropped + sum(one.frames_dropped for one in self.sources.values())
+
+    @property
+    def origin_s(self) -> float:
+        """Zero of the sources' own time on the clock [s], the first camera's; 0 without a time of their own."""
+        return next(iter(self.sources.values())).origin_s
+
+    @property
+    def ended(self) -> bool:
+        """Whether no further picture will come."""
+        return not any(self._waiting.values()) and all(one.ended for one in self.sources.values())
+
+    @property
+    def opening(self) -> bool:
+        """Whether a camera is being opened for the first time."""
+        return any(one.opening for one in self.sources.values())
+
+    @property
+    def waits(self) -> bool:
+        """Whether reading begins with the first request, as for films."""
+        return any(one.waits for one in self.sources.values())
+
+    @property
+    def late_s(self) -> float:
+        """How much later than their times pictures may come, since a pause [s]."""
+        return max(one.late_s for one in self.sources.values())
+
+    @property
+    def uneven(self) -> bool:
+        """Whether pictures of a camera come so unevenly that arrival does not determine their exposure times."""
+        return any(one.uneven for one in self.sources.values())
+
+    def next(self, timeout_s: float) -> Exposure | None:
+        """The newest exposure not yet seen; None if none comes within timeout_s [s], or at the end. SourceError."""
+        until = self._clock() + timeout_s
+        while True:
+            self._fetch()
+            exposure = self._first()
+            if exposure is not None and all(self._waiting[name] for name in exposure.images):
+                self._dropped += len(exposure.images)
+                continue
+            now = self._clock()
+            if exposure is not None or now >= until or self.ended:
+                return exposure
+            self._nap(min(until - now, POLL_S))
+
+    def _fetch(self) -> None:
+        """Ask all cameras for their newest picture; this also finds their faults."""
+        for name, source in self.sources.items():
+            try:
+                frame = source.next(0.0)
+            except SourceError as error:
+                raise SourceError(f"camera {name}: {error}") from error
+            if frame is not None:
+                self._waiting[name].append((self._clock(), frame))
+                self._last_s[name] = frame.exposure_s
+
+    def _first(self) -> Exposure | None:
+        """The earliest waiting exposure; None if there is none, or another camera's picture is due before it."""
+        heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
+        if not heads:
+            return None
+        came_s, first = min(heads.values(), key=lambda one: one[1].exposure_s)
+        if any(self._due(name, first.exposure_s, came_s) for name in self.sources if name not in heads):
+            return None
+        group = [name for name, (_, one) in heads.items() if one.exposure_s - first.exposure_s <= TOGETHER_S]
+        images = {name: self._waiting[name].popleft()[1].image for name in group}
+        if not first.exposure_s > self._given_s:  # it came after a later one was given
+            self._dropped += len(images)
+            return self._first()
+        self._given_s = first.exposure_s
+        return Exposure(first.exposure_s, images)
+
+    def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
+        """Whether a camera without a waiting picture is about to give one before this exposure time [s]."""
+        source, waited_s = self.sources[name], self._clock() - came_s
+        if source.ended:
+            return False
+        if self._last_s[name] == -np.inf:
+            return waited_s < FIRST_S
+        since_s = exposure_s - self._last_s[name]
+        comes = source.interval_s - JITTER_S <= since_s < DEFAULTS.slow_intervals * source.interval_s
+        return comes and waited_s < min(source.interval_s, MOST_WAIT_S)
+
+    def take_events(self) -> tuple[SourceEvent, ...]:
+        """The events of all cameras since the last call."""
+        return tuple(
+            SourceEvent(event.time_s, event.kind, f"camera {name}: {event.text}")
+            for name, source in self.sources.items()
+            for event in source.take_events()
+        )
+
+    def close(self) -> None:
+        """Stop, and release all cameras."""
+        for source in self.sources.values():
+            source.close()
+
+
+def played_together(films: Mapping[str, FrameFile]) -> SeveralFrames:
+    """The films of several cameras at their own pace, on one clock."""
+    start = Start()
+    return SeveralFrames({name: played(film, start) for name, film in films.items()})
