@@ -148,6 +148,11 @@ class AssociationFilter:
         """Pause before names are tried from a start again [s]; by then the wrong ones are ruled out."""
         return 2.0 * self.tissue.settings.test_s
 
+    @property
+    def _least_ahead(self) -> float:
+        """Log odds against the best names below which names are dropped."""
+        return -self.settings.exchange - 2.0 * self.settings.decisive
+
     def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
@@ -210,10 +215,17 @@ class AssociationFilter:
         return replace(alternative, state=self.tissue.snapshot())
 
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The alternative updated with the marks under its names; None where its filter fails."""
+        """The alternative updated with the marks under its names; None where its filter fails.
+
+        Also None where they are clearly less probable, given its prediction, than they need to be: of a body that the
+        wrong names bend, an update costs a hundred times that of the right ones.
+        """
         self.tissue.restore(alternative.state)
+        seen = renamed(marks, self.interchangeable.by_node(alternative.names))
         try:
-            estimate = self.tissue.update(renamed(marks, self.interchangeable.by_node(alternative.names)))
+            if alternative.ahead + self.tissue.log_likelihood_of(seen) < self._least_ahead:
+                return None
+            estimate = self.tissue.update(seen)
         except (CovarianceError, np.linalg.LinAlgError):
             return None
         ahead = alternative.ahead + self.tissue.log_likelihood
@@ -232,7 +244,7 @@ class AssociationFilter:
             best = hypotheses[own]
         self.tissue.restore(best.state)
         now_s, nodes = best.estimate.time_s, self.interchangeable.by_node(best.names)
-        worst = max(best.ahead, same) - settings.exchange - 2.0 * settings.decisive
+        worst = max(best.ahead, same) + self._least_ahead
         kept = [
             replace(one, names=seen_from(one.names, best.names), ahead=one.ahead - best.ahead)
             for one in hypotheses.values()

@@ -209,6 +209,13 @@ class TissuePosterior:
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         return Places(marks, self._maps, self.process.parts.get("calibration"))
 
+    def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
+        """Log of the density [m^-d] of marks given the prediction; 0 of none, and at a start."""
+        if not marks or self.health.since_s is None or self.health.status is Status.LOST:
+            return 0.0
+        found = self.filter.innovations([self.places(marks)])
+        return float(np.logaddexp.reduce(found.logs)) - 0.5 * len(found.y[0]) * float(np.log(2.0 * np.pi))
+
     def innovation(self, places: Places) -> tuple[Floats, Floats]:
         """Of marks that are not taken in yet, (m,) [m], and its covariance (m, m) [m²], by all hypotheses together."""
         predicted, rows = places.linearize(self.filter.mean)
