@@ -15,6 +15,7 @@ Names to start with:
     hit_probability       of a needle that stands still
     guide                 go, wait or realign
     anees, coverage       is the covariance consistent
+    register_points       a drawn body to points measured on it
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap
@@ -126,7 +127,18 @@ from estimators.identification import (
     principal_uncertainty,
     tune_strain,
 )
-from estimators.pose import CameraMove, PoseEstimate, PoseFilter, PoseSettings, RigidMotion
+from estimators.pose import (
+    CameraMove,
+    PoseEstimate,
+    PoseFilter,
+    PoseSettings,
+    Registration,
+    RegistrationError,
+    RigidMotion,
+    register_points,
+    weighted_mean,
+    without_each,
+)
 from estimators.process import (
     FixBias,
     ForceHistory,
@@ -215,6 +227,8 @@ __all__ = [
     "PoseEstimate",
     "PoseFilter",
     "PoseSettings",
+    "Registration",
+    "RegistrationError",
     "ReliabilityBin",
     "Replay",
     "ResidualTest",
@@ -276,8 +290,11 @@ __all__ = [
     "positive_points",
     "posterior_bound",
     "principal_uncertainty",
+    "register_points",
     "reliability_bins",
     "resting_bound",
     "target_map",
     "tune_strain",
+    "weighted_mean",
+    "without_each",
 ]

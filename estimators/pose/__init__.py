@@ -1,10 +1,22 @@
-"""Reference marks: pose error of a camera or tracker, and marks corrected by it.
+"""Reference marks: pose error of a camera or tracker, and marks corrected by it. Registration of a drawn body.
 
 What may enter: another motion.
 """
 
 from estimators.pose.pose_filter import CameraMove, PoseEstimate, PoseFilter
+from estimators.pose.registration import Registration, RegistrationError, register_points, weighted_mean, without_each
 from estimators.pose.rigid import RigidMotion
 from estimators.pose.settings import PoseSettings
 
-__all__ = ["CameraMove", "PoseEstimate", "PoseFilter", "PoseSettings", "RigidMotion"]
+__all__ = [
+    "CameraMove",
+    "PoseEstimate",
+    "PoseFilter",
+    "PoseSettings",
+    "Registration",
+    "RegistrationError",
+    "RigidMotion",
+    "register_points",
+    "weighted_mean",
+    "without_each",
+]

@@ -1,0 +1,182 @@
+"""Registration: the rigid motion that brings drawn points to where they are measured, and its errors.
+
+Maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance: Newton's steps
+from the rotation of [kabsch1976], Gauss-Newton's where the likelihood is not convex. The covariance is that of the
+linearised motion. Terms of [fitzpatrick1998]: fiducial registration error for the residuals, target registration error
+for `Registration.error_cov`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from estimators.arrays import Floats
+from estimators.pose.rigid import GENERATORS, RigidMotion
+
+LARGEST_RAD = 0.2
+"""Largest standard deviation of the turn about any axis [rad]; choice: beyond it the linearised covariance is off."""
+
+ITERATIONS, CONVERGED = 100, 1e-12
+"""Most Newton steps, and the squared step by its covariance, by 1 + chi-square, below which they end; numerical."""
+
+ROUNDING = 1e-9
+"""Relative increase of a chi-square that rounding explains; numerical: a step that increases it by more is halved."""
+
+
+class RegistrationError(ValueError):
+    """Points that do not determine a rigid motion."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Registration:
+    """A rigid motion fitted to measured points.
+
+    motion: from where points are drawn to where they are measured
+    cov: of its change, first its translation [m], then its rotation [rad], (n, n)
+    residuals: of the points, measured less moved [m], (k, dim); residual_covs: expected [m²], (k, dim, dim)
+    chi_square: sum of the squared residuals by the covariances of the points [1]
+    """
+
+    motion: RigidMotion
+    cov: Floats
+    residuals: Floats
+    residual_covs: Floats
+    chi_square: float
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of `chi_square`."""
+        return self.residuals.size - len(self.cov)
+
+    @property
+    def p_value(self) -> float:
+        """Probability of a `chi_square` as large as this, if the stated covariances hold."""
+        return float(chi2.sf(self.chi_square, self.degrees))
+
+    @property
+    def rms_m(self) -> float:
+        """Root mean square distance of the points [m]."""
+        return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
+
+    @property
+    def expected_rms_m(self) -> float:
+        """The same, as the stated covariances predict it [m]."""
+        return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
+
+    def error_cov(self, drawn: Floats) -> Floats:
+        """Covariance of the registration at drawn places [m], (n_places, dim), as [m²], (n_places, dim, dim)."""
+        J = self.motion.change_of(self.motion.moved(drawn))
+        return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
+
+
+def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
+    """Mean of independent measurements of one place [m], (k, dim), by their covariances [m²], (k, dim, dim).
+
+    Returns the mean [m], (dim,), and its covariance [m²], (dim, dim).
+    """
+    information = np.linalg.inv(covs)
+    cov = np.linalg.inv(information.sum(axis=0))
+    return cov @ np.einsum("kij,kj->i", information, places), cov
+
+
+def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registration:
+    """The rigid motion, without scale or reflection, that most probably moved drawn points to measured ones.
+
+    Parameters
+    ----------
+    drawn : (k, dim)
+        Places of the points in the body's own coordinates [m].
+    measured : (k, dim)
+        The same points in the coordinates of the tracker [m].
+    covs : (k, dim, dim)
+        Covariances of the measured places [m²]; errors of different points are independent.
+
+    Returns
+    -------
+    Registration
+
+    Raises
+    ------
+    RegistrationError
+        Fewer than two points in the plane or three in space, or points so near one line that the turn about it is
+        uncertain by more than `LARGEST_RAD`.
+
+    References
+    ----------
+    [kabsch1976], [fitzpatrick1998]
+    """
+    n_points, dim = drawn.shape
+    least = f"{dim} or more points far from {'each other' if dim == 2 else 'one line'}"
+    if n_points < dim:
+        raise RegistrationError(f"expected {least}, found {n_points}")
+    whitening = np.linalg.inv(np.linalg.cholesky(covs))
+    motion = _kabsch(drawn, measured, 1.0 / np.trace(covs, axis1=1, axis2=2))
+    for _ in range(ITERATIONS):
+        moved = motion.moved(drawn)
+        r = np.einsum("kij,kj->ki", whitening, measured - moved).ravel()
+        J = (whitening @ motion.change_of(moved)).reshape(len(r), -1)
+        A = J.T @ J
+        if (sd_rad := _turn_sd(A, dim)) > LARGEST_RAD:
+            uncertain = f"{n_points} that leave the turn uncertain by {sd_rad:.2g} rad"
+            raise RegistrationError(f"expected {least}, found {uncertain}")
+        H = _hessian(A, motion, moved, np.einsum("kji,kj->ki", whitening, r.reshape(-1, dim)))
+        step = np.linalg.solve(H if np.linalg.eigvalsh(H)[0] > 0.0 else A, J.T @ r)
+        if step @ A @ step < CONVERGED * (1.0 + r @ r):
+            break
+        while _chi_square(motion.changed(step), drawn, measured, whitening) > (1.0 + ROUNDING) * (r @ r):
+            step = 0.5 * step
+        motion = motion.changed(step)
+    else:
+        raise RegistrationError("expected points that lie as drawn, found a fit that does not converge")
+    cov, effect = np.linalg.inv(A), motion.change_of(moved)
+    residual_covs = covs - effect @ cov @ effect.transpose(0, 2, 1)
+    return Registration(motion, cov, measured - moved, residual_covs, float(r @ r))
+
+
+def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
+    """Registrations of points [m], (k, dim), by all others, (k,), for covariances [m²], (k, dim, dim).
+
+    None where the others do not determine one.
+    """
+    found: list[Registration | None] = []
+    for k in range(len(drawn)):
+        others = np.arange(len(drawn)) != k
+        try:
+            found.append(register_points(drawn[others], measured[others], covs[others]))
+        except RegistrationError:
+            found.append(None)
+    return tuple(found)
+
+
+def _kabsch(drawn: Floats, measured: Floats, weights: Floats) -> RigidMotion:
+    """The motion of least weighted squares, (k,) weights. Source: [kabsch1976]."""
+    centre, middle = (np.average(places, axis=0, weights=weights) for places in (drawn, measured))
+    left, _, right = np.linalg.svd((measured - middle).T @ (weights[:, None] * (drawn - centre)))
+    left[:, -1] *= np.sign(np.linalg.det(left @ right))
+    return RigidMotion(left @ right, middle - centre, centre)
+
+
+def _turn_sd(A: Floats, dim: int) -> float:
+    """Largest standard deviation of the turn [rad], by the information of the motion, (n, n); inf: undetermined."""
+    of_turn = A[dim:, dim:] - A[dim:, :dim] @ np.linalg.solve(A[:dim, :dim], A[:dim, dim:])
+    least = float(np.linalg.eigvalsh(of_turn)[0])
+    return 1.0 / np.sqrt(least) if least > 0.0 else np.inf
+
+
+def _hessian(A: Floats, motion: RigidMotion, moved: Floats, pulls: Floats) -> Floats:
+    """Half the second derivative of the chi-square by a change of the motion, (n, n).
+
+    A: its part of first order, (n, n); pulls: residuals of moved points, (k, dim), by their covariances, (k, dim)
+    """
+    dim, H = moved.shape[1], A.copy()
+    G = GENERATORS[dim]
+    curved = np.einsum("ki,aij,bjl,kl->ab", pulls, G, G, moved - motion.centre - motion.translation)
+    H[dim:, dim:] -= 0.5 * (curved + curved.T)
+    return H
+
+
+def _chi_square(motion: RigidMotion, drawn: Floats, measured: Floats, whitening: Floats) -> float:
+    return float(np.sum(np.einsum("kij,kj->ki", whitening, measured - motion.moved(drawn)) ** 2))
