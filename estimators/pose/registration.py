@@ -131,7 +131,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
         motion = motion.changed(step)
     else:
         raise RegistrationError("expected points that lie as drawn, found a fit that does not converge")
-    cov, effect = np.linalg.inv(A), motion.change_of(moved)
+    cov, effect = np.asarray(np.linalg.inv(A)), motion.change_of(moved)
     residual_covs = covs - effect @ cov @ effect.transpose(0, 2, 1)
     return Registration(motion, cov, measured - moved, residual_covs, float(r @ r))
 

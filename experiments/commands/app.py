@@ -33,6 +33,7 @@ from experiments.commands.prepare.check import check
 from experiments.commands.prepare.hue import hue
 from experiments.commands.prepare.new import new
 from experiments.commands.prepare.record import record
+from experiments.commands.prepare.register import register
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
 from experiments.interrupts import as_interrupts
@@ -48,6 +49,7 @@ COMMANDS = (
     replay,
     compare,
     calibrate,
+    register,
     advise,
     identify,
     tune,

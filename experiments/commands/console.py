@@ -291,5 +291,18 @@ def calibration_lines(done: Calibration) -> list[str]:
     ]
 
 
+def registration_table(report: Mapping[str, Any]) -> Table:
+    """One row for each point: its residual, and its error where the others predict it."""
+    table = _table(
+        f"Registration by {counted(len(report['points']), 'point')}", ["point"], "residual", "left out", "expected"
+    )
+    for row in report["points"]:
+        table.add_row(
+            row["name"], *(_number(row[key], ".2f") for key in ("residual_mm", "left_out_mm", "left_out_expected_mm"))
+        )
+    table.caption = "Distances in mm; left out: from where the others predict the point."
+    return table
+
+
 def _number(value: float | int | None, form: str) -> str:
     return "–" if value is None else format(value, form)

@@ -167,17 +167,20 @@ class Run:
         recording: Path,
         inputs: Sequence[Path | None] = (),
         kept: Sequence[str] = (),
+        force: bool = False,
     ) -> None:
         """Write the scene after this step, with its provenance beside it. Raises InputError.
 
-        kept: constants that the step did not change
+        kept: constants that the step did not change; force: replace another mesh of the same name
         """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import mesh_beside, scene_text, with_step
         from experiments.version import version
 
         self._scene = with_step(scene, step, version(), content_digest(recording), kept)
-        self.write_files({path: scene_text(self._scene), **mesh_beside(self._scene, path)}, [recording, *inputs])
+        self.write_files(
+            {path: scene_text(self._scene), **mesh_beside(self._scene, path, force=force)}, [recording, *inputs]
+        )
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
         """Write files together, with the provenance of the first of them beside it. Raises InputError."""

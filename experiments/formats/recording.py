@@ -215,6 +215,15 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
     return exposures_s, tuple(tuple(rows[a:b]) for a, b in pairwise(starts))
 
 
+def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
+    """The rows of a table as marks.csv, for any nodes and reference marks: times [s], (n,), and marks."""
+    spread = _spread_columns(path, scene.network.dim)
+    table = _read_places(path, scene, ["time_s", *spread], ["node"])
+    if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
+        raise InputError.at(f"{path}: node", "nodes or reference marks of the scene", ", ".join(map(shown, unknown)))
+    return table.numbers["time_s"], _mark_rows(table, scene, spread)
+
+
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
     """The frame nearest to each time [s], (n,), the earlier of two, and its distance [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))

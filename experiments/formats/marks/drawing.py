@@ -90,7 +90,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
     for readings in (_about_the_origin(scene, seen), _moved(scene, seen, drawn)):
         off = [(_rms(one.places - drawn), one) for one in readings]
         best = min((rms for rms, _ in off), default=np.inf)
-        if best > min(FITS * size, 0.25 * plain):
+        if not fits(best, plain, size):
             continue
         good = [one for rms, one in off if rms <= ALIKE * best + 1e-3 * size]
         simplest = [one for one in good if one.changes == min(each.changes for each in good)]
@@ -102,6 +102,11 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
             f"{1e3 * best:.3g} mm with {what}; positions are in mm, x right, y up, z toward the camera"
         )
     return None
+
+
+def fits(rms: float, plain: float, size: float) -> bool:
+    """Whether another interpretation fits, by its distance, that of the plain one, and the body's size [m]."""
+    return rms <= min(FITS * size, 0.25 * plain)
 
 
 def _rms(apart: Floats) -> float:

@@ -220,12 +220,15 @@ def write_scene(scene: Scene, path: FilePath) -> None:
     write_together({**mesh_beside(scene, Path(path)), Path(path): scene_text(scene)})
 
 
-def mesh_beside(scene: Scene, path: Path) -> dict[Path, bytes]:
-    """The file of a scene's mesh beside that of the scene, to be written with it; empty if it is there, or has none."""
+def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
+    """The file of a scene's mesh beside that of the scene, to be written with it; empty if it is there, or has none.
+
+    force: replace another file of this name. Raises InputError.
+    """
     if scene.mesh is None:
         return {}
     file = path.parent / scene.mesh.file
-    if not file.exists():
+    if force or not file.exists():
         return {file: scene.mesh.content}
     if file.is_file() and file.read_bytes() == scene.mesh.content:
         return {}

@@ -245,7 +245,7 @@ class FilterTable(Strict):
     led_nodes: list[Name] = Field(default_factory=list)
 
 
-StepName = Literal["simulate", "at-rest", "identify", "tune"]
+StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
 """simulate: the truth of the recording in its folder was made with its constants."""
 
 

@@ -68,6 +68,10 @@ calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --opencv-yaml a.
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --ros-yaml a.yaml | command.also.ros_yaml
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --vector svg | command.also.vector
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --force | command.force
+register scene.toml --out out.toml | --points marks | code
+register scene.toml --points marks | --out out.toml | code
+register scene.toml --points marks --out out.toml | --seconds 0 | out.toml
+register scene.toml --points marks --out scene.toml | --force | code
 advise film --out out | --needle needle.toml | code
 advise film --needle needle.toml --out out | --scene other.toml | advise.0.scene
 advise film --needle needle.toml --out out | --film | advise.watch

@@ -1,0 +1,47 @@
+"""`softaim register`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.commands.options import Replace, SceneOut
+from experiments.commands.run import Answer, Run
+from experiments.commands.terminal import print_table
+
+
+def register(
+    run: Run,
+    scene: Annotated[Path, typer.Argument(help="Scene file.")],
+    points: Annotated[
+        Path, typer.Option("--points", help="Points of the body: a table as marks.csv, or a recording with one.")
+    ],
+    out: SceneOut,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.0, help="Use the mean of each point over so long from the start [s].")
+    ] = 1.0,
+    force: Replace = False,
+) -> Answer:
+    """Move a scene's body to points measured on it, rigidly, and state the error at the target."""
+    from experiments.commands.console import registration_table
+    from experiments.formats.outputs import check_new
+    from experiments.formats.scene.scene import usable_scene
+    from experiments.pipeline.register import registered, registration_lines, registration_report
+
+    drawn, mesh = usable_scene(scene), out.with_suffix(".npz")
+    check_new(out, force)
+    if drawn.mesh is not None:
+        check_new(mesh, force)
+    run.use(drawn)
+    done = registered(drawn, points, seconds, mesh)
+    run.write_scene(done.scene, out, "register", recording=points, inputs=[scene], force=force)
+    report = registration_report(done)
+
+    def show() -> None:
+        print_table(registration_table(report))
+        print(*registration_lines(done), sep="\n")
+        print(f"Scene in {out}{f', its mesh in {mesh}' if drawn.mesh else ''}; next: softaim check {out}")
+
+    return Answer({"out": out, **report}, show)
