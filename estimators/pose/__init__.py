@@ -1,4 +1,4 @@
-"""Reference marks: pose error of a camera or tracker, and marks corrected by it. Registration of a drawn body.
+"""Reference marks: pose error of a camera or tracker, marks corrected by it; registration of a drawn body.
 
 What may enter: another motion.
 """

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.commands.options import Replace, SceneOut
+from experiments.commands.options import Replace
 from experiments.commands.run import Answer, Run
 from experiments.commands.terminal import print_table
 
@@ -15,12 +15,10 @@ from experiments.commands.terminal import print_table
 def register(
     run: Run,
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
-    points: Annotated[
-        Path, typer.Option("--points", help="Points of the body: a table as marks.csv, or a recording with one.")
-    ],
-    out: SceneOut,
+    points: Annotated[Path, typer.Option("--points", help="Table of points as marks.csv, or a recording with one.")],
+    out: Annotated[Path, typer.Option("--out", help="Scene file to write, its mesh beside it.", show_default=False)],
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.0, help="Use the mean of each point over so long from the start [s].")
+        float, typer.Option("--seconds", min=0.0, help="Time from the start over which points are averaged [s].")
     ] = 1.0,
     force: Replace = False,
 ) -> Answer:
