@@ -15,7 +15,6 @@ Names to start with:
     hit_probability       of a needle that stands still
     guide                 go, wait or realign
     anees, coverage       is the covariance consistent
-    register_points       a drawn body to points measured on it
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap

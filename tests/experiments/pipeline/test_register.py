@@ -1,6 +1,7 @@
 """`softaim register`: the written scene is where the points were measured, and states the error at its target."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +9,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from estimators import RigidMotion
 from experiments.formats.scene.mesh import outside_m
+from experiments.formats.scene.moved import moved_scene
 from experiments.formats.scene.reference import Reference, ReferenceMark
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
+from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.events import is_identified
 from tests.experiments.command import softaim
 from tests.experiments.formats.scene.test_mesh import folder as mesh_folder
@@ -169,3 +173,16 @@ def test_an_identified_scene_stays_identified(good: Path) -> None:
     assert is_identified(scene)
     write_points(moved_points(scene, ["M1", "M3", "M4"], *PLANE))
     assert is_identified(register())
+
+
+def test_an_anchor_of_a_mesh_that_is_another_one_after_the_move_has_no_reference_mark(tmp_path: Path) -> None:
+    """Anchors of a box are at equal distances: which of them are shown changes with the turn."""
+    R, t = SPACE
+    scene = read_scene(mesh_folder(tmp_path))
+    motion = RigidMotion(R, t, np.zeros(3))
+    moved = moved_scene(scene, motion, Path("moved.npz")).network.positions
+    others = np.linalg.norm(moved - motion.moved(scene.network.positions), axis=1) > 1e-3
+    node = scene.network.names[int(np.argmax(others))]
+    marked = replace(scene, reference=Reference((ReferenceMark("R1", node),)))
+    with pytest.raises(SceneError, match=re.escape(f'whose name changes as the mesh moves, found "{node}"')):
+        moved_scene(marked, motion, Path("moved.npz"))
