@@ -72,15 +72,21 @@ def test_a_body_in_space_is_where_it_was_measured() -> None:
     assert [step.name for step in found.steps] == ["register"]
 
 
+def planar_error_mm(drawn: np.ndarray, place: np.ndarray) -> float:
+    """Error an axis of a registration by points with errors of 0.5 mm an axis, in the plane."""
+    about, apart = drawn - drawn.mean(axis=0), place - drawn.mean(axis=0)
+    return float(0.5 * np.sqrt(1.0 / len(drawn) + apart @ apart / (2.0 * np.sum(about**2))))
+
+
 def test_the_error_at_the_target_joins_that_of_its_place(good: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """In closed form for equal errors in the plane: variance an axis s² (1/n + d² / (2 sum of r²))."""
     R, t = PLANE
     scene = read_scene(good / "scene.toml")
     places = moved_points(scene, ["M1", "M3", "M4", "In2"], R, t)
     drawn = np.array([scene.network.positions[scene.network.index(name)] for name in places])
-    about = drawn - drawn.mean(axis=0)
-    apart = scene.network.positions[scene.network.index("M2")] - drawn.mean(axis=0)
-    tre_mm = 0.5 * np.sqrt(1.0 / 4.0 + apart @ apart / (2.0 * np.sum(about**2)))
+    offset = np.array([0.03, -0.05])
+    tre_mm = planar_error_mm(drawn, scene.network.positions[scene.network.index("M2")] + offset)
+    scene = replace(scene, target=replace(scene.target, offset_m=tuple(offset.tolist())))
     for position_sd_m, before_mm in ((0.002, 2.0), (0.0, 0.0), (None, 3.0)):
         write_scene(replace(scene, target=replace(scene.target, position_sd_m=position_sd_m)), "scene.toml")
         write_points(places)
@@ -101,6 +107,9 @@ def test_a_wrong_point_is_named_and_widens_the_error(good: Path, capfd: pytest.C
     assert right["suspect"] is None
     assert [point["name"] for point in right["points"]] == names
     assert max(point["left_out_mm"] for point in right["points"]) < 1e-6
+    first, *others = (scene.network.positions[scene.network.index(name)] for name in names)
+    expected_mm = np.sqrt(2.0 * (0.5**2 + planar_error_mm(np.array(others), first) ** 2))
+    assert right["points"][0]["left_out_expected_mm"] == pytest.approx(expected_mm, rel=1e-6)
     assert right["angle_deg"] == pytest.approx(np.degrees(0.1))
     np.testing.assert_allclose(right["translation_mm"], 1e3 * t, atol=1e-6)
     places = moved_points(scene, names, R, t)
