@@ -69,7 +69,7 @@ def test_it_is_the_most_probable_motion(dim: int, exchanged: bool) -> None:
 
 
 def test_points_that_fit_badly_have_a_best_fit() -> None:
-    """Exchanged names in thirty bodies: steps that left out how the likelihood curves would not end for each seventh."""
+    """Exchanged names in thirty bodies: weighted residuals have no sum and no moment, as at any best fit."""
     for seed in range(30):
         rng = np.random.default_rng(seed)
         drawn, axes = rng.uniform(-0.1, 0.1, (5, 3)), Rotation.random(5, random_state=seed).as_matrix()
