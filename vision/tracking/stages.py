@@ -42,6 +42,7 @@ class Search:
     where: expected marks by name; found: detections by name
     unassigned: detections of the last stage that are no expected mark's
     rejections: receives what is rejected, and why; None: not asked for
+    regions: parts of the picture, none of one hue overlapping, and the marks of that hue that are expected there
     """
 
     frame_bgr: Image
@@ -54,7 +55,7 @@ class Search:
     rejections: Rejections | None = None
     found: dict[str, Detection] = field(default_factory=dict)
     unassigned: list[Detection] = field(default_factory=list)
-    regions: list[Box] = field(default_factory=list)
+    regions: list[tuple[Box, list[Expected]]] = field(default_factory=list)
     where: dict[str, Expected] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -129,16 +130,18 @@ def _isolated(search: Search) -> Iterator[Candidate]:
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
-    regions = search_regions(search.expected, shape, search.settings)
-    area = sum(width * height for _, _, width, height in regions)
-    if area >= SMALL_SHARE * shape[0] * shape[1]:
+    regions: list[tuple[Box, list[Expected]]] = []
+    for hue_deg in search.hues:
+        of_hue = [one for one in search.expected if one.hue_deg == hue_deg]
+        for box in search_regions(of_hue, shape, search.settings):
+            regions.append((box, [one for one in of_hue if inside(one.center_px, box)]))
+    if sum(width * height for (_, _, width, height), _ in regions) >= SMALL_SHARE * shape[0] * shape[1]:
         return
     search.regions = regions
     hues = [followed.now for followed in search.hues.values()]
-    for region in regions:
-        own = [one for one in search.expected if inside(one.center_px, region)]
+    for box, own in regions:
         if len(own) == 1:
-            seen = detect_isolated(search.frame_bgr, hues, region, own[0], search.settings.detection)
+            seen = detect_isolated(search.frame_bgr, hues, box, own[0], search.settings.detection)
             yield Candidate(seen, own[0].name)
 
 
@@ -154,10 +157,10 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
     """Components in the regions around expected marks that are not found yet."""
     if len(search.found) == len(search.expected):
         return
-    for region in search.regions:
-        own = [one for one in search.expected if inside(one.center_px, region)]
-        if not own or any(one.name not in search.found for one in own):
-            yield from _components(search, own, region)
+    for box, own in search.regions:
+        if any(one.name not in search.found for one in own):
+            found = _components(search, own, box)
+            yield from (one for one in found if one.detection and one.detection.hue_deg == own[0].hue_deg)
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
