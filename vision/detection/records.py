@@ -44,6 +44,8 @@ class Reason(StrEnum):
 
     FEW_PIXELS = "too few pixels of its hue"
     """Less of its hue than a mark must show: covered, in shadow, or of another hue than stated."""
+    SMALL = "too small in the picture"
+    """Too few pixels of its hue, and it is expected so small that none need show its hue alone."""
     SIZE = "wrong size"
     """A whole mark of another diameter, or more of its hue than a mark has."""
     SHAPE = "wrong shape"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,9 +73,18 @@ def lost_marks(
     size_px: of the picture, width and height
 
     Dropped marks come first; then what lies within the gate of the mark's position: a rejected piece, or the mark of
-    another name; then the nearest mark of its hue beyond the gate; then specks within it.
+    another name; then the nearest mark of its hue beyond the gate; then specks within it. Too few pixels of a mark that
+    is expected smaller than `BLOCK_AREA_PX` are due to its size.
     """
-    return tuple(next(_causes(one, found, unassigned, rejections, size_px, settings)) for one in missing)
+    return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
+
+
+def _by_size(one: Expected, lost: LostMark) -> LostMark:
+    """A mark with too few pixels as too small, if that is expected; others as they are."""
+    if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
+        return lost
+    across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
+    return replace(lost, reason=Reason.SMALL, detail=f"{across:.1f} px across of at least {least:.1f}")
 
 
 def _causes(

@@ -19,6 +19,7 @@ NO_ROW = "no row in marks.csv"
 
 LOOK_AT: Mapping[str, str] = {
     Reason.FEW_PIXELS: "softaim hue",
+    Reason.SMALL: "diameter_mm, size_px and the distance of the camera",
     Reason.SIZE: "diameter_mm and the scale of the camera",
     Reason.SHAPE: "motion blur, and even = false for a ball",
     Reason.CONTRAST: "the ground behind it",

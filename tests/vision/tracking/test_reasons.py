@@ -5,7 +5,7 @@ import pytest
 
 from tests.vision.tracking.drawn_marks import HOMES, expected
 from tests.vision.tracking.drawn_marks import frame as drawn
-from vision import Disc, Expected, LostMark, MarkFinder, MarkHue, Reason
+from vision import Disc, Expected, LostMark, MarkFinder, MarkHue, Outline, Reason
 
 OTHERS = {name: at for name, at in HOMES.items() if name != "M4"}
 BLUE = 240.0
@@ -44,6 +44,19 @@ def test_what_is_left_of_a_mark_says_more_than_another_of_its_hue_elsewhere() ->
     one = lost(frame(HOMES, cover, other))["M4"]
     assert one.reason is Reason.FEW_PIXELS
     assert np.abs(one.candidate_px - [292.0, 350.0]).max() < 2.0
+
+
+@pytest.mark.parametrize(("diameter_px", "reason"), [(2.6, Reason.SMALL), (6.0, Reason.FEW_PIXELS)])
+def test_a_mark_too_small_for_a_block_of_pixels_is_too_small(diameter_px: float, reason: Reason) -> None:
+    """Drawn as expected for the first diameter; at the second, which is found where it is drawn, not drawn at all."""
+    outline = Outline(diameter_px / 2.0 * np.eye(2), 0.05)
+    where = [Expected(name, np.array(at), np.eye(2), 0.0, outline) for name, at in HOMES.items()]
+    drawn_at = HOMES if reason is Reason.SMALL else OTHERS
+    one = lost(frame(drawn_at, radius=diameter_px / 2.0), where, learned=False)
+    assert {each.reason for each in one.values()} == {reason}
+    assert set(one) == ({*HOMES} if reason is Reason.SMALL else {"M4"})
+    if reason is Reason.SMALL:
+        assert one["M4"].detail == "2.6 px across of at least 5.7"  # 2 sqrt 8: a circle of 8 pi px
 
 
 @pytest.mark.parametrize("radius", [3.3, 5.0, 21.0, 40.0])
