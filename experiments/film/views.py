@@ -16,8 +16,8 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene, Target
 from experiments.pipeline.line import FILTER, Line, Step
-from experiments.pipeline.scores.marks import NO_ROW, reason_words
-from vision import LostMark, PlaneCamera, fronto_parallel_camera
+from experiments.pipeline.scores.marks import lost_words
+from vision import PlaneCamera, fronto_parallel_camera
 
 # Colours of Okabe and Ito for the colour-blind, BGR
 GREEN: Colour = (115, 158, 0)
@@ -163,14 +163,6 @@ def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
     away = seen.position - mean
     sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"
-
-
-def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Why a mark was not found, with the deciding numbers; None: it comes from another tracker."""
-    if lost is None:
-        return NO_ROW
-    words = reason_words(scene, node, str(lost.reason))
-    return f"{words} ({lost.detail})" if lost.detail else words
 
 
 def _needle(camera: PlaneCamera, guidance: Guidance, plan: NeedlePlan) -> NeedleDrawn:

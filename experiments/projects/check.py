@@ -25,10 +25,11 @@ from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.pipeline.integrity import error_budget, variance_shares
-from experiments.pipeline.line import FILTER, Line, check_followed
+from experiments.pipeline.line import FILTER, Line, Step, check_followed
 from experiments.pipeline.sight.space import calibration_shifts
 from experiments.simulation.plane_film import draw
 from experiments.simulation.space_film import draw_in_space
+from vision import LostMark
 
 FRAMES_PER_S = 30.0
 """Default frame rate without a recording or an option."""
@@ -46,8 +47,8 @@ class SceneCheck:
 
     path: of the scene's file; rest: where the network rests [m], (n_nodes, dim)
     stable_s: longest stable explicit step; step_s: longest step of the filter, an implicit one
-    interval_s: of the frames; seen: the measured marks in a frame at rest; unfound: nodes whose marks are not detected
-    in a picture of the scene
+    interval_s: of the frames; seen: the measured marks in a frame at rest; single: nodes of those that a single camera
+    in space sees, known only across its ray; unfound: nodes whose marks are not detected, and why, None without rows
     estimate: the scene's filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m, pushed_m: lower bound on the standard deviation of the target on each axis for unbiased estimates, without
@@ -62,7 +63,8 @@ class SceneCheck:
     step_s: float
     interval_s: float
     seen: tuple[MarkMeasurement, ...]
-    unfound: tuple[str, ...]
+    single: frozenset[str]
+    unfound: Mapping[str, LostMark | None]
     estimate: TargetEstimate
     quiet_m: float
     pushed_m: float
@@ -77,6 +79,16 @@ class SceneCheck:
     def sigma_m(self) -> float:
         """Standard deviation of the target on each axis by the scene's filter [m]."""
         return per_axis(np.asarray(self.estimate.cov))
+
+    @property
+    def mark_sd_m(self) -> float:
+        """Standard deviation of a mark on each axis, the calibration's error included [m].
+
+        Of the marks that several cameras see; if a single one sees each mark, that across its ray.
+        """
+        covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
+        variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
+        return float(np.sqrt(np.mean(variances if covs else variances[:, :-1])))
 
     @property
     def shares(self) -> Mapping[str, float]:
@@ -105,7 +117,7 @@ def checked(
     rest = rest_shape(network)
     advance(0.1)
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
-    seen, unfound = _seen(scene, rest, recording, sd_mm)
+    seen, single, unfound = _seen(scene, rest, recording, sd_mm)
     line = Line(scene, baseline=False)
     estimate = _after_rest(
         line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
@@ -127,6 +139,7 @@ def checked(
         step_s=interval_s / np.ceil(interval_s / springs.LONGEST_S - SAME_STEP),
         interval_s=interval_s,
         seen=seen,
+        single=single,
         unfound=unfound,
         estimate=estimate,
         quiet_m=per_axis(at.cov(quiet)),
@@ -149,36 +162,41 @@ def _interval_s(recording: Recording | None) -> float:
 
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
-) -> tuple[tuple[MarkMeasurement, ...], tuple[str, ...]]:
-    """The measured marks at rest with their covariances, and nodes whose marks are not found.
+) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
+    """The measured marks at rest with their covariances, those of a single camera, and nodes whose marks are not found.
 
     Covariances come from the option, the rows of marks.csv, or a picture: the first of the film, or a synthetic one. If
     no measured mark is found there, or without these, they are `NEAR_SD_MM`.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
-    found: Mapping[str, MarkMeasurement] = {}
-    unfound: tuple[str, ...] = ()
+    single: frozenset[str] = frozenset()
+    unfound: dict[str, LostMark | None] = {}
     if sd_mm is None and recording is not None and recording.marks is not None:
-        covs, unfound = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
+        covs, without = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
+        unfound = dict.fromkeys(without)
     elif sd_mm is None and (scene.cameras or (scene.space_cameras and not scene.reference.marks)):
-        found = {mark.node: mark for mark in _found(scene, recording)}
+        line = Line(scene, baseline=False, explain=True)
+        step = _step(line, recording)
+        found = {mark.node: mark for mark in step.marks}
+        single = frozenset() if line.space is None else line.space.single
         # in a recording marks for scoring may be covered
         due = [mark.node for mark in scene.marks if mark.measured or (recording is None and scene.cameras)]
-        unfound = tuple(node for node in due if node not in found)
+        lost = {} if step.sight is None else step.sight.lost
+        unfound = {node: lost.get(node) for node in due if node not in found}
         covs = {node: found[node].cov for node in covs if node in found} or covs
     at = {node: rest[network.index(node)] for node in covs}
     marks = tuple(
         MarkMeasurement(node, at[node], cov, _calibration_error(scene, at[node])) for node, cov in covs.items()
     )
-    return marks, unfound
+    return marks, single, unfound
 
 
-def _found(scene: Scene, recording: Recording | None) -> tuple[MarkMeasurement, ...]:
-    """The marks in a picture of the scene, in space in one picture of each camera."""
-    line = Line(scene, baseline=False)
+def _step(line: Line, recording: Recording | None) -> Step:
+    """The search in a picture of the line's scene, in space in one picture of each camera."""
+    scene = line.scene
     if not scene.space_cameras:
-        return line.see(0.0, _picture(scene, recording)).marks
+        return line.see(0.0, _picture(scene, recording))
     if recording is None:
         x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
         images = {one.name: draw_in_space(scene, one, x, light, rng) for one in scene.space_cameras}
@@ -187,7 +205,7 @@ def _found(scene: Scene, recording: Recording | None) -> tuple[MarkMeasurement, 
         for film in recording.films:
             with film.open_frames() as frames:
                 images[film.camera] = next(iter(frames)).image
-    return line.see_all(vision.Exposure(0.0, images)).marks
+    return line.see_all(vision.Exposure(0.0, images))
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:

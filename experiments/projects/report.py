@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
 from experiments.pipeline.integrity import USUAL, shares_words
+from experiments.pipeline.scores.marks import lost_words
 from experiments.plain import counted
 from experiments.projects.check import SceneCheck
 
@@ -46,7 +48,11 @@ def check_report(done: SceneCheck) -> dict[str, object]:
         "springs": len(network.springs),
         "dimension": network.dim,
         "target": {"node": target.node, "radius_mm": 1e3 * target.radius_m},
-        "marks": {"measured": list(done.scene.measured_nodes), "not_found": list(done.unfound)},
+        "marks": {
+            "measured": list(done.scene.measured_nodes),
+            "not_found": list(done.unfound),
+            "by_one_camera": [mark.node for mark in done.seen if mark.node in done.single],
+        },
         "rest": {
             "offset_mm": float(offsets.max()),
             "node": network.names[int(offsets.argmax())],
@@ -65,7 +71,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
             "bound_pushed": 1e3 * done.pushed_m,
             "filter_quiet": 1e3 * done.sigma_m,
             "frames_per_s": 1.0 / done.interval_s,
-            "marks_mm": 1e3 * _mark_sd_m(done),
+            "marks_mm": 1e3 * done.mark_sd_m,
         },
         "variance_shares": dict(done.variance_shares),
         "best_hit_probability": best_hit(done),
@@ -147,10 +153,20 @@ def _target(done: SceneCheck) -> str:
     if done.sigma_m < SURER * done.quiet_m and not _has_friction(done):
         own += ", because it also assumes that neighbours move alike, which the bound leaves out"
     return (
-        f"with marks to {1e3 * _mark_sd_m(done):.2g} mm at {1.0 / done.interval_s:.3g} frames/s its sigma is at least"
+        f"with marks to {_accuracy(done)} at {1.0 / done.interval_s:.3g} frames/s its sigma is at least"
         f" {quiet} on each axis without pushes, {pushed} with pushes on all marks, for exact constants;"
         f" this scene's filter, at rest: {own}"
     )
+
+
+def _accuracy(done: SceneCheck) -> str:
+    """Accuracy of the marks, and how many a single camera sees."""
+    own, n_single = f"{1e3 * done.mark_sd_m:.2g} mm", len(done.single)
+    if not n_single:
+        return own
+    if n_single == len(done.seen):
+        return f"{own} across the ray of the one camera that sees each"
+    return f"{own} by several cameras, {counted(n_single, 'other')} by one camera, without depth,"
 
 
 def missing(done: SceneCheck) -> list[Missing]:
@@ -214,7 +230,8 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
     if done.unfound:
         yield Missing(
-            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names(done.unfound)}",
+            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names([*done.unfound])}"
+            + _why_unfound(done),
             "hue_deg, diameter_mm and size_px of the scene, or softaim hue on a film",
         )
     marked = {mark.node for mark in scene.marks}
@@ -224,6 +241,16 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
             f"{counted(len(bare), 'free node')} without a mark, {_names(bare)}: rest lengths cannot be found there",
             "a [[mark]] with measured = false on each that is seen in the recording at rest",
         )
+
+
+def _why_unfound(done: SceneCheck) -> str:
+    """The most frequent reason why marks were not found, with the numbers of one of them; empty for rows."""
+    lost = [one for one in done.unfound.values() if one is not None]
+    if not lost:
+        return ""
+    most = Counter(one.reason for one in lost).most_common(1)[0][0]
+    first = next(one for one in lost if one.reason is most)
+    return f"; {first.name}: {lost_words(done.scene, first.name, first)}"
 
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
@@ -267,11 +294,6 @@ def _has_friction(done: SceneCheck) -> bool:
 def _drawn_to(done: SceneCheck) -> float:
     """Offset up to which the network counts as resting as drawn [m]: drawings are no finer."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
-
-
-def _mark_sd_m(done: SceneCheck) -> float:
-    """Standard deviation of the marks on each axis, including the calibration's error [m]."""
-    return float(np.sqrt(np.mean([np.trace(mark.total_cov) / len(mark.position) for mark in done.seen])))
 
 
 def _names(names: tuple[str, ...] | list[str]) -> str:

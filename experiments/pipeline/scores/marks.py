@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import Step
-from vision import Reason
+from vision import LostMark, Reason
 
 MANY = 0.05
 """Share of frames above which an unused mark is reported: the share outside 95 % regions; chosen."""
@@ -111,3 +111,11 @@ def reason_words(scene: Scene, node: str, reason: str) -> str:
     """A reason, with the keys of the mark's hue if it concerns them."""
     mark = next(mark for mark in scene.marks if mark.node == node)
     return reason.replace("its hue", f"hue {mark.hue_deg:g} ± {mark.half_width_deg:g}")
+
+
+def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
+    """Why a mark was not found, with the deciding numbers; None: it comes from another tracker."""
+    if lost is None:
+        return NO_ROW
+    words = reason_words(scene, node, str(lost.reason))
+    return f"{words} ({lost.detail})" if lost.detail else words

@@ -78,7 +78,7 @@ class SpaceSight:
     A mark that several cameras see at one time is triangulated. One that a single camera sees is a position on its ray,
     known across the ray by its pixels and along it to the size of the body: no depth.
     State: the sight of each camera; of the last exposure where marks were expected, [m] and [m²], why they were lost,
-    and new distractors.
+    new distractors, and the marks that a single camera saw.
     """
 
     def __init__(self, scene: Scene, *, explain: bool = False) -> None:
@@ -93,6 +93,7 @@ class SpaceSight:
         self._most = chi2.isf(MISFIT, np.maximum(2 * np.arange(len(self.cameras) + 1) - 3, 1))
         self.lost: dict[str, LostMark] = {}
         self.came: tuple[vision.Distractor, ...] = ()
+        self.single: frozenset[str] = frozenset()
         self.expected: dict[str, tuple[Floats, Floats]] = {}
 
     def find(
@@ -135,6 +136,7 @@ class SpaceSight:
         return self._measured(seen, means)
 
     def _measured(self, seen: Sequence[vision.Seen], expected_m: Floats) -> tuple[MarkMeasurement, ...]:
+        self.single = frozenset()
         if not seen:
             return ()
         points = vision.triangulate(seen, expected_m, self._extent_m)
@@ -151,6 +153,7 @@ class SpaceSight:
             self.lost.pop(node, None)
             shared = points.shared[i] if points.shared.shape[2] else None
             measured.append(MarkMeasurement(node, points.positions[i], points.covs[i], shared))
+        self.single = frozenset(mark.node for mark in measured if points.n_views[self._numbers[mark.node]] == 1)
         return tuple(measured)
 
     def _expected(

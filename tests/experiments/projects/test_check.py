@@ -118,7 +118,7 @@ def test_a_mark_for_scoring_may_be_covered_in_a_film_and_a_measured_one_not(tmp_
     with VideoWriter(folder / "video.avi", camera.size_px, 30.0) as film:
         for _ in range(3):
             film.write(image)
-    assert checked(folder).unfound == ("M3",)
+    assert list(checked(folder).unfound) == ["M3"]
 
 
 def complete() -> Scene:
@@ -160,7 +160,7 @@ LACKS = {
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
     "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
     "1 free node without a mark, M4": lambda s: replace(s, marks=s.marks[:3]),
-    "1 mark not found in its picture or rows: M3": lambda s: replace(
+    "1 mark not found in its picture or rows: M3; M3: too small in the picture (0.1 px across": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
     "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),
@@ -183,7 +183,7 @@ def test_what_is_missing_is_said_alone(words: str, whole, tmp_path) -> None:
     write_scene(LACKS[words](complete()), tmp_path / "scene.toml")
     scene = usable_scene(tmp_path / "scene.toml")
     rest = rest_shape(scene.network)
-    unfound = _seen(scene, rest, None, None)[1]
+    unfound = _seen(scene, rest, None, None)[2]
     found = [one.what for one in missing(replace(whole, scene=scene, rest=rest, unfound=unfound))]
     assert [line for line in found if line.startswith(words)], found
     assert len(found) == 1
@@ -283,11 +283,24 @@ def test_marks_of_a_scene_in_space_are_seen_by_its_cameras() -> None:
     exact = breast()
     stated = replace(exact, space_cameras=tuple(replace(one, calibration=step) for one in exact.space_cameras))
     for scene, n_shared in ((exact, 0), (stated, 2)):
-        marks, unfound = _seen(scene, scene.network.positions, None, None)
-        assert unfound == ()
+        marks, single, unfound = _seen(scene, scene.network.positions, None, None)
+        assert unfound == {}
+        assert single == {mark.node for mark in marks if mark.cov.trace() > 0.05**2}
         assert {mark.node for mark in marks} == set(scene.measured_nodes)
         near = next(mark for mark in marks if mark.node == "S1")
         assert np.sqrt(near.cov.trace() / 3.0) < 2e-4
         assert (0 if near.shared is None else near.shared.shape[1]) == n_shared
     default = _seen(replace(exact, space_cameras=()), exact.network.positions, None, None)[0][0]
     np.testing.assert_allclose(default.cov, 25e-8 * np.eye(3))
+
+
+@pytest.mark.parametrize(("n_cameras", "words"), [(2, "2 others by one camera"), (1, "across the ray")])
+def test_marks_of_one_camera_are_counted_not_averaged(n_cameras: int, words: str, tmp_path) -> None:
+    """Along its ray such a mark is known to the size of the body; the accuracy stated is that of the pictures."""
+    scene = breast()
+    write_scene(replace(scene, space_cameras=scene.space_cameras[:n_cameras]), tmp_path / "scene.toml")
+    done = checked(tmp_path / "scene.toml")
+    report = check_report(done)
+    assert report["marks"]["by_one_camera"] == [m.node for m in done.seen if m.cov.trace() > 0.05**2]
+    assert 0.003 < report["target_sigma_mm"]["marks_mm"] < 0.2
+    assert words in dict(check_lines(done))["target"]
