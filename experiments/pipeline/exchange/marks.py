@@ -129,10 +129,11 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
         names[part] = node
     marked = scene.mark_names
     nodes = [names.get(part, part) for part in poses.parts]
+    if unknown := {part: node for part, node in zip(poses.parts, nodes, strict=True) if node and node not in marked}:
+        part = next(iter(unknown))
+        expected = f"a node with a mark ({', '.join(marked)}); --rename {part}=NODE, or {part}= to leave it out"
+        raise InputError.at(f"{poses.path}: {', '.join(unknown)}", expected, ", ".join(map(shown, unknown.values())))
     for part, node in zip(poses.parts, nodes, strict=True):
-        if node and node not in marked:
-            expected = f"a node with a mark ({', '.join(marked)}); --rename {part}=NODE, or {part}= to leave it out"
-            raise InputError.at(f"{poses.path}: {part}", expected, shown(node))
         if node and nodes.count(node) > 1:
             raise InputError.at(f"{poses.path}: {part}", "a node of its own", f"{shown(node)} of another part, too")
     return [node or None for node in nodes]

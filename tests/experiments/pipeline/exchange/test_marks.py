@@ -101,6 +101,15 @@ def test_a_scale_takes_the_place_of_a_camera() -> None:
     assert done.marks[0][0].sd_m == pytest.approx(0.5e-3)
 
 
+def test_all_names_without_a_node_are_reported_at_once() -> None:
+    columns = [f"{part}.{of}" for part in ("head", "M1", "nose") for of in ("x", "y", "score")]
+    Path("poses.csv").write_text(",".join(["track", "frame_idx", *columns]) + "\n,0,18,10,1,20,10,1,22,10,1\n")
+    with pytest.raises(InputError) as fault:
+        import_table(Path("poses.csv"), Path("scene.toml"), 10.0, renamed=["nose=M9"])
+    expected = "a node with a mark (M1, M2, M3, M4); --rename head=NODE, or head= to leave it out"
+    assert str(fault.value) == f'poses.csv: head, nose: expected {expected}, found "head", "M9"'
+
+
 def test_a_part_without_a_node_is_left_out_where_asked() -> None:
     done = import_table(Path("deeplabcut.csv"), Path("scene.toml"), 30.0, renamed=["tail="])
     assert done.counts() == {"M1": 2, "M2": 0, "M3": 0, "M4": 0}
