@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -45,6 +45,14 @@ NAMED = 4
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: young_kpa from a test"
 """Why a recording hardly determines the tissues of a mesh."""
+
+
+def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
+    """Raise InputError for films in space if marks of these nodes are for scoring only: these are not searched."""
+    measured = recording.scene.measured_nodes
+    if recording.films and (inside := [node for node in nodes if node not in measured]):
+        what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
+        raise InputError.at(recording.folder, what, "films of cameras in space, which show no marks inside")
 
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:

@@ -30,6 +30,7 @@ def identify(
     from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
     from experiments.pipeline.identify import (
+        check_shown,
         constants,
         fit_lines,
         identification_report,
@@ -41,6 +42,8 @@ def identify(
     opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
     run.use(opened.scene, before=None if at_rest else "identify")
+    network = opened.scene.network
+    check_shown(opened, [network.names[i] for i in network.free] if at_rest else [opened.scene.target.node])
     if at_rest:
         frames = marks_in(opened, run.stage("marks"))
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])

@@ -15,10 +15,12 @@ from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
+from experiments.pipeline.identify import check_shown
 from experiments.pipeline.sight.space import AGAIN, PATIENCE, SpaceSight
 from experiments.pipeline.track import track
 from experiments.simulation.simulate import simulate
 from experiments.simulation.space_film import draw_in_space
+from tests.experiments.command import softaim
 from tests.experiments.in_space import breast, dome
 from tests.vision.cameras.test_space_camera import camera_at
 from vision import Exposure, LostMark, Reason, SpaceCamera
@@ -232,3 +234,15 @@ def test_a_hidden_target_is_followed_by_films_of_two_cameras(tmp_path: Path, sta
             assert away @ np.linalg.solve(mark.cov, away) < chi2.ppf(1.0 - 1e-5, 3)
     errors = np.linalg.norm([s.estimates["filter"].mean for s in done.steps] - done.truth, axis=1)
     assert np.sqrt(np.mean(errors**2)) < 0.001
+
+
+def test_constants_are_not_identified_from_films_that_do_not_show_the_target(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Refused before the films are searched, with the way to a recording that shows it."""
+    folder = recorded(tmp_path, breast(), duration_s=0.1)
+    assert softaim("identify", folder, "--out", tmp_path / "found.toml") == 2
+    what = "marks.csv with the marks of T (softaim simulate --no-film)"
+    found = "films of cameras in space, which show no marks inside"
+    assert capsys.readouterr().err == f"softaim: {folder}: expected {what}, found {found}\n"
+    check_shown(read_recording(folder), ["S1"])  # on the skin, which films show
