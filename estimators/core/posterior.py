@@ -42,7 +42,7 @@ class TissuePosterior:
     network : MassSpringNetwork
     target : str or TargetPoint
     marked : sequence of str
-        Nodes whose marks are measured.
+        Nodes whose marks are measured: those of others are rejected.
     settings : FilterSettings, optional
         Of these count `discrepancy`, `sigma_points`, the strength and duration of pokes, `outlier_odds`, `led_nodes`,
         `fix_bias`, and times and thresholds of health.
@@ -82,7 +82,7 @@ class TissuePosterior:
         if not marked:
             raise ValueError("marked: expected one free node or more, found none")
         self.settings = settings or FilterSettings()
-        self.network, self.n_calibration = network, n_calibration
+        self.network, self.marked, self.n_calibration = network, tuple(marked), n_calibration
         self.target, self.rest = target_map(network, target), rest_shape(network)
         self.process = TissueProcess(
             network,
@@ -192,10 +192,11 @@ class TissuePosterior:
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
-        """Raise ValueError for a mark that is not on a free node, has another dimension, or shares other errors."""
+        """Raise ValueError for a mark that is not on a marked node, has another dimension, or shares other errors."""
         for mark in marks:
-            if mark.node not in self._maps:
-                raise ValueError(f"mark {mark.node}: expected one on a free node of the network, found none")
+            if mark.node not in self.marked:
+                names = ", ".join(self.marked)
+                raise ValueError(f"mark {mark.node}: expected one of the marked nodes ({names}), found another")
             if len(mark.position) != self.network.dim:
                 expected, found = (self.network.dim,), mark.position.shape
                 raise ValueError(f"mark {mark.node} position: expected shape {expected}, found {found}")

@@ -208,7 +208,7 @@ class TissueFilter(TissuePosterior):
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Take in the marks seen at the state's time, any number of them, and estimate the target.
 
-        Raises ValueError for a mark that is not on a free node or has another dimension, CovarianceError where the
+        Raises ValueError for a mark that is not on a marked node or has another dimension, CovarianceError where the
         marks leave no finite state.
         """
         if self.time_s is None:

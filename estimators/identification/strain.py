@@ -93,14 +93,15 @@ def tune_strain(
     depends on how well marks predict a hidden position. The standard error is that of the level's logarithm if all
     levels are equally probable at first.
 
-    frames: (time [s], marks) in order; marked: the nodes whose marks are measured; uncertainty: of the constants
+    frames: (time [s], marks) in order; marked: the nodes whose marks are measured, those of others are not used
+    uncertainty: of the constants
     budget: time limit; workers: processes that share the passes; `advance` is called with the share done
     is_identified: whether the constants were found from the tissue; levels below `UNSEEN` are compared only then
     Raises IdentificationError where the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
     strains = [strain for strain in STRAINS if is_identified or strain >= UNSEEN]
-    frames = from_first_marks(frames)
+    frames = from_first_marks([(time_s, [mark for mark in marks if mark.node in marked]) for time_s, marks in frames])
     passes = _Passes(network, (tuple(marked), target), uncertainty, before, frames, limit)
     n = len(strains) + 1
     try:

@@ -108,7 +108,7 @@ def test_a_known_force_moves_the_body_as_a_simulation_under_it(phantom, rest_sta
     force[0] = phantom.masses[0] * np.array([2.0, 1.0])
     n = 120
     truth = driven(phantom, rest_state, [force * share((k + 0.5) / 120.0) for k in range(n)])[-1]
-    unified = TissueFilter(phantom, HIDDEN, OUTER, disturbances=QUIET)
+    unified = TissueFilter(phantom, HIDDEN, [*OUTER, HIDDEN], disturbances=QUIET)
     unified.predict(0.0)
     unified.update(marks_of(phantom, rest_state, nodes=[*OUTER, HIDDEN]))
     start = unified.positions[phantom.free]

@@ -62,7 +62,9 @@ TIMES = {
 @pytest.mark.parametrize("case", TIMES)
 def test_a_body_at_rest_is_found_within_its_covariance_whatever_the_frames(phantom, case):
     times_s, share = TIMES[case]
-    found = estimates(phantom, HIDDEN, outer_of(phantom), at_rest(phantom, times_s, sd_m=share * SD_M))
+    found = estimates(
+        phantom, HIDDEN, outer_of(phantom), at_rest(phantom, times_s, sd_m=share * SD_M, names=outer_of(phantom))
+    )
     error = np.array([one.mean for one in found]) - phantom.positions[phantom.index(HIDDEN)]
     squared = [e @ np.linalg.solve(one.cov, e) for e, one in zip(error, found, strict=True)]
     assert max(squared) < 25.0  # five standard deviations

@@ -51,8 +51,8 @@ def test_how_probable_a_hidden_mark_is_follows_from_the_chain_rule():
         tissue.predict(time_s)
         if k:
             before = tissue.snapshot()
-            tissue.update(both)
-            expected += tissue.log_likelihood
+            tissue.filter.update([tissue.places(both)])
+            expected += tissue.filter.log_likelihood
             tissue.restore(before)
             tissue.update(both[:1])
             expected -= tissue.log_likelihood

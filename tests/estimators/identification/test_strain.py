@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
-from estimators import Budget, FilterSettings, IdentificationError, TissueFilter, tune_strain
+from estimators import Budget, FilterSettings, IdentificationError, MarkMeasurement, TissueFilter, tune_strain
 from tests.estimators.core.test_track import breath, seen, truth_of
 
 SETTINGS = FilterSettings()
@@ -47,6 +47,13 @@ def test_a_wrong_model_has_a_larger_level(frames):
     lengths = np.linalg.norm(positions[network.springs[:, 0]] - positions[network.springs[:, 1]], axis=1)
     wrong = replace(network, positions=positions, rest_lengths=lengths)
     assert found(frames, wrong, is_identified=True).settings.discrepancy >= 0.01
+
+
+def test_a_mark_of_the_target_is_not_used(frames):
+    """It is for scoring only: here it is where the target never was."""
+    wrong = MarkMeasurement(HIDDEN, np.array([0.5, 0.5]), 1e-6 * np.eye(2))
+    shown = [(time_s, [*marks, wrong]) for time_s, marks in frames]
+    assert found(shown).log_likelihood == found(frames).log_likelihood
 
 
 def test_too_little_time_is_said(frames):
