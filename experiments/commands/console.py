@@ -60,7 +60,7 @@ ERRORS: Mapping[str, Callable[[Row], str]] = {
 }
 SIGMAS: Mapping[str, Callable[[Row], str]] = {
     "sigma an axis [mm]": lambda row: _number(row.get("sigma_mm"), ".2f"),
-    "at most": lambda row: _number(row.get("sigma_most_mm"), ".2f"),
+    "at most [mm]": lambda row: _number(row.get("sigma_most_mm"), ".2f"),
     "mean NIS": lambda row: _number(row.get("mean_nis"), ".2f"),
     "95 % band of NIS": _band,
 }

@@ -77,7 +77,8 @@ def print_table(table: object) -> None:
     """Print a rich table to standard output."""
     from rich.console import Console
 
-    Console(width=None if sys.stdout.isatty() else 110).print(table)
+    # a unit in brackets is no markup
+    Console(width=None if sys.stdout.isatty() else 110, markup=False).print(table)
 
 
 def print_lines(lines: Sequence[tuple[str, str]]) -> None:

@@ -1,8 +1,11 @@
-"""How far a run is, said where there is no terminal for a bar."""
+"""How far a run is, said where there is no terminal for a bar; tables."""
 
 import threading
 
-from experiments.commands.terminal import progress_lines
+import pytest
+
+from experiments.commands.console import track_table
+from experiments.commands.terminal import print_table, progress_lines
 
 SOON_S = 20.0
 
@@ -31,3 +34,11 @@ def test_a_run_that_ends_says_nothing_more() -> None:
         stage("read")(0.5)
     assert not [thread for thread in threading.enumerate() if thread.name == "softaim progress"]
     assert said == []
+
+
+def test_columns_of_lengths_name_their_unit(capsys: pytest.CaptureFixture[str]) -> None:
+    row = {"frames": 10, "frames_lost": 0, "ms_per_frame": 1.2, "sigma_mm": 0.5, "sigma_most_mm": 1.0, "mean_nis": 2.0}
+    print_table(track_table({"filter": row}))
+    assert capsys.readouterr().out.count("[mm]") == 2
+    print_table(track_table({"filter": row | {"mae_mm": 0.4, "sd_mm": 0.1, "rmse_mm": 0.4}}))
+    assert capsys.readouterr().out.count("[mm]") == 2
