@@ -28,6 +28,30 @@ class OutOfTimeError(Exception):
     """The time that an estimation may take is over."""
 
 
+class Progress:
+    """The share of a search that is done, in frames that passes of the filter have seen.
+
+    Frames are counted in this process. Those of passes in other processes count when these return.
+
+    State: `seen`, frames counted; `returned`, frames of the passes that have returned.
+    """
+
+    def __init__(self, expected: float, advance: Callable[[float], None]) -> None:
+        self.expected, self._advance = expected, advance
+        self.seen = self.returned = 0.0
+
+    def frame(self) -> None:
+        """Count a frame."""
+        self.seen += 1.0
+        self._advance(self.seen / self.expected)
+
+    def passes(self, n_frames: float) -> None:
+        """Count passes that have returned, with so many frames together, unless they are counted."""
+        self.returned += n_frames
+        self.seen = max(self.seen, self.returned)
+        self._advance(self.seen / self.expected)
+
+
 class Budget:
     """A time limit in seconds from now on.
 
@@ -40,6 +64,16 @@ class Budget:
         self.seconds = seconds
         self._clock = clock
         self._began = clock()
+        self._on_check: Callable[[], None] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_on_check": None}
+
+    def watched(self, on_check: Callable[[], None]) -> Budget:
+        """The same budget that also calls this at each check, but not in other processes."""
+        some = self.part(1.0)
+        some._on_check = on_check
+        return some
 
     def part(self, share: float) -> Budget:
         """A budget of a share of the time, with the same start."""
@@ -59,5 +93,7 @@ class Budget:
 
     def check(self) -> None:
         """Raise OutOfTimeError if the time is over."""
+        if self._on_check is not None:
+            self._on_check()
         if self.spent_s > self.seconds:
             raise OutOfTimeError

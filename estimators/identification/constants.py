@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
 from estimators.arrays import Floats
-from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Workers, too_short
+from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
 from estimators.identification.filter_pass import Frames, Pass, pass_through
 from estimators.identification.groups import ConstantGroup, constant_groups, group_prior_sd, members
@@ -179,21 +179,15 @@ def _searched(
     """
     n_starts, used = problem.planned(frames, n_starts)
     screened = liveliest(used, SCREENED)
-    expected, passed = PASSES_A_SEARCH * (n_starts * len(screened) + len(used)), 0.0
-
-    def note(n: float) -> None:
-        nonlocal passed
-        passed += n
-        advance(passed / expected)
+    progress = Progress(PASSES_A_SEARCH * (n_starts * len(screened) + len(used)), advance)
+    problem = replace(problem, budget=problem.budget.watched(progress.frame))
 
     def counted(optimum: Optimum | None) -> Optimum | None:
-        note(0.0 if optimum is None else optimum.passes * len(screened))
+        progress.passes(0.0 if optimum is None else optimum.passes * len(screened))
         return optimum
 
     def of_all(theta: Floats) -> Pass:
-        found = problem.at(theta, used)
-        note(len(used))
-        return found
+        return problem.at(theta, used)
 
     spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
     found = from_starts(counted(one) for one in workers(partial(problem.followed, screened), starts(spread, n_starts)))

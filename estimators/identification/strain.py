@@ -10,7 +10,7 @@ import numpy as np
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
 from estimators.core.track import TissueFilter
-from estimators.identification.budget import Budget, OutOfTimeError, Workers, too_short
+from estimators.identification.budget import Budget, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.filter_pass import Frames
 from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
 from estimators.threads import one_blas_thread
@@ -107,9 +107,11 @@ def tune_strain(
     try:
         frame_s = frame_seconds(lambda some: replace(passes, frames=some)(strains[0]), frames, limit)
         used, found = affordable(frames, frame_s, n, limit), list[float]()
-        for one in workers(replace(passes, frames=used), [before.discrepancy, *strains]):
+        progress = Progress(n * len(used), advance)
+        counted = replace(passes, frames=used, budget=limit.watched(progress.frame))
+        for one in workers(counted, [before.discrepancy, *strains]):
             found.append(one)
-            advance(len(found) / n)
+            progress.passes(len(used))
     except OutOfTimeError:
         raise too_short(limit) from None
     logs: Floats = np.array(found[1:])

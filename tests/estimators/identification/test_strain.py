@@ -1,5 +1,6 @@
 """The level of the discrepancy from the marks of a recording; truths by SciPy's integrator."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -32,6 +33,19 @@ def test_a_model_that_is_exact_has_the_smallest_level_where_its_constants_were_f
     assert 0.1 < result.log_sd[0] < 0.7  # levels are a third of a decade apart
     assert result.n_frames == len(frames)
     assert result.in_time
+    assert done[: len(frames)] == pytest.approx(np.arange(1, len(frames) + 1) / (5 * len(frames)))
+    assert done == sorted(done)
+    assert done[-1] == pytest.approx(1.0)
+
+
+def test_progress_counts_passes_of_other_processes_when_they_return(frames):
+    """A budget that is sent to another process no longer counts here."""
+    done = []
+
+    def elsewhere(function, items):
+        return map(pickle.loads(pickle.dumps(function)), items)
+
+    found(frames, is_identified=True, advance=done.append, workers=elsewhere)
     assert done == pytest.approx(np.arange(1, 6) / 5)
 
 
