@@ -27,7 +27,6 @@ from experiments.projects.mesh_tissues import assigned, check_tissues
 from experiments.projects.template import (
     GROUP_SD,
     HUES_DEG,
-    LEAST_REACH_MM,
     MARK_SIZE,
     RADIUS_MM,
     Template,
@@ -115,7 +114,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     )
     truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     out /= reach
-    entry = target + max(reach, 1e-3 * LEAST_REACH_MM) * out
+    entry = target + reach * out  # on the skin
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
         f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
