@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from estimators import Insertion
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
-from experiments.formats.scene.outside import Outside
+from experiments.formats.scene.outside import Outside, wall_faces
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import BLACK, HALO, OURS, PURPLE, SMALL_PT, ellipse
@@ -34,8 +34,11 @@ N_FACES = 4000
 N_SPRINGS = 600
 """Most springs that are drawn: more hide each other."""
 
-SKIN, NEAR, FAR = to_rgb("#ece7e1"), np.array([0.25] * 3), np.array([0.8] * 3)
-"""Colour of a surface in full light, and of springs near and far."""
+SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
+"""Colour of a surface in full light and of its wall, and of springs near and far."""
+
+VISIBLE = 0.01
+"""Share of the seen area of a body above which the legend names its wall."""
 
 DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
 """Share of light on a face that is turned away from the lamp; the lamp, right, up and toward the viewer."""
@@ -99,7 +102,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
     room_mm: side of the square in print that the axes fill; within_m: other places that the axes contain [m], (n, 3)
     """
     network = scene.network
-    draw_surface(ax, view, outside)
+    draw_surface(ax, view, outside, wall_faces(scene, outside))
     frame(ax, view, np.vstack([outside.corners, network.positions, *within_m]))
     draw_springs(ax, view, network.positions, network.springs)
     held = view.seen_mm(network.positions[network.fixed])
@@ -108,8 +111,8 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
     draw_marks(ax, view, scene, room_mm)
 
 
-def draw_surface(ax: Axes, view: View, outside: Outside) -> None:
-    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp."""
+def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
+    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp; wall: the held, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -117,7 +120,8 @@ def draw_surface(ax: Axes, view: View, outside: Outside) -> None:
     near = near[np.argsort(corners_m[faces[near]].mean(axis=1) @ view.toward)]
     lamp = LIGHT @ np.vstack([view.across, view.toward]) / np.linalg.norm(LIGHT)
     lit = smooth[near] @ lamp / np.maximum(np.linalg.norm(smooth[near], axis=1), 1e-30)
-    colours = (DIM + (1.0 - DIM) * lit.clip(0.0))[:, None] * np.array(SKIN)
+    tints = np.where(wall[near, None], WALL, SKIN) if wall is not None else np.array(SKIN)
+    colours = (DIM + (1.0 - DIM) * lit.clip(0.0))[:, None] * tints
     ax.add_collection(
         PolyCollection(
             list(view.seen_mm(corners_m[faces[near]])), facecolors=colours, edgecolors=colours, lw=0.2, zorder=1
@@ -249,6 +253,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
     name = "convex hull" if scene.mesh is None else "surface at rest"
     shown: dict[str, tuple[bool, Line2D | Patch]] = {
         name: (len(outside.faces) > 0, Patch(fc=SKIN, ec="0.6", lw=0.4)),
+        "wall": (_is_seen(wall_faces(scene, outside), outside, views), Patch(fc=WALL, ec="0.6", lw=0.4)),
         "springs as drawn": (springs, Line2D([], [], color=tuple(NEAR), lw=0.8)),
         "anchors": (scene.mesh is None and bool(scene.network.fixed.any()), _dot("s", mfc="0.3", mec="0.3", ms=2.5)),
         "marks": (bool((near & measured).any()), _dot(mfc="0.6", mec="0.2", mew=0.4, ms=3.6)),
@@ -256,6 +261,12 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
         "marks for scoring only": (scored, _dot(mfc="none", mec="0.4", mew=0.8, ms=3.6)),
     }
     return {label: handle for label, (is_shown, handle) in shown.items() if is_shown}
+
+
+def _is_seen(faces: NDArray[np.bool_], outside: Outside, views: Sequence[View]) -> bool:
+    """Whether these faces are at least `VISIBLE` of what is seen from any side."""
+    areas = [(outside.normals @ view.toward).clip(0.0) for view in views]
+    return any(bool(area[faces].sum() > VISIBLE * area.sum()) for area in areas)
 
 
 def _dot(marker: str = "o", **style: Any) -> Line2D:

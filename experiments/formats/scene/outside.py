@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from dynamics.mesh import surface
 from experiments.arrays import Floats
+from experiments.formats.mesh.held import held
 from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.scene import Scene
 
@@ -45,6 +46,16 @@ def outside_of(scene: Scene, most: int) -> Outside:
     faces = hull.simplices.astype(np.int64)
     inward = np.einsum("ni,ni->n", Outside(x, faces).normals, hull.equations[:, :3]) < 0.0
     return fewer(_outside(x, np.where(inward[:, None], faces[:, ::-1], faces)), most)
+
+
+def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
+    """Which faces of the outside of a mesh are of its wall, (n_faces,): it is held next to all of their corners."""
+    if scene.mesh is None or not scene.mesh.fixed:
+        return np.zeros(len(outside.faces), dtype=bool)
+    of = mesh_of(scene.mesh.content, Path(scene.mesh.file))
+    used = np.unique(surface(of.mesh).faces)
+    nearest = used[KDTree(of.mesh.nodes[used]).query(outside.corners)[1]]
+    return np.asarray(np.isin(nearest, held(of, scene.mesh.fixed))[outside.faces].all(axis=1))
 
 
 def fewer(whole: Outside, most: int) -> Outside:

@@ -7,7 +7,7 @@ import pytest
 
 from dynamics.mesh import TetMesh
 from experiments.formats.scene import outside
-from experiments.formats.scene.outside import Outside, fewer, outside_of
+from experiments.formats.scene.outside import Outside, fewer, outside_of, wall_faces
 from experiments.formats.scene.scene import read_scene
 from tests.dynamics.blocks import block as solid
 from tests.experiments.formats.scene.test_mesh import folder
@@ -31,6 +31,16 @@ def test_of_a_mesh_it_is_the_surface_and_of_springs_their_hull(tmp_path) -> None
     assert volume(mesh) == pytest.approx(36e-6)
     assert len(mesh.faces) == 2 * 2 * (4 * 3 + 4 * 3 + 3 * 3)
     assert volume(outside_of(block(), 1000)) == pytest.approx(144e-6)
+
+
+def test_the_wall_is_the_faces_whose_corners_are_held(tmp_path) -> None:
+    """Those of the box at x = 0, 30 x 30 mm; none of a body of springs."""
+    scene = read_scene(folder(tmp_path))
+    mesh = outside_of(scene, 1000)
+    held = wall_faces(scene, mesh)
+    assert (mesh.corners[mesh.faces[held]][..., 0] == 0.0).all()
+    assert 0.5 * np.linalg.norm(mesh.normals[held], axis=1).sum() == pytest.approx(900e-6)
+    assert not wall_faces(block(), outside_of(block(), 1000)).any()
 
 
 def test_of_fewer_faces_it_keeps_its_shape() -> None:
