@@ -23,7 +23,7 @@ from experiments.formats.estimate_rows import AXES
 from experiments.formats.scene.outside import Outside, wall_faces
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import outward
-from experiments.plots.style import BLACK, HALO, OURS, PURPLE, SMALL_PT, ellipse
+from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
 """Directions of views: to the right of z, and from above. The second view is the one that adds most marks."""
@@ -45,6 +45,9 @@ DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
 
 MARGIN = 0.06
 """Room around a body, by its size."""
+
+NEEDLE = "#7a4b1e"
+"""Colour of a needle: black lines beside the body are curves over time."""
 
 SHAFT_M = 1.0
 """Drawn length of a needle behind its tip: beyond every plot."""
@@ -163,18 +166,20 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
         ax.plot(*places[k], "o", ls="", **style)
     names = [scene.marks[k].node for k in named]
     side = max(np.ptp(ax.get_xlim()), np.ptp(ax.get_ylim()))
-    corners = name_places(places[named], names, float(side) / room_mm)
+    target = view.seen_mm(network.positions[network.index(scene.target.node)])
+    lesion = np.array([target - 1e3 * scene.target.radius_m, target + 1e3 * scene.target.radius_m])
+    corners = name_places(places[named], names, float(side) / room_mm, lesion)
     for name, (x, y) in zip(names, corners, strict=True):
         ax.text(x, y, name, fontsize=SMALL_PT, path_effects=HALO, zorder=8, ha="left", va="bottom")
 
 
-def name_places(places: Floats, names: Sequence[str], scale: float) -> Floats:
+def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
     """Lower left corners of names beside places, (n, 2), each where it covers least of marks and of names before it.
 
-    scale: units of the plot for a millimetre in print
+    scale: units of the plot for a millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
     """
     disc, gap = 1.3 * scale * np.ones(2), 0.9 * scale
-    taken = [np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places]
+    taken = [*kept_free, *(np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places)]
     found: list[Floats] = []
     for place, name in zip(places, names, strict=True):
         size = scale * np.array([0.6 + 1.3 * len(name), 2.1])
@@ -232,8 +237,8 @@ def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> N
     """The needle to its tip as far as the plot reaches, and its line ahead of the tip [m], dashed."""
     tip = insertion.entry + insertion.depth_m * insertion.axis
     shaft, ahead = (view.seen_mm(np.stack([tip, tip + by * insertion.axis])) for by in (-SHAFT_M, ahead_m))
-    ax.plot(*shaft.T, color=BLACK, lw=1.4, zorder=7, scalex=False, scaley=False)
-    ax.plot(*ahead.T, color=BLACK, lw=0.7, ls=(0, (3, 2)), zorder=7, scalex=False, scaley=False)
+    ax.plot(*shaft.T, color=NEEDLE, lw=1.8, zorder=7, scalex=False, scaley=False)
+    ax.plot(*ahead.T, color=NEEDLE, lw=0.9, ls=(0, (3, 2)), zorder=7, scalex=False, scaley=False)
 
 
 def close_up(ax: Axes, middle: Floats, reach: float) -> None:
@@ -274,10 +279,10 @@ def _dot(marker: str = "o", **style: Any) -> Line2D:
 
 
 TARGET_KEYS: dict[str, Line2D | Patch] = {
-    "lesion": Patch(fc=PURPLE, alpha=0.5, ec=PURPLE, lw=0.6),
+    "lesion": _dot(mfc=PURPLE, mec=PURPLE, alpha=0.5, mew=0.6, ms=6),
     "2-sigma ellipsoid": _dot(mfc="none", mec=OURS, mew=0.8, ms=5),
 }
 NEEDLE_KEYS: dict[str, Line2D | Patch] = {
-    "needle": Line2D([], [], color=BLACK, lw=1.4),
-    "its line ahead": Line2D([], [], color=BLACK, lw=0.7, ls=(0, (3, 2))),
+    "needle": Line2D([], [], color=NEEDLE, lw=1.8),
+    "its line ahead": Line2D([], [], color=NEEDLE, lw=0.9, ls=(0, (3, 2))),
 }

@@ -11,8 +11,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
 from experiments.pipeline.advise import Advised
 from experiments.plots.advice import COLOURS, advice_figure, reasons_of
-from experiments.plots.space import two_views
-from experiments.plots.style import BLACK
+from experiments.plots.space import NEEDLE, two_views
 from tests.experiments.plots.printed import check_printed
 from tests.experiments.plots.tracks import block, phantom
 
@@ -146,7 +145,7 @@ def test_in_space_the_needle_stands_in_the_body_from_two_sides():
     check_printed(figure)
     views = two_views(scene)
     for view, ax in zip([view for view in views for _ in range(2)], figure.axes[2:], strict=True):
-        shaft, ahead = (line.get_xydata() for line in ax.lines if line.get_color() == BLACK)
+        shaft, ahead = (line.get_xydata() for line in ax.lines if line.get_color() == NEEDLE)
         np.testing.assert_allclose(shaft[0], view.seen_mm(tip), atol=1e-9)
         np.testing.assert_allclose(ahead, view.seen_mm(np.stack([tip, aim])), atol=1e-9)
         lesion, ellipsoid = ax.patches
