@@ -1,6 +1,6 @@
 """Constants from a calibration recording: found to their standard errors, and what is not determined is reported."""
 
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -157,11 +157,14 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     assert variances[1] == pytest.approx(variances[0], rel=3.0 * (1.0 - IdentificationSettings().kept))
 
 
+@dataclass
 class PartMisleads:
     """One constant: 100 of 150 frames are likeliest at 3, all of them at 0.5, and near 3 far less so.
 
     From 3 the log likelihood of all rises to a lower maximum at 4.
     """
+
+    budget: Budget = field(default_factory=Budget)
 
     groups, sd = (ConstantGroup("stiffness", (0,), "stiffness"),), np.ones(1)
 
