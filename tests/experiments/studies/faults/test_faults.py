@@ -13,7 +13,7 @@ from experiments.studies.faults import study
 from experiments.studies.faults.judge import ONSET_S, STALE_S, Judged, Moment, is_wrong, verdict
 from experiments.studies.faults.scripted import ARRIVES_S, ScriptedFault
 from experiments.studies.faults.study import FAULTS, beginning, by_shown, cells, markdown, run, summary
-from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn
+from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival, ScriptedFrames, drawn, undisturbed
 from tests.experiments.webcam import coarse_webcam
 
 SEED = 7000
@@ -166,6 +166,19 @@ def test_a_camera_that_tells_its_times_proves_after_a_pause_that_nothing_lags(na
     assert frames.late_s == pytest.approx(late_s, abs=0.05)
 
 
+@pytest.fixture
+def onset(monkeypatch):
+    """Sets the onset of a fault, earlier than in the study [s]; runs of all lengths have one truth."""
+
+    def at(onset_s):
+        for module in ("judge", "scripted", "camera"):
+            monkeypatch.setattr(f"experiments.studies.faults.{module}.ONSET_S", onset_s)
+        return onset_s
+
+    monkeypatch.setattr("experiments.studies.faults.scripted.undisturbed", lambda seed, _s: undisturbed(seed, 6.0))
+    return at
+
+
 def lasting(name: str, seconds: float) -> ScriptedFault:
     """A fault that is over after so long, if it does not stay."""
     fault = FAULTS[name]
@@ -174,11 +187,11 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 2.0, 7.3), ("16 bit", 1.0, 6.0), ("all covered", 2.0, 7.1)]
+    ("name", "lasts_s", "seconds"), [("frozen in turn", 2.0, 3.3), ("16 bit", 1.0, 1.2), ("all covered", 2.0, 3.1)]
 )
-def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, tmp_path):
+def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
-    found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=seconds)
+    found = lasting(name, lasts_s).judged(SEED, tmp_path, duration_s=onset(2.5) + seconds)
     assert found.go_shown_while_faulty == 0
     assert found.go > 20
     if name == "16 bit":
@@ -202,10 +215,10 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, tmp_path):
         ("filter NaN", "INITIALISING: the estimate is INITIALISING"),
     ],
 )
-def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, tmp_path, monkeypatch):
+def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, onset, tmp_path, monkeypatch):
     """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
-    monkeypatch.setattr("experiments.studies.faults.loop.LASTS_S", 1.0)
-    found = lasting(name, 1.0).judged(SEED, tmp_path, duration_s=6.0)
+    monkeypatch.setattr("experiments.studies.faults.loop.LASTS_S", 0.6)
+    found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(3.0) + 1.7)
     assert shown in found.shown
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 200.0
