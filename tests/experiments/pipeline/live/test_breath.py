@@ -105,14 +105,15 @@ class Run:
         self.advice.plan = self.plan
 
     def until(self, end_s: float) -> None:
-        """Go on to this time [s]; nobody asks for advice before ASKED_S."""
+        """Go on to this time [s]; advice is asked for from ASKED_S on, at every other frame."""
         world = self.world
         away = NeedleMotion(world.entry, np.zeros(2), np.array([0.0, -1.0]), -1.0)
         while self.k < round(end_s * 30):
             now = world.frame_s(self.k)
             self.tissue.predict(now)
             estimate = self.tissue.update(world.marks(self.k, self.state))
-            guided = self.advice.seen(self.tissue, estimate, now, "not asked yet" if now < ASKED_S else None)
+            asked = now >= ASKED_S and self.k % 2 == 0
+            guided = self.advice.seen(self.tissue, estimate, now, None if asked else "not asked")
             self.truth.append(world.target(self.state))
             if guided.turned_axis is not None:
                 self.said.append((now, self.advice.plan.insertion, guided))
@@ -141,7 +142,7 @@ def breathing(seed: int, radius_mm: float, folder: Path) -> Run:
 
 @cache
 def advised(pushes: Pushes, seed: int, radius_mm: float, folder: Path) -> tuple[Advised, ...]:
-    """Advice at each frame from 8 s on: a needle that is turned as it was advised a frame ago, at 100 mm/s."""
+    """Advice from 8 s on: a needle that is turned as it was advised two frames ago, at 100 mm/s."""
     run, rng = deepcopy(breathing(seed, radius_mm, folder)), np.random.default_rng(seed)
     run.world = world_under(pushes, seed)
     run.until(END_S)
@@ -190,7 +191,7 @@ def test_go_hits_before_a_shift_and_misses_nothing_after_it(folder):
 def test_few_go_miss_a_target_that_left_its_breath(folder, pushes, most):
     """Of all frames from 0.6 s after that on, 3 and 14 % when written."""
     after = advice_of(pushes, folder, LEAVES_S + 0.6, END_S)
-    assert len(after) > 200
+    assert len(after) > 100
     assert np.mean([one.go and not one.hit for one in after]) <= most
 
 
@@ -202,7 +203,7 @@ def test_errors_and_hits_on_a_breathing_target_are_as_probable_as_stated(folder)
     nearly all frames. Frames are not independent: the bounds are wide.
     """
     said = [one for seed in SEEDS for one in advised(breath, seed, 1.5, folder)]
-    assert len(said) > 300
+    assert len(said) > 150
     assert np.mean([one.probability for one in said]) == pytest.approx(np.mean([one.hit for one in said]), abs=0.15)
     errors, covs = np.array([one.error for one in said]), np.array([one.cov for one in said])
     nees = normalised_error_squared(errors, covs).mean()
