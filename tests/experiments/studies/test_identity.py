@@ -30,11 +30,12 @@ def test_names_from_a_turned_start_are_right():
     found = named_run(turned, "from the start", exchanged, alike)
     assert (found["swaps"], found["wrong_end"]) == (1, False)
     assert found["wrong_frames"] < 0.6 * FRAMES_PER_S
-    assert named_run(turned, "from the start", exchanged, [])["wrong_frames"] == SECONDS * FRAMES_PER_S
 
 
 def test_figures_of_a_run_are_reported_by_kind(monkeypatch):
+    """One run without names, of every sixth frame."""
     monkeypatch.setattr(identity, "REPORTED", ("never", "for good", "from the start"))
+    monkeypatch.setattr(identity, "NAMELESS", {"hidden": 6})
     rows = pd.DataFrame(run(0, "phantom", "quiet"))
     reported = figures(rows)
     assert reported["phantom quiet never"]["swaps"] == 0
@@ -46,3 +47,5 @@ def test_figures_of_a_run_are_reported_by_kind(monkeypatch):
     start = reported["phantom quiet from the start"]
     assert start["runs_wrong_in_the_end"] == 0
     assert start["end_mm_else"] > 3 * start["end_mm"]
+    assert start["wrong_frames_else"] == SECONDS * FRAMES_PER_S
+    assert reported["phantom quiet hidden"]["runs"] == 1
