@@ -57,12 +57,12 @@ def cache(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory, cache):
-    """A calibration recording of 3 s, all marks seen, the scene that identify makes of it, its report to programs.
+    """A calibration recording of 2 s, all marks seen, the scene that identify makes of it, its report to programs.
 
     The search has one start: `test_identify_links` has the usual ones.
     """
     folder = tmp_path_factory.mktemp("calibration")
-    trial = Trial("poked", 1, duration_s=3.0)
+    trial = Trial("poked", 1, duration_s=2.0)
     recording = recorded(folder / "rec", trial, cache, ("M1", "M2", "M3", "M4"))
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(StringIO()) as printed:
         patch.setattr("estimators.identification.constants.IdentificationSettings", lambda: ONE_START)
