@@ -82,7 +82,7 @@ def one_start(monkeypatch):
 @pytest.fixture(autouse=True)
 def _coarse_pictures(request, monkeypatch):
     """Pictures have a ninth of the pixels, where their size is not what is tested: a page of 300 dpi takes a second."""
-    if request.path.name not in {"test_style.py", "test_plan.py", "test_calibrate.py"}:
+    if request.path.name != "test_style.py":
         monkeypatch.setattr("experiments.plots.style.DPI", 100)
 
 

@@ -87,9 +87,9 @@ def test_a_scene_is_planned_from_rest(scene, plan_file, tmp_path, capsys):
     assert reported["target"]["cov_mm2"] == [[4.0, 0.0], [0.0, 4.0]]
     assert set(reported["rejected_by"]) == {"rib 5", "vessel", "too long", "too steep"}
     picture = cv2.imread(str(out / "plan.png"))
-    assert picture.shape[1] > 1200
+    assert picture.shape[1] > 400
     best_blue = (np.abs(picture.astype(int) - [0xB2, 0x72, 0x00]).max(axis=2) < 12).sum()
-    assert best_blue > 500
+    assert best_blue > 50
     assert "Paths to M2" in capsys.readouterr().out
 
 
