@@ -105,7 +105,7 @@ def estimates(network, frames):
 @pytest.fixture(scope="module")
 def both(body):
     """The filter in few shapes and that of all nodes after the same marks, with their estimates."""
-    frames = marks_of(body, 12)
+    frames = marks_of(body, 9)
     few = estimates(body, frames)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(model, "FEWER", 0.0)
