@@ -12,7 +12,7 @@ from estimators import GaussianMixture, Hit, Lesion, Needle, hit_probability
 from experiments.formats.camera_yaml import POSE
 from experiments.pipeline.events import SAGS, pose_line, rest_is_known, steps_left_out
 from experiments.pipeline.integrity import USUAL, shares_words
-from experiments.pipeline.scores.marks import lost_words
+from experiments.pipeline.scores.marks import LOOK_AT, NO_ROW, lost_words
 from experiments.plain import counted
 from experiments.projects.check import SceneCheck
 
@@ -229,10 +229,10 @@ def _of_rest(done: SceneCheck) -> Iterator[Missing]:
 def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
     if done.unfound:
+        why, look_at = _why_unfound(done)
         yield Missing(
-            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names([*done.unfound])}"
-            + _why_unfound(done),
-            "hue_deg, diameter_mm and size_px of the scene, or softaim hue on a film",
+            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names([*done.unfound])}{why}",
+            f"check {look_at}",
         )
     marked = {mark.node for mark in scene.marks}
     bare = [scene.network.names[i] for i in scene.network.free if scene.network.names[i] not in marked]
@@ -243,14 +243,14 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
         )
 
 
-def _why_unfound(done: SceneCheck) -> str:
-    """The most frequent reason why marks were not found, with the numbers of one of them; empty for rows."""
+def _why_unfound(done: SceneCheck) -> tuple[str, str]:
+    """The most frequent reason why marks were not found, with the numbers of one of them, and what to check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
-        return ""
+        return "", LOOK_AT[NO_ROW]
     most = Counter(one.reason for one in lost).most_common(1)[0][0]
     first = next(one for one in lost if one.reason is most)
-    return f"; {first.name}: {lost_words(done.scene, first.name, first)}"
+    return f"; {first.name}: {lost_words(done.scene, first.name, first)}", LOOK_AT[most]
 
 
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
