@@ -20,7 +20,7 @@ import numpy as np
 import vision
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.films.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, source_in
+from experiments.formats.films.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, growing_in, source_in
 from experiments.formats.outputs import check_apart, write_together
 from experiments.formats.recording import read_frames, write_frames_csv
 from experiments.formats.scene.scene import Scene, mesh_beside, write_scene
@@ -158,7 +158,7 @@ def record(
 ) -> int:
     """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns their number, in pieces.
 
-    sources: of one camera, or of several by name, each of which grows in a folder of its name
+    sources: of one camera, or of several by name, each of which grows in `segments.NAME`
     scene: checked against the frames' size; scene_path: its file, copied if given
     force: a recording in the folder is removed when the first frame comes
     Nothing is written before the first frame. Raises InputError, SourceError; earlier frames are kept.
@@ -176,7 +176,7 @@ def record(
             if force:
                 remove_recording(folder)
         height, width = frame.image.shape[:2]
-        recorders[name] = Recorder(folder / name, (width, height), codec, clock=clock)
+        recorders[name] = Recorder(growing_in(folder, name), (width, height), codec, clock=clock)
         if len(recorders) == 1:
             _copy_scene(scene, scene_path, folder / "scene.toml")
 
@@ -211,9 +211,8 @@ def record(
 
 def remove_recording(folder: Path) -> None:
     """Remove a recording's files from a folder, except its scene; all else stays. Raises InputError."""
-    of_cameras = [path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS]
+    of_cameras = [*_growing(folder), *(path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)]
     of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
-    of_cameras += _growing(folder)
     try:
         for path in (*(folder / name for name in (*VIDEOS, *TABLES, *FOLDERS)), *of_cameras):
             if path.is_dir():
@@ -261,9 +260,10 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
         try:
             if (camera / SEGMENTS).is_dir():
                 n_frames += _join(camera, lambda share, k=k: advance((k + share) / len(cameras)))  # type: ignore[misc]
+            name = camera.name.removeprefix(f"{SEGMENTS}.")
             for film in camera.glob("video.*"):
-                film.rename(folder / f"video.{camera.name}{film.suffix}")
-            (camera / "frames.csv").rename(folder / f"frames.{camera.name}.csv")
+                film.rename(folder / f"video.{name}{film.suffix}")
+            (camera / "frames.csv").rename(folder / f"frames.{name}.csv")
             camera.rmdir()
         except InputError as error:
             faults.append(error)
@@ -276,7 +276,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 def _growing(folder: Path) -> list[Path]:
     """The folders of cameras, of a recording of several that has not been joined."""
-    return sorted(path.parent for path in folder.glob("*/frames.csv") if not (path.parent / "scene.toml").exists())
+    return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 
 def _join(folder: Path, advance: Advance) -> int:

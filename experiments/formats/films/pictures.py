@@ -44,6 +44,11 @@ def source_in(folder: Path) -> Path:
     return source
 
 
+def growing_in(folder: Path, camera: str) -> Path:
+    """Where the pieces of a camera and their times grow; camera: its name, empty for the only one."""
+    return folder / f"{SEGMENTS}.{camera}" if camera else folder
+
+
 def is_folder(source: Path) -> bool:
     """Whether pictures are the numbered files of a folder, `frames/` or `frames.NAME/` of a camera."""
     return source.name == FRAMES or source.name.startswith(f"{FRAMES}.")

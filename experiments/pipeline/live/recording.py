@@ -10,7 +10,7 @@ from pathlib import Path
 
 import vision
 from experiments.errors import InputError
-from experiments.formats.films.pictures import MARKS
+from experiments.formats.films.pictures import MARKS, growing_in
 from experiments.formats.films.several import film_name
 from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
 from experiments.formats.outputs import write_whole
@@ -58,7 +58,7 @@ class LiveRecording:
 
     def _recorder(self, camera: str) -> RecorderThread[vision.Frame]:
         return RecorderThread(
-            self.folder / camera,
+            growing_in(self.folder, camera),
             "FFV1",
             lambda frame: frame,
             n_waiting=WAITING,

@@ -109,23 +109,25 @@ def test_cameras_are_recorded_together_and_tracked(filmed: Recording, tmp_path: 
 
 def test_force_replaces_a_recording_of_cameras(filmed: Recording, tmp_path: Path) -> None:
     out = tmp_path / "rec"
-    Recorder(out / "left", (64, 48))
+    Recorder(out / "segments.left", (64, 48))
+    Recorder(out / "another", (64, 48))  # a recording of its own
     assert softaim("record", *films(filmed), "--out", str(out), "--seconds", "0.1", "--force") == 0
     assert sorted(path.name for path in out.glob("video*")) == ["video.left.mkv", "video.right.mkv"]
     times_s = [float(line.split(",")[1]) for line in (out / "frames.left.csv").read_text("ascii").split()[1:]]
     assert len(times_s) == 3
+    assert [path.name for path in out.iterdir() if path.is_dir()] == ["another"]
 
 
 @pytest.mark.parametrize("interrupted", [False, True], ids=["killed", "killed again while joining"])
 def test_what_a_killed_recorder_left_of_each_camera_is_joined(tmp_path: Path, interrupted: bool) -> None:
     for name, n_frames in (("left", 3), ("right", 2)):
-        recorder = Recorder(tmp_path / name, (64, 48))
+        recorder = Recorder(tmp_path / f"segments.{name}", (64, 48))
         for k in range(n_frames):
             recorder.take(vision.Frame(k, 0.1 * k, np.full((48, 64, 3), k, np.uint8)))
         recorder.finish_piece()
     if interrupted:
-        join(tmp_path / "left")
-        (tmp_path / "left" / "video.mkv").rename(tmp_path / "video.left.mkv")
+        join(tmp_path / "segments.left")
+        (tmp_path / "segments.left" / "video.mkv").rename(tmp_path / "video.left.mkv")
     assert softaim("record", "--recover", str(tmp_path)) == 0
     rows = {name: (tmp_path / f"frames.{name}.csv").read_text("ascii").split()[1:] for name in ("left", "right")}
     assert rows == {
