@@ -60,7 +60,7 @@ def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
         return takes(session, frame, waited_s)
 
     monkeypatch.setattr(Session, "take", take)
-    done = live(str(tmp_path / "rec"), None, lambda _scene: nullcontext(out))
+    done = live([str(tmp_path / "rec")], None, lambda _scene: nullcontext(out))
     assert (done.frames, done.fault) == (1, None)
 
 

@@ -190,7 +190,7 @@ def times_of(source: Path, out: Path) -> Times:
     """The times that a live run of a source shows."""
     times = Times()
     out.mkdir()
-    live(str(source), None, lambda _scene: nullcontext(out), attendant=lambda _scene, _plan: times)
+    live([str(source)], None, lambda _scene: nullcontext(out), attendant=lambda _scene, _plan: times)
     return times
 
 
