@@ -13,7 +13,7 @@ permuted in all frames. slipped by: the same, names fixed in the first 1.5 s. hi
 all marks are hidden for half a second in each 1.3 s, and those that come back are named by where the filter expects
 them (`vision.tracking.association`). seldom: the same with 5 frames/s and nothing hidden.
 
-study/identity.json has the figures of docs/marks-study.md, study/identity.csv a row a run.
+study/identity.json has the figures, study/identity.csv a row a run.
 """
 
 from __future__ import annotations
