@@ -23,16 +23,11 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 
     Gravity turns with the body, which keeps the posture in which it was drawn. mesh_file: of the moved mesh
     """
-    mesh, network = (
-        None,
-        replace(
-            scene.network,
-            positions=motion.moved(scene.network.positions),
-            gravity=motion.rotation @ scene.network.gravity,
-        ),
-    )
+    mesh, drawn = None, scene.network
     if scene.mesh is not None:
-        mesh, network = _moved_mesh(scene.mesh, scene.network, motion, mesh_file)
+        mesh, network = _moved_mesh(scene.mesh, drawn, motion, mesh_file)
+    else:
+        network = replace(drawn, positions=motion.moved(drawn.positions), gravity=motion.rotation @ drawn.gravity)
     offset = motion.rotation @ scene.target.offset_m if scene.target.offset_m else ()
     return replace(
         scene,

@@ -26,7 +26,7 @@ from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.marks.opening import is_mark_source, open_mark_source
 from experiments.pipeline.live.marks.receiver import LiveMarks, MarkSource
 from experiments.pipeline.live.outputs import StatusLine
-from experiments.pipeline.live.preparing import PREPARING, prepared
+from experiments.pipeline.live.preparing import PREPARING, Cameras, prepared
 from experiments.pipeline.live.session import ESTIMATES, Session
 from experiments.pipeline.live.shown import Publisher, memory_mb
 from experiments.simulation.phantom_process import PhantomProcess
@@ -34,7 +34,7 @@ from experiments.simulation.phantom_process import PhantomProcess
 SCENE = "scene.toml"
 
 Frames = vision.Source | vision.SeveralFrames | MarkSource
-CAMERAS = (vision.LiveFrames, vision.SeveralFrames)
+"""Sources of a live run: pictures of one camera, of several, or marks."""
 
 
 class Attendant(Publisher, Protocol):
@@ -177,7 +177,7 @@ def _prepared(
             viewer.prepare(picture, n_shown, now_s if frame is None else frame.exposure_s)
 
     rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # it writes nothing without a frame
-    by_itself = frames if isinstance(frames, CAMERAS) and not frames.waits else None
+    by_itself = frames if isinstance(frames, Cameras) and not frames.waits else None
     try:
         session, n_shown = prepared(make, rehearse, by_itself, show)
     except (vision.SourceError, InputError) as error:
@@ -252,7 +252,7 @@ def follow(
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:
-        if isinstance(frames, CAMERAS) and frames.opening:
+        if isinstance(frames, Cameras) and frames.opening:
             began = clock()
         attend()
         asked = time.perf_counter()
@@ -261,7 +261,7 @@ def follow(
         session.count_from(frames.origin_s)
         session.counters.dropped = frames.frames_dropped - dropped_before
         report_source_events(frames)
-        if isinstance(frames, CAMERAS):
+        if isinstance(frames, Cameras):
             session.dated(frames.late_s, uneven=frames.uneven)
         if frame is not None and session.paused:
             session.counters.not_used += 1

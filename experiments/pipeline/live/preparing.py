@@ -32,6 +32,8 @@ NICENESS = 10
 
 Made = TypeVar("Made")
 Cameras = vision.LiveFrames | vision.SeveralFrames
+"""Sources that read by themselves, one camera or several."""
+
 Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 

@@ -60,6 +60,7 @@ LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
 
 LiveFrame = vision.Frame | vision.Exposure | MarksFrame
+"""A picture of one camera, pictures of several at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
 """hung_s: how far the filter stays behind before two frames have shown the interval; settled_frames: number of frames
