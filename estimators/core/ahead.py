@@ -125,8 +125,9 @@ class AheadTables:
         mean, cov = tissue.filter.moments_by(shares[0])
         means = self.by_state @ (mean - self.rest) + self.by_state[0] @ self.rest + self.constant
         means[0] += tissue.constant_of(tissue.target) - self.constant
-        covs = self.by_state @ cov @ self.by_state.swapaxes(1, 2)
-        variances = shares @ tissue.filter.variances
-        for k in range(1, self.n_times):
-            covs[k] += np.tensordot(variances[1 : k + 1], self.by_noise[k - 1 :: -1][:k], axes=2)
-        return total, means, covs
+        by_cov = (self.by_state.reshape(-1, len(cov)) @ cov).reshape(self.by_state.shape)
+        covs = by_cov @ self.by_state.swapaxes(1, 2)
+        variances, steps = shares @ tissue.filter.variances, np.arange(self.n_times)
+        since = steps[:, None] - steps  # a time's step less that of noise
+        noise = np.where(since[..., None] > 0, variances[since], 0.0)
+        return total, means, covs + np.tensordot(noise, self.by_noise, axes=2)
