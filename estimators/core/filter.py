@@ -97,6 +97,8 @@ class HypothesisFilter:
         self._considered = np.asarray(considered, dtype=np.int64)
         self._before: Prior | None = None
         self._latest: tuple[Sequence[Observation], Innovations] | None = None
+        self._named: tuple[list[str], list[slice]] = [], []
+        self._withheld: Sequence[NDArray[np.int64]] = ()
         self._transition: Transition | None = None
         self._reference = np.empty(0)
         self.trace: list[Move] | None = None
@@ -149,15 +151,14 @@ class HypothesisFilter:
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
-        live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
-        means = self.means[live] @ rows.T
+        means, seen = self.means @ rows.T, np.flatnonzero(rows.any(axis=0))
         if len(rows) < FEW:
-            return mixed(self.weights[live], means, (rows @ self.covs[live]) @ rows.T)
+            return mixed(self.weights, means, rows @ self.covs @ rows.T)
         own, matrix = np.ix_(seen, seen), rows[:, seen]
-        within = sum(weight * self.covs[k][own] for weight, k in zip(self.weights[live], live, strict=True))
-        mean = self.weights[live] @ means
+        within = sum(self.weights[k] * self.covs[k][own] for k in np.flatnonzero(self.weights))
+        mean = self.weights @ means
         apart = means - mean
-        return mean, matrix @ within @ matrix.T + (apart.T * self.weights[live]) @ apart
+        return mean, matrix @ within @ matrix.T + (apart.T * self.weights) @ apart
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
@@ -337,4 +338,6 @@ class HypothesisFilter:
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
         names, blocks = named(observations)
         fresh = self.process.fresh(self._dt) * (own @ own.T)
-        level.update(found.y[best], found.S[best], fresh, self._groups(names, blocks))
+        if self._named != (names, blocks):
+            self._named, self._withheld = (names, blocks), self._groups(names, blocks)
+        level.update(found.y[best], found.S[best], fresh, self._withheld)

@@ -53,8 +53,11 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
         weighted, start = W @ innovation, 0
         for group in range(len(ends)):
             g = rows[start : ends[group]][::-1]
-            root = np.linalg.cholesky(W[g][:, g])
-            white = weighted[g]
+            block = np.empty((len(g), len(g)))
+            for row in range(len(g)):
+                for column in range(len(g)):
+                    block[row, column] = W[g[row], g[column]]
+            root, white = np.linalg.cholesky(block), weighted[g]
             for row in range(len(g)):
                 white[row] = (white[row] - root[row, :row] @ white[:row]) / root[row, row]
                 if row >= len(g) - own[group]:

@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 from estimators.core.discrepancy import Discrepancy, LevelPosterior, WithheldGroups
 from estimators.core.disturbances import Disturbances
 from estimators.core.filter import HypothesisFilter
-from estimators.core.innovations import Outliers
+from estimators.core.innovations import Outliers, inverse_roots
 from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
@@ -225,7 +225,8 @@ class TissuePosterior:
     def shift(self, y: Floats, S: Floats) -> CommonShift:
         """What one shift of all marks explains of their innovation."""
         dim = self.network.dim
-        return CommonShift(len(y) // dim, *nis_left(y, np.linalg.inv(S), dim))
+        root = inverse_roots(S[None])[0]
+        return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
         """By node of the last marks that are no outliers, by how much the target's variance would be larger without it.

@@ -231,13 +231,13 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
+    for row in range(n * width):
+        for column in range(n * width):
+            information[row % width, column % width] += S_inv[row, column]
     for i in range(n):
         own = np.ascontiguousarray(w[i * width : (i + 1) * width])
-        for j in range(n):
-            block = np.ascontiguousarray(S_inv[i * width : (i + 1) * width, j * width : (j + 1) * width])
-            information += block
-            if i == j:
-                most = max(most, np.dot(own, np.linalg.solve(block, own)))
+        block = np.ascontiguousarray(S_inv[i * width : (i + 1) * width, i * width : (i + 1) * width])
+        most = max(most, np.dot(own, np.linalg.solve(block, own)))
         together += own
     nis = np.dot(y, w)
     return nis - np.dot(together, np.linalg.solve(information, together)), nis - most
