@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
@@ -29,6 +30,9 @@ NEAR_SD_MM = 0.5
 
 UPWARD = (0.3, 1.0, 0.0)
 """Default direction of breathing; in the plane without the last entry."""
+
+OPPOSITE = np.cos(np.radians(179.0))
+"""Cosine of the angle between two directions from which on they are opposite."""
 
 Nodes = Annotated[list[str], Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, lt=1)]
@@ -99,6 +103,31 @@ class Breathing(_Forces):
         return self
 
 
+class Posture(Strict):
+    """The body turns: gravity changes from one direction to another, at a rate that rises and falls.
+
+    from_m_s2: by default that of the scene, under which the body rests as drawn
+    """
+
+    from_m_s2: Coordinates | None = None
+    to_m_s2: Coordinates
+    start_s: NotNegative = 1.0
+    lasts_s: Positive = 2.0
+
+
+class Press(Strict):
+    """A probe or a plate presses on nodes, stays and withdraws.
+
+    force_n: on all nodes together, shared equally; rises_s: until it is complete, and until it is gone
+    """
+
+    nodes: Nodes
+    force_n: Coordinates
+    start_s: NotNegative = 1.0
+    lasts_s: Positive = 4.0
+    rises_s: Positive = 0.5
+
+
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
@@ -167,6 +196,8 @@ class Scenario(Strict):
     release: Release | None = None
     pokes: Pokes | None = None
     breathing: Breathing | None = None
+    posture: Posture | None = None
+    press: list[Press] = Field(default=[])
     constants: Constants | None = None  # type: ignore[valid-type]
     marks: Marks = Marks()
     camera: Camera | None = None
@@ -275,7 +306,29 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
         check_axes(f"{place}: release.force_n", scenario.release.force_n, network.dim)
     if scenario.breathing is not None and scenario.breathing.direction is not None:
         check_axes(f"{place}: breathing.direction", scenario.breathing.direction, network.dim)
+    for k, press in enumerate(scenario.press):
+        for i, node in enumerate(press.nodes):
+            _check_free(network, node, f"{place}: press[{k}].nodes[{i}]")
+        check_axes(f"{place}: press[{k}].force_n", press.force_n, network.dim)
+    if scenario.posture is not None:
+        change["posture"] = _of_scene(scenario.posture, network, f"{place}: posture")
     return scenario.model_copy(update=change)
+
+
+def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
+    """The posture with the gravity of the network where it has none; raises InputError where there is no turn."""
+    start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
+    for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
+        check_axes(f"{place}.{key}", gravity, network.dim)
+        if not any(gravity):
+            raise InputError.at(f"{place}.{key}", "gravity [m/s²]", "none")
+    if np.dot(start, posture.to_m_s2) < OPPOSITE * np.linalg.norm(start) * np.linalg.norm(posture.to_m_s2):
+        raise InputError.at(
+            f"{place}.to_m_s2", "less than half a turn, whose axis is defined", "the opposite direction"
+        )
+    if network.continuum is not None and not network.fixed.any():
+        raise InputError.at(place, "a mesh that is held", "one that nothing holds")
+    return posture.model_copy(update={"from_m_s2": start})
 
 
 def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:

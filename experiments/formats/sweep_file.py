@@ -20,7 +20,7 @@ from experiments.formats.toml_file import Name, Positive, Strict, read_toml, val
 MOST_RUNS = 1_000_000
 """Most runs of a sweep: more are a typing error."""
 
-MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "constants")
+MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
 """Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have their own keys."""
 
 

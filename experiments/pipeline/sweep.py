@@ -34,8 +34,9 @@ from experiments.formats.sweep_file import MOTION, Setup, Sweep
 from experiments.formats.toml_file import VERSION, validated
 from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
+from experiments.simulation.forces import start_and_forces
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.simulation.simulate import exposures, scene_of, start_and_forces, true_motion, true_network
+from experiments.simulation.simulate import exposures, scene_of, true_motion, true_network
 
 SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"

@@ -13,8 +13,9 @@ import vision
 from dynamics import integrate_adaptive, pack, unpack
 from experiments.formats.scenario import Scenario
 from experiments.formats.scene.scene import with_step
+from experiments.simulation.forces import poke_force, tremor_force
 from experiments.simulation.plane_film import draw, hues_of
-from experiments.simulation.simulate import poke_force, scene_of, tremor_force
+from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0

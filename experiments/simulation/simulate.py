@@ -6,7 +6,6 @@ Truth comes from SciPy's adaptive integrators, not from the steps that the filte
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,10 @@ import vision
 from dynamics import (
     KINDS,
     MassSpringNetwork,
-    NetworkError,
     four_mass_phantom,
     integrate_adaptive,
     pack,
     parameters,
-    rest_shape,
     scale_parameters,
     stable_step,
     supported,
@@ -32,12 +29,13 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, read_text
 from experiments.formats.outputs import output_folder, write_whole
 from experiments.formats.recording import write_frames_csv, write_marks_csv, write_truth_csv
-from experiments.formats.scenario import UPWARD, Breathing, Pokes, Scenario, Tremor
+from experiments.formats.scenario import Scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene, with_step, write_scene
 from experiments.formats.scene.schema import SceneFile
 from experiments.formats.scene.steps import step_lines
 from experiments.formats.toml_file import read_toml
+from experiments.simulation.forces import start_and_forces
 from experiments.simulation.plane_film import write_film
 from experiments.simulation.seen_marks import Truth, seen_marks
 from experiments.simulation.space_film import all_times, times_of, write_space_films
@@ -54,18 +52,6 @@ TRUTH = 0.2
 
 STIFF_S = 1e-4
 """Least explicit step [s]; if it would be shorter, implicit steps are used; numerical: they are then cheaper."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Force:
-    """A force on the free nodes over time: at(t [s]) [N], (n_free, dim); bends_s: where its slope jumps [s], (n,)."""
-
-    at: Callable[[float], Floats]
-    bends_s: Floats
-
-    def __call__(self, t: float) -> Floats:
-        """At this time [s]."""
-        return self.at(t)
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -102,84 +88,6 @@ def exposures(scenario: Scenario) -> Floats:
     return np.arange(0.0, scenario.duration_s, scenario.frame_interval_s)
 
 
-def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """White acceleration of the given density, linear between knots, on every free node [N], (n_free, dim)."""
-    n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
-    sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
-    knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
-    knots *= network.masses[network.free][:, None]
-
-    def force(t: float) -> Floats:
-        place, share = divmod(t / tremor.interval_s, 1.0)
-        k = int(place)
-        return (1.0 - share) * knots[k] + share * knots[min(k + 1, n_knots - 1)]
-
-    return Force(force, np.arange(0.0, n_knots) * tremor.interval_s)
-
-
-def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Half-sine pushes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
-    rows = _rows(network, pokes.nodes)
-    starts, ends, peaks = [], [], []
-    t = rng.exponential(pokes.pause_s)
-    while t < duration_s:
-        lasting = rng.uniform(pokes.shortest_s, pokes.longest_s)
-        pushed = rows if pokes.together else [int(rng.choice(rows))]
-        direction = rng.normal(size=network.dim)
-        direction /= np.linalg.norm(direction)
-        strength = rng.uniform(pokes.weakest, 1.0) * pokes.acceleration_m_s2
-        peak = np.zeros((len(network.free), network.dim))
-        peak[pushed] = strength * network.masses[network.free[pushed]][:, None] * direction
-        starts.append(t)
-        ends.append(t + lasting)
-        peaks.append(peak)
-        t += lasting + rng.exponential(pokes.pause_s)
-    begun, nothing = np.array(starts), np.zeros((len(network.free), network.dim))
-
-    def force(t: float) -> Floats:
-        k = int(np.searchsorted(begun, t, side="right")) - 1
-        if k >= 0 and t < ends[k]:
-            return peaks[k] * np.sin(np.pi * (t - starts[k]) / (ends[k] - starts[k]))
-        return nothing
-
-    return Force(force, np.array([*starts, *ends]))
-
-
-def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim).
-
-    Without nodes, those forces on the points of a continuum that displace them as if all of it were accelerated.
-    """
-    direction, solid = np.array(breathing.direction or UPWARD[: network.dim]), network.continuum
-    peak = np.zeros((len(network.free), network.dim))
-    if breathing.nodes is None and solid is not None:
-        peak += (solid.stiffness @ (solid.accelerated @ direction)).reshape(peak.shape)
-    else:
-        rows = _rows(network, breathing.nodes)
-        peak[rows] = network.masses[network.free[rows]][:, None] * direction
-    peak *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
-    rate = 2.0 * np.pi / rng.uniform(breathing.shortest_s, breathing.longest_s)
-    phase, second = rng.uniform(0.0, 2.0 * np.pi, 2)
-
-    def force(t: float) -> Floats:
-        return (np.cos(rate * t + phase) + 0.5 * np.cos(2.0 * rate * t + second)) * peak
-
-    return Force(force, np.empty(0))
-
-
-def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Rows of these nodes, which `completed` has set."""
-    assert nodes is not None
-    return [_row(network, node) for node in nodes]
-
-
-def _row(network: MassSpringNetwork, node: str) -> int:
-    try:
-        return network.coordinates(node).start // network.dim
-    except NetworkError as fault:
-        raise InputError(f"scenario: {fault}") from None
-
-
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
     """The network with the true constants of this seed, which differ from the scene's as the scenario states."""
     if scenario.constants is None:
@@ -188,29 +96,6 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
     which = parameters(network, tuple(kind for kind in KINDS if spread[kind] > 0.0))
     sds = np.array([spread[parameter.kind] for parameter in which])
     return scale_parameters(network, which, sds * np.random.default_rng([seed, 3]).normal(size=len(which)))
-
-
-def start_and_forces(
-    network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator
-) -> tuple[Floats, list[Force]]:
-    """Initial positions of the free nodes [m], (n_free, dim), and the forces on them. Raises InputError."""
-    rest = network.positions[network.free]
-    held = np.zeros_like(rest)
-    if scenario.release is not None:
-        held[_row(network, scenario.release.node)] = scenario.release.force_n
-    try:
-        start = rest_shape(network, held)[network.free]
-    except NetworkError as fault:
-        place = "scenario: release" if scenario.release is not None else scenario.scene or "scenario"
-        raise InputError(f"{place}: {fault}") from None
-    forces: list[Force] = []
-    if scenario.tremor is not None:
-        forces.append(tremor_force(network, scenario.tremor, scenario.duration_s, rng))
-    if scenario.pokes is not None:
-        forces.append(poke_force(network, scenario.pokes, scenario.duration_s, rng))
-    if scenario.breathing is not None:
-        forces.append(breathing_force(network, scenario.breathing, rng))
-    return start, forces
 
 
 def true_motion(

@@ -25,8 +25,9 @@ from estimators.process.target import TargetMap, target_map
 from experiments.arrays import Floats
 from experiments.formats.needle_file import force_reach_m
 from experiments.simulation.cases import Case, at_rest
+from experiments.simulation.forces import start_and_forces
 from experiments.simulation.seen_marks import misplaced
-from experiments.simulation.simulate import start_and_forces, true_network
+from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
 """External forces are linear over this time [s]: four knots for each of the tremor's."""

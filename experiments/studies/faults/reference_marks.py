@@ -36,8 +36,9 @@ from experiments.formats.scene.reference import Reference, ReferenceMark, refere
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.projects.template import scene_with_marks
+from experiments.simulation.forces import start_and_forces
 from experiments.simulation.seen_marks import Truth
-from experiments.simulation.simulate import exposures, scene_of, start_and_forces
+from experiments.simulation.simulate import exposures, scene_of
 from experiments.studies.grid import grid, print_figures, runs_of, study_options
 
 MARK_SD_M, SECONDS, MOVED_S = 1e-3, 10.0, 3.0

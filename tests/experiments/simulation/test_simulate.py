@@ -13,8 +13,9 @@ import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack, plain_derivative, unpack
 from experiments.errors import InputError
 from experiments.formats.scenario import Pokes, Release, Scenario, Tremor, read_scenario
+from experiments.simulation.forces import poke_force, tremor_force
 from experiments.simulation.plane_film import film
-from experiments.simulation.simulate import exposures, poke_force, scene_of, simulate, tremor_force, true_motion
+from experiments.simulation.simulate import exposures, scene_of, simulate, true_motion
 
 NETWORK = four_mass_phantom()
 FREE = NETWORK.free

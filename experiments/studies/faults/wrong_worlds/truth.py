@@ -12,7 +12,7 @@ from dynamics import MassSpringNetwork
 from experiments.errors import InputError
 from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
 from experiments.formats.scene.scene import Scene
-from experiments.simulation.simulate import breathing_force, poke_force
+from experiments.simulation.forces import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved
 
 Becomes = Callable[[MassSpringNetwork], MassSpringNetwork]
