@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
 from estimators.core.disturbances import Disturbances
 from estimators.core.moments import mixed
-from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update, moments_each, symmetric_points_each
 from estimators.filters.unscented import positive_points
 from estimators.process.process_model import QUIET, ForceMode
@@ -76,7 +76,7 @@ class ParticleFilter(Baseline):
     def _branch(self, dt: float) -> None:
         """Reduce the particles to the number kept, then branch each into one successor for each mode, dt [s] later."""
         self._thin()
-        odds = small_expm(self._rates * dt)[self.modes]
+        odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
         self.means, self.covs = (np.concatenate(each) for each in zip(*moved, strict=True))
         self.weights = (self.weights[:, None] * odds).T.ravel()

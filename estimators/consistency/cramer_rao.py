@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork, all_positions, motion, unpack
 from estimators.arrays import Floats
-from estimators.filters.exponential import small_expm
 from estimators.filters.kernels import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
@@ -80,7 +80,7 @@ def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) ->
         step = np.zeros(n)
         step[i] = SHIFT
         A[:n, i] = (rate(state + step, 0.0) - rate(state - step, 0.0)) / (2.0 * SHIFT)
-    half = small_expm(A * (dt / 2.0))
+    half = expm(A * (dt / 2.0))
     F = half @ half
     Q = dt / 6.0 * (density + 4.0 * half @ density @ half.T + F @ density @ F.T)
     return F, 0.5 * (Q + Q.T)

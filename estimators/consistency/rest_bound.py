@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import expm
 
 from dynamics import SLIP_VELOCITY, MassSpringNetwork, rest_shape, supported
 from estimators.arrays import Floats
-from estimators.filters.exponential import small_expm
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
@@ -45,7 +45,7 @@ def resting_bound(
     body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
     A, density = model.linearised(rest, mode)
-    F, P = small_expm(A * interval_s), accumulated_noise(A, density, interval_s)
+    F, P = expm(A * interval_s), accumulated_noise(A, density, interval_s)
     G = np.zeros_like(P)  # information of a frame, H' R^-1 H
     for node, cov in marks.items():
         own = body.coordinates(node)

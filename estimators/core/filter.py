@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from estimators.core.innovations import (
     together,
 )
 from estimators.core.kernels import has_outlier, without_outliers
-from estimators.core.moments import FilterState, Move, Prior, add_noise, mixed, mixed_each, moved, of_each
+from estimators.core.moments import Move, Prior, add_noise, mixed, mixed_each, moved, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
@@ -47,6 +48,9 @@ LEAST_STEP = 0.125
 
 CURVED = 0.1
 """Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
+
+STATE = ["means", "weights", "_before", "_transition", "_reference", "_dt", "log_likelihood", "outlying", "found"]
+"""What `HypothesisFilter` replaces whole; covariances and levels are changed in place."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 
@@ -113,31 +117,18 @@ class HypothesisFilter:
         self.outlying = np.zeros(0, dtype=bool)
         self.found: Innovations | None = None
 
-    def state(self) -> FilterState:
+    def state(self) -> dict[str, Any]:
         """The whole state now, for `resume`."""
-        before = self._before
-        return FilterState(
-            self.means,
-            self.covs.copy(),
-            self.weights,
-            None if self.level is None else self.level.log_weights.copy(),
-            before,
-            self._transition,
-            self._reference,
-            self._dt,
-            self.log_likelihood,
-            self.outlying,
-            self.found,
-        )
+        levels = None if self.level is None else self.level.log_weights.copy()
+        return {**{key: getattr(self, key) for key in STATE}, "covs": self.covs.copy(), "levels": levels}
 
-    def resume(self, state: FilterState) -> None:
+    def resume(self, state: Mapping[str, Any]) -> None:
         """Set the state back."""
-        self.means, self.covs, self.weights = state.means, state.covs.copy(), state.weights
-        if self.level is not None and state.log_levels is not None:
-            self.level.log_weights = state.log_levels.copy()
-        self._before, self._transition, self._reference = state.before, state.transition, state.reference
-        self._dt, self.log_likelihood, self._latest = state.dt, state.log_likelihood, None
-        self.outlying, self.found = state.outlying, state.found
+        for key in STATE:
+            setattr(self, key, state[key])
+        self.covs, self._latest = state["covs"].copy(), None
+        if self.level is not None:
+            self.level.log_weights = state["levels"].copy()
 
     @property
     def variances(self) -> Floats:

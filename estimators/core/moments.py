@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from estimators.arrays import Floats
-from estimators.core.innovations import Innovations
 from estimators.core.protocols import Transition
 
 
@@ -102,20 +100,3 @@ class Move:
     matrix: Floats
     mean: Floats
     cov: Floats
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FilterState:
-    """The whole state of a `HypothesisFilter` at one time; arrays are its own."""
-
-    means: Floats
-    covs: Floats
-    weights: Floats
-    log_levels: Floats | None
-    before: Prior | None
-    transition: Transition | None
-    reference: Floats
-    dt: float
-    log_likelihood: float
-    outlying: NDArray[np.bool_]
-    found: Innovations | None

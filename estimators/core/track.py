@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
 from estimators.core.marks import Places
-from estimators.core.moments import FilterState
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce
@@ -44,7 +44,7 @@ class FilterSnapshot:
     """The whole state of a `TissueFilter` at one time."""
 
     time_s: float | None
-    filter: FilterState | None
+    filter: Mapping[str, Any] | None
     health: Health
     refuted_s: float
     far_fix: Outlying | None

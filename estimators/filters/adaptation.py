@@ -33,17 +33,10 @@ class VarianceScale:
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)
-        return self.learn_whitened(np.linalg.solve(root, innovation), share, dt)
-
-    def learn_whitened(self, innovation: Floats, share: Floats, dt: float, moved: Floats | None = None) -> float:
-        """The same for a whitened innovation (m,) and the part's share (m, m) of its unit covariance.
-
-        moved: derivative of the whitened innovation itself by log scale, (m,), where it has one
-        """
-        shift = np.zeros_like(innovation) if moved is None else moved
-        score = 0.5 * float(innovation @ share @ innovation - np.trace(share)) - float(innovation @ shift)
+        white = np.linalg.solve(root, innovation)
+        score = 0.5 * float(white @ share @ white - np.trace(share))
         kept = float(np.exp(-dt / self.forget_s))
-        gained = 0.5 * float(np.sum(share * share.T)) + float(shift @ shift)
+        gained = 0.5 * float(np.sum(share * share.T))
         self.information = kept * self.information + (1.0 - kept) * self._start + gained
         # a step of at most one in the logarithm: far from the maximum the score gives the direction, not the distance
         step = float(np.clip(score / self.information, -1.0, 1.0))

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, expm
 
 from dynamics import MassSpringNetwork, rest_shape, state_matrix
 from estimators.arrays import Floats
-from estimators.filters.exponential import small_expm
 from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
@@ -105,7 +104,7 @@ class OpenLoopCovariance:
             block = np.zeros((n + 2 * m, n + 2 * m))
             block[:n, :n], block[:n, n : n + m], block[:n, n + m :] = self._own, self._by_place, self._by_velocity
             block[n : n + m, n + m :] = np.eye(m)
-            moved = small_expm(block * dt)
+            moved = expm(block * dt)
             end = moved[:n, n + m :] / dt
             noise = accumulated_noise(self._own, self._density, dt)
             self._steps = dt, (moved[:n, :n], moved[:n, n : n + m] - end, end, noise)

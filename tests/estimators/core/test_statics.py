@@ -102,7 +102,7 @@ def schmidt(mean, P, H, R, y, considered):
 
 
 def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
-    """Of each mode that is not left out: mean and covariance by the textbook, definite, considered states as before."""
+    """Of each mode that is not left out: mean and covariance by the textbook, definite, considered states as before[""]"""
     shared = np.array([[2e-3, 0.0], [0.0, 1e-3]])
     tissue = TissueFilter(
         phantom, HIDDEN, OUTER, uncertainty=deviation_of(phantom, "stiffness", 0.2), n_calibration=2, discrepancy=EXACT
@@ -119,8 +119,8 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
             modes = np.flatnonzero(tissue.filter.weights)
             assert len(modes) > 1
             for mode in modes:
-                predicted, H = places.linearize(before.means[mode])
-                mean, cov = schmidt(before.means[mode], before.covs[mode], H, places.cov, places.value - predicted, own)
+                predicted, H = places.linearize(before["means"][mode])
+                mean, cov = schmidt(before["means"][mode], before["covs"][mode], H, places.cov, places.value - predicted, own)
                 np.testing.assert_allclose(tissue.filter.means[mode], mean, atol=1e-9)
                 np.testing.assert_allclose(tissue.filter.covs[mode], cov, atol=1e-9 * np.abs(cov).max())
     assert len(own) == 3
