@@ -102,7 +102,7 @@ def schmidt(mean, P, H, R, y, considered):
 
 
 def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
-    """Of each mode that is not left out: mean and covariance by the textbook, definite, considered states as before[""]"""
+    """Of each mode that is not left out: mean and covariance by the textbook, definite, considered states as before."""
     shared = np.array([[2e-3, 0.0], [0.0, 1e-3]])
     tissue = TissueFilter(
         phantom, HIDDEN, OUTER, uncertainty=deviation_of(phantom, "stiffness", 0.2), n_calibration=2, discrepancy=EXACT
@@ -118,9 +118,10 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
             places = Places(marks, tissue._maps, tissue.process.parts["calibration"])
             modes = np.flatnonzero(tissue.filter.weights)
             assert len(modes) > 1
+            means, covs = before["means"], before["covs"]
             for mode in modes:
-                predicted, H = places.linearize(before["means"][mode])
-                mean, cov = schmidt(before["means"][mode], before["covs"][mode], H, places.cov, places.value - predicted, own)
+                predicted, H = places.linearize(means[mode])
+                mean, cov = schmidt(means[mode], covs[mode], H, places.cov, places.value - predicted, own)
                 np.testing.assert_allclose(tissue.filter.means[mode], mean, atol=1e-9)
                 np.testing.assert_allclose(tissue.filter.covs[mode], cov, atol=1e-9 * np.abs(cov).max())
     assert len(own) == 3
