@@ -35,10 +35,11 @@ from dynamics.mesh import (
 )
 from dynamics.network import Continuum, MassSpringNetwork
 from dynamics.network.continuum import FREE
+from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
-tetrahedra bend well enough, and the factor is three times smaller."""
+tetrahedra bend well enough, and the factors are smaller."""
 
 SMOOTH = 0.2
 """Length over which surface forces are smooth, by the extent [1]; choice."""
@@ -164,7 +165,8 @@ def continuum_network(
         raise MeshError("fixed: expected free nodes beside those that are held, found none")
     outside = surface(mesh)
     named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
-    solid = _continuum(mesh, tissues, free, outside, named, left_out)
+    with one_blas_thread():
+        solid = _continuum(mesh, tissues, free, outside, named, left_out)
     wall = np.asarray(fixed)[far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
     k, n = len(points), len(points) + len(wall)
     return MassSpringNetwork(
