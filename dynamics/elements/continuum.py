@@ -19,26 +19,27 @@ from scipy.spatial.distance import cdist
 from dynamics.arrays import Floats
 from dynamics.mesh import (
     INSIDE,
+    MeshCholesky,
     MeshError,
+    Strains,
     Surface,
     TetMesh,
     Tissue,
-    factored,
     far_apart,
-    lame,
     locate_on_surface,
     lumped_masses,
     nearest_elements,
     patches,
-    rest_stiffness,
+    strains,
     surface,
 )
 from dynamics.network import Continuum, MassSpringNetwork
 from dynamics.network.continuum import FREE
+from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
-tetrahedra bend well enough, and the factor is three times smaller."""
+tetrahedra bend well enough, and the factors are smaller."""
 
 SMOOTH = 0.2
 """Length over which surface forces are smooth, by the extent [1]; choice."""
@@ -70,6 +71,9 @@ PATCH = 0.05
 
 HARDLY = 1e-3
 """Weight of a node below which a point does not depend on it: places are rounded [1]; numerical."""
+
+CHUNK = 2**16
+"""Strains that are computed at once; numerical: memory."""
 
 WALL = 12
 """Nodes of the network that show where the body is held, at most."""
@@ -161,7 +165,8 @@ def continuum_network(
         raise MeshError("fixed: expected free nodes beside those that are held, found none")
     outside = surface(mesh)
     named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
-    solid = _continuum(mesh, tissues, free, outside, named, left_out)
+    with one_blas_thread():
+        solid = _continuum(mesh, tissues, free, outside, named, left_out)
     wall = np.asarray(fixed)[far_apart(mesh.nodes[fixed], WALL)] if len(fixed) else np.empty(0, dtype=np.int64)
     k, n = len(points), len(points) + len(wall)
     return MassSpringNetwork(
@@ -194,8 +199,10 @@ def _continuum(
     )
     patch = dilatation_patches(mesh, poisson)
     masses, extent_m = lumped_masses(mesh, density)[free], _extent(mesh.nodes)
-    K = rest_stiffness(mesh, young, poisson, free, patch)
-    factor = factored(K + FREE**2 * diags_array(np.repeat(masses, 3)))
+    strained = strains(mesh, young, poisson, free, patch)
+    K = strained.stiffness
+    cells = csr_array((np.ones(4 * len(patch)), (np.repeat(patch, 4), mesh.elements.ravel())))[:, free]
+    factor = MeshCholesky(K + FREE**2 * diags_array(np.repeat(masses, 3)), mesh.nodes[free], cells)
     place = np.full(len(mesh.nodes), -1)
     place[free] = np.arange(len(free))
     areas = np.zeros(len(free))
@@ -206,13 +213,13 @@ def _continuum(
     fields[:, 0] = masses  # all of it, as gravity's turn
     fields[pushed, 1:] = _smooth(nodes[pushed], SMOOTH * extent_m, FUNCTIONS)
     fields[:, 1:] *= (areas * masses.sum() / areas.sum())[:, None]
-    forces = np.kron(fields, np.eye(3))
+    forces = np.asarray(np.kron(fields, np.eye(3)), dtype=float)
     moved = factor.solve(forces)
     weights = csr_array(named.weights[:, free])
     rows = _by_axis(weights)
     V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved), left_out)
     total = float(masses.sum())
-    by_tissue = _by_tissue(mesh, free, patch, young, poisson, V, len(tissues)) / total
+    by_tissue = _by_tissue(strained, mesh.regions, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
     spread = _by_axis(csr_array(patch_weights(mesh, outside, named)[:, free]))
     compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
@@ -288,37 +295,12 @@ def _modes(
     return own @ turn, np.maximum(rates, 0.0) / masses.sum()
 
 
-def _by_tissue(
-    mesh: TetMesh,
-    free: NDArray[np.int64],
-    patch: NDArray[np.int64],
-    young: Floats,
-    poisson: Floats,
-    modes: Floats,
-    n_tissues: int,
-) -> Floats:
+def _by_tissue(strained: Strains, regions: NDArray[np.int64], modes: Floats, n_tissues: int) -> Floats:
     """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r), by the strain of every element."""
-    r = modes.shape[1]
-    everywhere = np.zeros((len(mesh.nodes), 3, r))
-    everywhere[free] = modes.reshape(len(free), 3, r)
-    lam, mu = lame(young, poisson)
-    found = np.zeros((n_tissues, r, r))
-    for t in range(n_tissues):
-        own = np.flatnonzero(mesh.regions == t)
-        if not len(own):
-            continue
-        of = np.unique(patch[own], return_inverse=True)[1]
-        volumes, whole = mesh.volumes[own], np.bincount(of, mesh.volumes[own])
-        dilatation = np.zeros((len(whole), r))
-        for some in np.array_split(np.arange(len(own)), max(1, len(own) // 8192)):
-            each = own[some]
-            grad = np.einsum("eai,eajr->eijr", mesh.gradients[each], everywhere[mesh.elements[each]], optimize=True)
-            strain = 0.5 * (grad + grad.swapaxes(1, 2))
-            weighed = np.sqrt(2.0 * mu[each] * volumes[some])[:, None, None, None] * strain
-            flat = weighed.reshape(-1, r)
-            found[t] += flat.T @ flat
-            share = (volumes[some] / whole[of[some]])[:, None] * np.einsum("eiir->er", grad)
-            np.add.at(dilatation, of[some], share)
-        bulk = np.sqrt(np.bincount(of, lam[own] * volumes))[:, None] * dilatation
-        found[t] += bulk.T @ bulk
+    found = np.zeros((n_tissues, modes.shape[1], modes.shape[1]))
+    for some in np.array_split(np.arange(len(strained.weights)), 1 + len(strained.weights) // CHUNK):
+        strain, tissue = strained.matrix[some] @ modes, regions[strained.elements[some]]
+        for t in range(n_tissues):
+            own = tissue == t
+            found[t] += strain[own].T @ (strained.weights[some][own, None] * strain[own])
     return found

@@ -28,12 +28,13 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
     """As `locate`, but of a point outside the element that is left by the least weight, which is then negative."""
-    centres = mesh.nodes[mesh.elements].mean(axis=1)
+    gradients = np.ascontiguousarray(mesh.gradients.transpose(1, 2, 0))
+    centres = np.ascontiguousarray(mesh.nodes[mesh.elements].mean(axis=1).T)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
     for k, point in enumerate(points):
-        each = 0.25 + np.einsum("ead,ed->ea", mesh.gradients, point - centres)
-        elements[k] = each.min(axis=1).argmax()
-        weights[k] = each[elements[k]]
+        each = 0.25 + np.einsum("ade,de->ae", gradients, point[:, None] - centres)
+        elements[k] = each.min(axis=0).argmax()
+        weights[k] = each[:, elements[k]]
     return elements, weights
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import bsr_array, csc_array, csr_array
+from scipy.sparse import csc_array, csr_array, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from dynamics.arrays import Floats
@@ -46,6 +48,63 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
     return patch
 
 
+class Strains(NamedTuple):
+    """Strains of small displacements, whose squares by weight sum up to twice the stored energy [J].
+
+    Attributes
+    ----------
+    matrix : (k, 3 n_free) csr_array
+        By displacements, node-major [1/m]: three normal strains of each element, three shears of each, and the mean
+        dilatation of each patch.
+    weights : (k,)
+        Moduli times volumes [N m].
+    elements : (k,) int
+        The element, or one of the patch.
+    """
+
+    matrix: csr_array
+    weights: Floats
+    elements: NDArray[np.int64]
+
+    @property
+    def stiffness(self) -> csc_array:
+        """At rest [N/m], (3 n_free, 3 n_free)."""
+        return csc_array(self.matrix.T @ (self.matrix * self.weights[:, None]))
+
+
+def strains(
+    mesh: TetMesh,
+    young: Floats | float,
+    poisson: Floats | float,
+    free: NDArray[np.int64] | None = None,
+    patch: NDArray[np.int64] | None = None,
+) -> Strains:
+    """Strains of a mesh, see `rest_stiffness`."""
+    m, n = len(mesh.elements), len(mesh.nodes)
+    lam, mu = (c * mesh.volumes for c in lame(young, poisson))
+    G = mesh.gradients.swapaxes(1, 2)
+    columns = 3 * mesh.elements[:, None, :] + np.arange(3)[:, None]
+    normal = _rows(G, columns, n)
+    b, c = [1, 2, 0], [2, 0, 1]  # shears between these axes
+    shear = _rows(np.concatenate([G[:, b], G[:, c]], 2), np.concatenate([columns[:, c], columns[:, b]], 2), n)
+    of = np.arange(m) if patch is None else patch
+    some = np.zeros(of.max() + 1, dtype=np.int64)
+    some[of] = np.arange(m)
+    share = (mesh.volumes / np.bincount(of, mesh.volumes)[of])[:, None, None] * G
+    dilatation = csr_array((share.ravel(), (np.repeat(of, 12), columns.ravel())), shape=(len(some), 3 * n))
+    whole = csr_array(vstack([normal, shear, dilatation]))
+    kept = slice(None) if free is None else (3 * np.asarray(free)[:, None] + np.arange(3)).ravel()
+    each = np.repeat(np.arange(m), 3)
+    weights = np.concatenate([2.0 * mu[each], mu[each], np.bincount(of, lam)])
+    return Strains(csr_array(whole[:, kept]), weights, np.concatenate([each, each, some]))
+
+
+def _rows(entries: Floats, columns: NDArray[np.int64], n_nodes: int) -> csr_array:
+    """Rows (3 m, 3 n_nodes), three an element, of so many entries each, (m, 3, any)."""
+    m, _, many = entries.shape
+    return csr_array((entries.ravel(), columns.ravel(), many * np.arange(3 * m + 1)), shape=(3 * m, 3 * n_nodes))
+
+
 def rest_stiffness(
     mesh: TetMesh,
     young: Floats | float,
@@ -66,24 +125,7 @@ def rest_stiffness(
     patch : (m,) int, optional
         Of each element, over which the dilatation is averaged; each its own where it is not given.
     """
-    elements, m, n = mesh.elements, len(mesh.elements), len(mesh.nodes)
-    lam, mu = (c * mesh.volumes for c in lame(young, poisson))
-    # Shear, by pairs of corners: mu (G_bi G_aj + G_a . G_b delta_ij), each pair of nodes added up
-    G = mesh.gradients
-    blocks = np.einsum("e,ebi,eaj->eabij", mu, G, G)
-    blocks += np.einsum("e,eai,ebi->eab", mu, G, G)[..., None, None] * np.eye(3)
-    pairs, which = np.unique((n * elements[:, :, None] + elements[:, None, :]).ravel(), return_inverse=True)
-    summed = np.stack([np.bincount(which, entry) for entry in blocks.reshape(-1, 9).T], axis=1).reshape(-1, 3, 3)
-    starts = np.searchsorted(pairs, n * np.arange(n + 1))
-    shear = bsr_array((summed, pairs % n, starts), shape=(3 * n, 3 * n))
-    # Bulk: lambda by the mean dilatation of each patch
-    of = np.arange(m) if patch is None else patch
-    share = (mesh.volumes / np.bincount(of, mesh.volumes)[of])[:, None, None] * G
-    columns = 3 * elements[:, :, None] + np.arange(3)
-    dilatation = csr_array((share.ravel(), (np.repeat(of, 12), columns.ravel())), shape=(of.max() + 1, 3 * n))
-    K = (shear + dilatation.T @ (dilatation * np.bincount(of, lam)[:, None])).tocsc()
-    rows = slice(None) if free is None else (3 * np.asarray(free)[:, None] + np.arange(3)).ravel()
-    return csc_array(K[:, rows][rows])
+    return strains(mesh, young, poisson, free, patch).stiffness
 
 
 def factored(K: csc_array) -> SuperLU:

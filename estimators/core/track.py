@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
 from estimators.core.marks import Places
 from estimators.core.posterior import TissuePosterior
 from estimators.filters.unscented import CovarianceError
 from estimators.process.known_force import ForceHistory, KnownForce
-from estimators.threads import one_blas_thread
 from estimators.tissue.estimate import (
     CommonShift,
     GaussianMixture,

@@ -12,13 +12,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dynamics import SAME_STEP, rest_shape
+from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.core.ahead import AheadTables
 from estimators.core.track import TissueFilter
 from estimators.guidance.breathing import Breathing
 from estimators.guidance.needle import Insertion, Needle
 from estimators.guidance.settings import AdviceSettings
-from estimators.threads import one_blas_thread
 
 CYCLE_S = 1.0 / 30.0
 """Step between two times of the tables [s]; choice."""

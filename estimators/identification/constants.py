@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics import KINDS, MassSpringNetwork, Parameter, ParameterUncertainty
+from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.identification.budget import Budget, IdentificationError, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.determined import keeping_undetermined, left_open
@@ -25,7 +26,6 @@ from estimators.identification.problem import PASSES_A_SEARCH, SCREENED, Problem
 from estimators.identification.residuals import ResidualTest, residual_covariance, within_prior
 from estimators.identification.search import Optimum, begun, climbed, from_starts, most_probable, starts
 from estimators.identification.stretch import from_first_marks, liveliest
-from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}

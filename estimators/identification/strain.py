@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
+from dynamics.threads import one_blas_thread
 from estimators.arrays import Floats
 from estimators.core.track import TissueFilter
 from estimators.identification.budget import Budget, OutOfTimeError, Progress, Workers, too_short
 from estimators.identification.filter_pass import Frames
 from estimators.identification.stretch import affordable, frame_seconds, from_first_marks
-from estimators.threads import one_blas_thread
 from estimators.tissue.settings import FilterSettings
 
 STRAINS = (0.002, 0.003, 0.01, 0.03)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
-from estimators.threads import one_blas_thread
+from dynamics.threads import one_blas_thread
 
 
 class Restorable(Protocol):

@@ -1,11 +1,14 @@
-"""One thread for linear algebra while a filter is at work, as many as before afterwards."""
+"""One thread for linear algebra while a filter is at work or a mesh is reduced, as many as before afterwards."""
 
 import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
+from dynamics.elements import continuum_network
+from dynamics.mesh import MeshCholesky, Tissue
+from dynamics.threads import _libraries, one_blas_thread
 from estimators import MarkMeasurement, TissueFilter
-from estimators.threads import _libraries, one_blas_thread
+from tests.dynamics.blocks import block
 
 
 class Counted:
@@ -24,7 +27,7 @@ class Counted:
 @pytest.fixture
 def counted(monkeypatch):
     libraries = Counted(4), Counted(1)
-    monkeypatch.setattr("estimators.threads._libraries", lambda: tuple((one.put, one.get) for one in libraries))
+    monkeypatch.setattr("dynamics.threads._libraries", lambda: tuple((one.put, one.get) for one in libraries))
     return libraries
 
 
@@ -49,6 +52,15 @@ def test_a_filter_works_in_one_thread(counted, phantom, monkeypatch):
     tissue.predict_at(0.2)
     tissue.predict_path([0.2, 0.3])
     assert seen == [1, 1, 1, 1]
+    assert counted[0].n == 4
+
+
+def test_a_mesh_is_reduced_in_one_thread(counted, monkeypatch):
+    seen, solve = [], MeshCholesky.solve
+    monkeypatch.setattr(MeshCholesky, "solve", lambda *given: seen.append(counted[0].n) or solve(*given))
+    mesh = block((1, 1, 1), (0.04, 0.04, 0.04))
+    continuum_network(mesh, [Tissue("gel", 3e3, 0.3, 1e3, 0.01)], np.arange(4), {"M1": mesh.nodes[-1]})
+    assert set(seen) == {1}
     assert counted[0].n == 4
 
 

@@ -1,4 +1,4 @@
-"""Networks of meshes, kept in the user's cache, because their reduction takes seconds to minutes."""
+"""Networks of meshes, kept in the user's cache, because their reduction takes seconds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One thread for linear algebra while a filter runs: with such small matrices more threads only wait for each other.
+"""One thread for linear algebra while a filter runs or a mesh is reduced: on small matrices more threads only wait.
 
 A program sets OPENBLAS_NUM_THREADS before NumPy is loaded; for a user of the library NumPy and SciPy are already
 loaded. Their wheels include OpenBLAS, which is set here; the threads of other libraries are up to the user.

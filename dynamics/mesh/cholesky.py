@@ -1,0 +1,148 @@
+"""Cholesky factors of a matrix of a mesh by nested dissection [george1973] and dense fronts [duff1983].
+
+Cells are halved again and again. Each part eliminates the nodes that no cell outside it has, from the parts of its
+halves upwards; the Schur complement of the rest is its contribution to the part above.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.blas import dsyrk
+from scipy.sparse import csc_array, csr_array
+
+from dynamics.arrays import Floats
+
+LEAF = 1500
+"""Nodes of a part that is not halved, counted for each of their cells, at most [1]; numerical: with half or twice as
+many the factors of breasts of 14,000 nodes take up to a third longer."""
+
+Ints = NDArray[np.int64]
+
+
+class _Front(NamedTuple):
+    """Rows that a part eliminates, (m,), and those that they are coupled to, (k,): factor (m, m), coupling (m, k)."""
+
+    own: Ints
+    others: Ints
+    chol: Floats
+    coupling: Floats
+
+
+class MeshCholesky:
+    """Cholesky factors of a symmetric positive definite matrix.
+
+    Parameters
+    ----------
+    K : (n dim, n dim) csc_array
+        Node-major, of n nodes.
+    places : (n, 3)
+        Of the nodes [m].
+    cells : (m, n) csr_array
+        The nodes of each cell have entries; K couples only nodes of one cell.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        K is not positive definite.
+    """
+
+    def __init__(self, K: csc_array, places: Floats, cells: csr_array) -> None:
+        kept = cells[np.flatnonzero(np.diff(cells.indptr))]
+        elimination = _Elimination(
+            K,
+            kept,
+            np.minimum.reduceat(places[kept.indices], kept.indptr[:-1]),
+            np.bincount(kept.indices),
+            np.full(K.shape[0], -1),
+            [],
+        )
+        elimination.part(np.arange(kept.shape[0]))
+        self._fronts = elimination.fronts
+
+    def solve(self, forces: Floats) -> Floats:
+        """The solutions (n dim, k) of K x = forces, (n dim, k)."""
+        x = np.array(forces, dtype=float, order="C")
+        for own, others, chol, coupling in self._fronts:
+            x[own] = solve_triangular(chol, x[own], lower=True, check_finite=False)
+            x[others] -= coupling.T @ x[own]
+        for own, others, chol, coupling in reversed(self._fronts):
+            x[own] = solve_triangular(chol, x[own] - coupling @ x[others], lower=True, trans=1, check_finite=False)
+        return x
+
+
+class _Contribution(NamedTuple):
+    """Nodes that are left of a part, (k,), the cells there that have each, (k,), and the Schur complement's lower half.
+
+    schur: (k dim, k dim)
+    """
+
+    nodes: Ints
+    counts: Ints
+    schur: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Elimination:
+    """Of K by parts of the cells.
+
+    lowest: corner of the box about each cell [m], (m, 3); shared: cells of each node, (n,)
+    local: place of each row of K in the present front, (n dim,), -1 of those that are eliminated
+    """
+
+    K: csc_array
+    cells: csr_array
+    lowest: Floats
+    shared: Ints
+    local: Ints
+    fronts: list[_Front]
+
+    def part(self, cells: Ints) -> _Contribution:
+        """What a part of the cells leaves; its fronts are added."""
+        half = len(cells) // 2
+        if half and np.diff(self.cells.indptr)[cells].sum() > LEAF:
+            along = self.lowest[cells, np.ptp(self.lowest[cells], axis=0).argmax()]
+            order = cells[np.argpartition(along, half)]
+            below = [self.part(order[:half]), self.part(order[half:])]
+            nodes, place = np.unique(np.concatenate([each.nodes for each in below]), return_inverse=True)
+            counts = np.bincount(place, np.concatenate([each.counts for each in below])).astype(np.int64)
+        else:
+            below = []
+            nodes, counts = np.unique(self.cells[cells].indices, return_counts=True)
+        inner = counts == self.shared[nodes]
+        left = nodes[~inner]
+        schur = self._front(self._rows(nodes[inner]), self._rows(left), below)
+        return _Contribution(left, counts[~inner], schur)
+
+    def _rows(self, nodes: Ints) -> Ints:
+        dim = self.K.shape[0] // len(self.shared)
+        return (dim * nodes[:, None] + np.arange(dim)).ravel()
+
+    def _front(self, own: Ints, others: Ints, below: list[_Contribution]) -> Floats:
+        m, size = len(own), len(own) + len(others)
+        self.local[own], self.local[others] = np.arange(m), np.arange(m, size)
+        front = np.zeros((size, size), order="F")
+        entries = self.K[:, own].tocoo()
+        rows = self.local[entries.row]
+        front[rows[rows >= 0], entries.col[rows >= 0]] = entries.data[rows >= 0]
+        for each in below:
+            _add(front, each.schur, self.local[self._rows(each.nodes)])
+        self.local[own] = -1
+        chol = cholesky(front[:m, :m], lower=True, check_finite=False)
+        coupling = solve_triangular(chol, front[m:, :m].T, lower=True, check_finite=False)
+        self.fronts.append(_Front(own, others, chol, coupling))
+        rest = front[m:, m:]
+        return np.asarray(dsyrk(-1.0, coupling, 1.0, rest, trans=1, lower=1)) if coupling.size else rest.copy()
+
+
+@njit(cache=True, nogil=True)
+def _add(front, schur, at):  # type: ignore[no-untyped-def]
+    """Add the lower half of a symmetric matrix to that of a front, in the rows at."""
+    for j in range(len(at)):
+        for i in range(j, len(at)):
+            front[max(at[i], at[j]), min(at[i], at[j])] += schur[i, j]
