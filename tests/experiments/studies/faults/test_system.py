@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
+from experiments.formats.scenario import read_scenario
 from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
 from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
+from tests.experiments.webcam import coarse_webcam
 
 pytestmark = [
     pytest.mark.slow,
@@ -29,6 +31,12 @@ PACES = [(6, 1.5), (24, 6.0), (60, 12.0)]
 
 Where that is too little, on a busy machine, a longer film is begun.
 """
+
+
+@pytest.fixture(autouse=True)
+def _of_a_coarse_webcam(monkeypatch):
+    scenarios = {"webcam": coarse_webcam(), "breathing": read_scenario("breathing")}
+    monkeypatch.setattr("experiments.studies.faults.world.read_scenario", scenarios.__getitem__)
 
 
 @pytest.fixture(autouse=True)
