@@ -82,7 +82,8 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
 
 
 def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
-    """Closed outputs and 1,500 warnings: the loop once ended with the first of them."""
+    """Closed outputs and 100 warnings: the loop once ended with the first of them."""
+    monkeypatch.setattr(system, "N_WARNINGS", 100)
     shown, moments = [], system._moments
     monkeypatch.setattr(system, "_moments", lambda *given: shown.append(moments(*given)) or shown[-1])
     found = judged("stdout closed", tmp_path, monkeypatch)
@@ -111,8 +112,9 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.ended == "exit 2"
 
 
-def test_of_fifty_viewers_those_beyond_are_notified_and_the_others_see_all_go_on(tmp_path, monkeypatch):
+def test_of_many_viewers_those_beyond_are_notified_and_the_others_see_all_go_on(tmp_path, monkeypatch):
     """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came."""
+    monkeypatch.setattr(system, "N_VIEWERS", 25)
     said = []
     tell = Viewer.tell
     monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
