@@ -45,7 +45,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def within(items: list[pytest.Item], places: tuple[Path, ...]) -> list[pytest.Item]:
     """The tests in these files and folders, place by place."""
-    return [item for place in places for item in items if item.path.is_relative_to(place)]
+    at = [(item, f"{item.path}/") for item in items]
+    return [item for place in places for item, path in at if path.startswith(f"{place}/")]
 
 
 def pytest_collection_finish() -> None:
