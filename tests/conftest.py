@@ -18,7 +18,7 @@ FIRST = (HERE / "estimators/baselines/test_registry.py", HERE / "estimators/guid
 """Files that call nearly all kernels of dynamics and estimators."""
 SECOND = (HERE / "vision", HERE / "experiments/formats", HERE / "experiments/servers")
 """Where nearly all kernels that are called are those of vision."""
-LONGEST = (HERE / "experiments/studies/readme/test_readme.py", HERE / "experiments/pipeline/test_identify.py")
+LONGEST = (HERE / "experiments/studies/faults/test_system.py", HERE / "experiments/pipeline/test_identify.py")
 """Files of half a minute and more."""
 
 

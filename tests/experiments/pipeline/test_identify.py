@@ -193,7 +193,8 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
 
 @pytest.mark.slow
 def test_tune_writes_the_level_that_tracking_uses(calibrated, cache, tmp_path, capsys):
-    recording, out = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=0.5), cache, OUTER), tmp_path / "tuned.toml"
+    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=0.5), cache, OUTER)
+    out = tmp_path / "tuned.toml"
     assert softaim("tune", recording, "--scene", calibrated[1], "--out", out, "--json") == 0
     report = json.loads(capsys.readouterr().out)
     assert set(report["levels"]) == {"strain"}
