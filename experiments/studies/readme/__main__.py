@@ -1,7 +1,7 @@
 """Rewrites the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
 It takes some ten minutes. Figures stand between comments;
-`tests/experiments/studies/readme/test_readme.py` holds them against a new demo and a few runs.
+`tests/experiments/studies/readme/test_readme.py` holds them against a short demo.
 """
 
 from __future__ import annotations

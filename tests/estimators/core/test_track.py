@@ -75,7 +75,7 @@ def rms(errors: np.ndarray) -> float:
 
 @pytest.fixture(scope="module")
 def breathing() -> np.ndarray:
-    return truth_of(breath, 6.0)
+    return truth_of(breath, 4.0)
 
 
 @pytest.mark.parametrize("sd_mm", [1.0, 10.0])
@@ -108,7 +108,7 @@ def test_coarser_statements_never_make_it_surer(breathing: np.ndarray) -> None:
 
 def test_a_level_that_identification_found_makes_it_surer() -> None:
     """A body at rest whose constants are exact: a tenth of the usual discrepancy gives less than half of sigma."""
-    frames = seen(truth_of(still, 4.0), 1e-3)
+    frames = seen(truth_of(still, 2.0), 1e-3)
     sigmas = []
     for prior in (Discrepancy(), Discrepancy(levels=(3e-4,))):
         _, covs, _ = tracked(frames, discrepancy=prior)

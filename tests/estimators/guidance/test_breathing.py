@@ -171,8 +171,8 @@ def predicted(case, n_runs, seconds):
 @pytest.fixture(scope="module")
 def runs():
     return {
-        "fit of one period": predicted("fit of one period", 25, 30.0),
-        "fit of many periods": predicted("fit of many periods", 25, 12.0),
+        "fit of one period": predicted("fit of one period", 12, 30.0),
+        "fit of many periods": predicted("fit of many periods", 12, 12.0),
     }
 
 

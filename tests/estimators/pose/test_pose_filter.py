@@ -68,11 +68,11 @@ def test_nees_of_a_drifting_pose_is_within_its_bounds(dim):
     s, n, runs = PoseSettings(), N_CHANGES[dim], []
     sds = np.repeat([s.rate_m_s, s.rate_rad_s], [dim, n - dim])
     a = np.exp(-DT / s.lasting_s)
-    for seed in range(15):
+    for seed in range(8):
         rng = np.random.default_rng([dim, seed])
         start = np.repeat([s.start_m, s.start_rad], [dim, n - dim]) * rng.normal(size=n)
         true, rate, pose = centred(dim).changed(start), sds * rng.normal(size=n), made(dim)
-        for k in range(30):
+        for k in range(20):
             pose.predict(k * DT)
             pose.update(seen(true, dim, rng))
             estimate, at = pose.estimate, true

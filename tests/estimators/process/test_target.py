@@ -16,8 +16,8 @@ BETWEEN = TargetPoint(("M1", HIDDEN), (0.25, 0.75), OFFSET)
 
 @pytest.fixture(scope="module")
 def frames():
-    """0.6 s of the poked phantom at 30 frames/s, marks to 2 mm: (time [s], marks)."""
-    return poked_frames(0.6, 2e-3, 3)[0]
+    """0.3 s of the poked phantom at 30 frames/s, marks to 2 mm: (time [s], marks)."""
+    return poked_frames(0.3, 2e-3, 3)[0]
 
 
 def tracked(phantom, frames, target):

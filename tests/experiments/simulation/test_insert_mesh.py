@@ -99,7 +99,7 @@ def test_every_policy_runs_in_it(tmp_path: Path) -> None:
 def test_the_registration_error_is_drawn_and_considered(tmp_path: Path) -> None:
     """3 mm an axis: of the true target by the seed, of the filter's and the breathing model's covariance."""
     one, off = case(tmp_path, sd_mm=3.0), []
-    for seed in range(1, 40):
+    for seed in range(1, 20):
         world = world_of(replace(one, seed=seed, warm_s=0.1, patience_s=0.1))
         off.append(world.target(world.start) - world.aim.position(world.start))
     assert np.std(off) == pytest.approx(3e-3, rel=0.2)

@@ -304,13 +304,3 @@ def test_the_command_on_a_scene_of_ones_own(scenario: Path, tmp_path: Path, caps
     assert {path.name for path in out.iterdir()} - {"provenance.json", "softaim.log"} == {
         *("summary.json", "runs.csv", "advised.csv", "hits.png", "misses.png")  # too few for the others
     }
-
-
-@pytest.mark.usefixtures("briefly")
-def test_without_advice_there_is_none(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
-    words = ("insert", scenario, "--runs", "1", "--no-advice", "--processes", "1", "--out", tmp_path / "out")
-    assert softaim(*words) == 0
-    assert "Advice" not in capsys.readouterr().out
-    written = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert (written["advise"]["insertions"], written["runs"]) == (0, 1)
-    assert (tmp_path / "out" / "advised.csv").read_text() == "seed,time_s,advice,predicted,hit,miss_mm\n"

@@ -11,7 +11,7 @@ from estimators import FilterSettings, MarkMeasurement, TissueFilter, coverage, 
 from tests.estimators.conftest import followed
 
 SLIP_M_S, SD_M, CLAMP_SD_M = 5e-3, 1e-3, 1e-4
-TIMES_S = np.arange(0.0, 4.0, 1.0 / 30.0)
+TIMES_S = np.arange(0.0, 3.0, 1.0 / 30.0)
 
 
 def clamp_path(t):
@@ -50,7 +50,7 @@ def moved(phantom):
         return np.r_[state[n:], (force[free] / phantom.masses[free, None]).ravel()]
 
     start = np.r_[rest_shape(phantom)[free].ravel(), np.zeros(n)]
-    states = solve_ivp(rate, (0.0, 4.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
+    states = solve_ivp(rate, (0.0, 3.0), start, t_eval=TIMES_S, max_step=0.01, rtol=1e-7, atol=1e-9).y.T
     return np.array([placed(t, state)[0] for t, state in zip(TIMES_S, states, strict=True)])
 
 

@@ -34,12 +34,12 @@ def frames_of(phantom, rest_state, seed, theta):
 
 
 def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, rest_state):
-    """Four runs of 2 s, calibrations of mean square 1 each way, truth by DOP853: 95 % regions hold 92 % and more.
+    """Two runs of 2 s, calibrations of mean square 1 each way, truth by DOP853: 95 % regions hold 92 % and more.
 
     Squared errors are below what is predicted. `docs/calibration.md` has the figures of many runs.
     """
     errors, covs = [], []
-    for seed, theta in enumerate(hadamard(4)):
+    for seed, theta in enumerate(hadamard(4)[:2]):
         frames, places = frames_of(phantom, rest_state, seed, theta)
         found = followed(TissueFilter(phantom, HIDDEN, OUTER, n_calibration=4), frames)
         errors += [one.mean - place for one, place in zip(found, places, strict=True)]
@@ -49,11 +49,11 @@ def test_regions_hold_a_target_seen_by_a_camera_that_is_off(phantom, rest_state)
 
 
 def test_an_error_that_all_frames_have_is_no_poke(phantom, rest_state):
-    """2 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
+    """1 s unpoked, marks to 4 mm, the camera off in scale by 3 % and in place by 3 mm an axis.
 
     Where each frame could have an error of its own the target is further off.
     """
-    states = driven(phantom, rest_state, poke_forces(phantom, 2.0, np.random.default_rng(3), poked=False))
+    states = driven(phantom, rest_state, poke_forces(phantom, 1.0, np.random.default_rng(3), poked=False))
     place, about = phantom.coordinates(HIDDEN), phantom.positions.mean(axis=0)
 
     def run(n_calibration: int) -> tuple[float, float]:

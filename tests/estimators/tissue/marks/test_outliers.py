@@ -55,18 +55,18 @@ def test_others_at_their_places_start_without_it(others):
 
 
 @pytest.mark.parametrize("sd", [1e-3, 4.14e-3])
-@pytest.mark.parametrize("off_m", [0.03, 0.05, 0.1, 0.25])
+@pytest.mark.parametrize("off_m", [0.03, 0.25])
 def test_an_outlier_of_one_frame_does_no_harm(sd, off_m):
     """30 to 250 mm off: never DIVERGED, and no error beyond that of a run without it by more than a mark's noise."""
     run, right = Run(sd), Run(sd)
-    estimates = [run.frame(off={"M3": np.array([off_m, 0.0])} if k == 30 else None) for k in range(45)]
-    expected = [right.frame() for _ in range(45)]
+    estimates = [run.frame(off={"M3": np.array([off_m, 0.0])} if k == 30 else None) for k in range(36)]
+    expected = [right.frame() for _ in range(36)]
     assert {e.status for e in estimates[5:]} == {Status.TRACKING}
     assert run.tissue.rejected == {"M3": 1}
     assert max(np.linalg.norm(e.mean - f.mean) for e, f in zip(estimates, expected, strict=True)) < sd
 
 
-@pytest.mark.parametrize("pause", [4, 27, 150])
+@pytest.mark.parametrize("pause", [4, 150])
 def test_what_was_seen_beyond_the_gate_is_forgotten_when_it_is_not_seen_there(pause):
     """The same outlier 0.25 m off again after so many frames without the mark: rejected again, as the first."""
     run = Run()

@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
@@ -61,6 +61,7 @@ def test_what_is_flat_is_in_the_plane() -> None:
     assert (point.x, point.y, point.z) == (1.0, 2.0, 0.0)
 
 
+@settings(max_examples=20)
 @given(st.text(max_size=20), st.binary(max_size=40))
 def test_pictures_and_texts_of_any_length_are_aligned(name: str, data: bytes) -> None:
     found = decoded(IMAGE, image_message(TIME_NS, name, data))

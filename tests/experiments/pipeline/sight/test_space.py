@@ -69,7 +69,7 @@ def place(scene: Scene, node: str) -> Floats:
 
 def test_marks_that_both_cameras_see_are_where_they_are() -> None:
     scene, rng, nees = breast(), np.random.default_rng(0), []
-    for _ in range(20):
+    for _ in range(8):
         sight = SpaceSight(scene)
         found = sight.find(pictures(scene, rng), *expected_in(scene))
         assert len(found) >= 5
@@ -92,7 +92,7 @@ def test_errors_are_those_of_the_page() -> None:
     cov = vision.triangulated(scene.space_cameras, places, np.tile(0.01 * np.eye(2), (2, 1, 1))).covs[0]
     sds_mm = 1e3 * np.sqrt(np.diag(cov))
     np.testing.assert_allclose([np.hypot(*sds_mm[:2]) / np.sqrt(2.0), sds_mm[2]], stated, rtol=0.25)
-    for _ in range(15):
+    for _ in range(8):
         shift = rng.normal(0.0, 0.001, 3)
         for mark in SpaceSight(scene).find(pictures(scene, rng, moved_m=shift), *expected_in(scene)):
             if np.sqrt(mark.cov.trace()) < 0.001:  # by two cameras

@@ -187,7 +187,7 @@ def lasting(name: str, seconds: float) -> ScriptedFault:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "lasts_s", "seconds"), [("frozen in turn", 2.0, 3.3), ("16 bit", 1.0, 1.2), ("all covered", 2.0, 3.1)]
+    ("name", "lasts_s", "seconds"), [("frozen in turn", 1.2, 2.5), ("16 bit", 0.6, 0.8), ("all covered", 1.2, 2.3)]
 )
 def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp_path):
     """One seed of three faults; before and after them GO is shown, so that there is something to withhold."""
@@ -218,7 +218,7 @@ def test_go_is_not_shown_on_a_faulty_estimate(name, lasts_s, seconds, onset, tmp
 def test_what_the_loop_is_given_and_its_filter_may_fail(name, shown, onset, tmp_path, monkeypatch):
     """Within three frames it is shown, and GO is not; a needle that is drawn out, a filter of NaN: half a second on."""
     monkeypatch.setattr("experiments.studies.faults.loop.LASTS_S", 0.6)
-    found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(3.0) + 1.7)
+    found = lasting(name, 0.6).judged(SEED, tmp_path, duration_s=onset(3.0) + 1.4)
     assert shown in found.shown
     assert found.noticed_ms is not None
     assert found.noticed_ms <= 200.0

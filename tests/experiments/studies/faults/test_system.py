@@ -5,17 +5,20 @@ import shutil
 import sys
 import threading
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.errors import InputError
+from experiments.formats.scenario import read_scenario
 from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
 from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
+from tests.experiments.webcam import coarse_webcam
 
 pytestmark = [
     pytest.mark.slow,
@@ -29,6 +32,12 @@ PACES = [(6, 1.5), (24, 6.0), (60, 12.0)]
 
 Where that is too little, on a busy machine, a longer film is begun.
 """
+
+
+@pytest.fixture(autouse=True)
+def _of_a_coarse_webcam(monkeypatch):
+    scenarios = {"webcam": coarse_webcam(), "breathing": read_scenario("breathing")}
+    monkeypatch.setattr("experiments.studies.faults.world.read_scenario", scenarios.__getitem__)
 
 
 @pytest.fixture(autouse=True)
@@ -73,14 +82,25 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
     assert found.go_shown_while_faulty == 0
 
 
-def test_where_nobody_reads_what_it_prints_it_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
-    """Closed outputs and 1,500 warnings: the loop once ended with the first of them."""
-    shown, moments = [], system._moments
+def test_unread_and_watched_by_many_it_notifies_those_beyond_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
+    """Closed outputs, 100 warnings, of which the first once ended the loop, and 25 viewers at once.
+
+    A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came.
+    """
+    monkeypatch.setattr(system, "N_WARNINGS", 100)
+    monkeypatch.setattr(system, "N_VIEWERS", 25)
+    closed, watched = FAULTS["stdout closed"], FAULTS["50 viewers"]
+    both = replace(watched, begins=lambda run: (closed.begins(run), watched.begins(run)))
+    monkeypatch.setitem(FAULTS, "both", both)
+    said, shown, moments, tell = [], [], system._moments, Viewer.tell
     monkeypatch.setattr(system, "_moments", lambda *given: shown.append(moments(*given)) or shown[-1])
-    found = judged("stdout closed", tmp_path, monkeypatch)
+    monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
+    found = judged("both", tmp_path, monkeypatch, lambda _: said)
+    assert set(said) == {"to those beyond: 16 clients are already connected"}
     assert shown[-1][-1].status != "NO CONNECTION"
-    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
+    assert found.noticed_ms is not None
     assert found.go_shown_while_faulty == 0
+    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
 
 
 def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
@@ -101,19 +121,6 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.lacks_s is not None
     assert found.lacks_s <= PIECE_S + 3.0 * process.FRAME_S
     assert found.ended == "exit 2"
-
-
-def test_of_fifty_viewers_those_beyond_are_notified_and_the_others_see_all_go_on(tmp_path, monkeypatch):
-    """A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came."""
-    said = []
-    tell = Viewer.tell
-    monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
-    found = judged("50 viewers", tmp_path, monkeypatch, lambda _: said)
-    assert set(said) == {"to those beyond: 16 clients are already connected"}
-    assert found.noticed_ms is not None
-    assert found.go_shown_while_faulty == 0
-    assert found.lacks_s == pytest.approx(0.0, abs=1e-6)
-    assert found.ended == "exit 0"
 
 
 def test_the_usual_port_is_the_pages():
