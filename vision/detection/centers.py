@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,14 +54,14 @@ def centers_of(
 
     expected_px: where marks of its hue are expected inside it, each (2,) from its corner
     """
-    factor = trust(seen.noise_sd, outline, settings.centers)
+    factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
-def trust(noise_sd: float, outline: Outline, settings: CenterSettings) -> float:
-    """A factor on the covariance of an outline in noise of a pixel's alpha."""
+def trust(noise_sd: Any, settings: CenterSettings) -> Any:
+    """Factors on the covariances of even outlines in noise of a pixel's alpha."""
     grain = (noise_sd / settings.grain_noise) ** 4
-    return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
+    return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
@@ -140,4 +141,3 @@ def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Fl
     # a disc's spread is a quarter of its radius squared; a blurred edge adds some
     values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
-

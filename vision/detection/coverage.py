@@ -49,9 +49,7 @@ def measure_coverage(
     thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     """
     grow = settings.grow_px + max(component.shape) // 16
-    valid, alpha, figures = kernels.covered(
-        patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough
-    )
+    valid, alpha, figures = kernels.covered(patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough)
     if not valid:
         return None
     u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()

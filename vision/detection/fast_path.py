@@ -48,11 +48,10 @@ def detect_isolated(
         settings.outline.for_kernel(),
         settings.centers.for_kernel(),
     )
-    for (k, one, outline), whole, mark in zip(looked_for, valid.tolist(), marks.tolist(), strict=True):
-        u, v, uu, uv, vv, size, area, noise_sd, *color = mark
-        if whole and noise_sd <= settings.components.max_noise:
-            factor = trust(noise_sd, outline, settings.centers)
-            cov = factor * np.array([[uu, uv], [uv, vv]])
-            color_bgr = tuple(color)
-            found[k] = Detection(np.array([u, v]), cov, area, one.hue_deg, False, False, color_bgr, size)
+    noise_sds = marks[:, 7]
+    covs = (trust(noise_sds, settings.centers)[:, None] * marks[:, [2, 3, 3, 4]]).reshape(-1, 2, 2)
+    rows = marks[:, 5:].tolist()
+    for i in np.flatnonzero(valid & (noise_sds <= settings.components.max_noise)).tolist():
+        (k, one, _), (size, area, _, *color) = looked_for[i], rows[i]
+        found[k] = Detection(marks[i, :2], covs[i], area, one.hue_deg, False, False, tuple(color), size)
     return found

@@ -111,61 +111,72 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3)."""
+def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
+    """Which colours, (n, 3) whole numbers, are not far from the median of every fourth, (n,)."""
+    n = len(colors)
+    kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
+    counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
+    for c in range(3):
+        counts[:], spread[:] = 0, 0
+        for i in range(0, n, 4):
+            counts[colors[i, c]] += 1
+        middle = _median(counts, fourth)
+        for i in range(0, n, 4):
+            spread[abs(2 * colors[i, c] - middle)] += 1
+        # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
+        limit = 2.0 * outlier_sds * (1.4826 * _median(spread, fourth) / 4.0 + 2.0)
+        for i in range(n):
+            kept[i] &= abs(2 * colors[i, c] - middle) <= limit
+    return kept
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
+    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3).
+
+    behind: 1 where a pixel shows it, else 0, (h, w) uint8
+    """
     none = np.zeros((3, 3))
-    height, width = ring.shape
+    height, width = behind.shape
     total = 0
     for row in range(height):
         for column in range(width):
-            total += ring[row, column]
+            total += behind[row, column]
     step = 1 + total // fit_pixels
     n = (total + step - 1) // step
     if n < 12:
         return False, none, none, none
-    places, colors = np.empty((n, 2), dtype=np.int64), np.empty((n, 3), dtype=np.int64)
+    places, colors = np.empty((n, 2)), np.empty((n, 3), dtype=np.int64)
     k = met = 0
     for row in range(height):
         for column in range(width):
-            if ring[row, column]:
+            if behind[row, column]:
                 if met == k * step:
                     places[k, 0], places[k, 1] = column, row
                     for c in range(3):
                         colors[k, c] = patch[row, column, c]
                     k += 1
                 met += 1
-    kept = np.ones(n, dtype=np.bool_)
-    fourth = (n + 3) // 4
-    for c in range(3):
-        counts = np.zeros(256, dtype=np.int64)
-        for i in range(0, n, 4):
-            counts[colors[i, c]] += 1
-        middle = _median(counts, fourth)
-        spread = np.zeros(511, dtype=np.int64)
-        for i in range(0, n, 4):
-            spread[abs(2 * colors[i, c] - middle)] += 1
-        # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
-        limit = 2.0 * outlier_sds * (1.4826 * _median(spread, fourth) / 4.0 + 2.0)
-        for i in range(n):
-            if abs(2 * colors[i, c] - middle) > limit:
-                kept[i] = False
-    gram, sums = np.zeros((3, 3)), np.zeros((3, 3))
+    kept = _usual(colors, outlier_sds)
+    n_kept = sum_u = sum_v = sum_uu = sum_uv = sum_vv = 0.0
+    sums = np.zeros((3, 3))
     for i in range(n):
         if kept[i]:
             u, v = places[i, 0], places[i, 1]
-            gram[0, 0] += 1
-            gram[0, 1] += u
-            gram[0, 2] += v
-            gram[1, 1] += u * u
-            gram[1, 2] += u * v
-            gram[2, 2] += v * v
+            n_kept += 1.0
+            sum_u += u
+            sum_v += v
+            sum_uu += u * u
+            sum_uv += u * v
+            sum_vv += v * v
             for c in range(3):
-                color = colors[i, c]
+                color = float(colors[i, c])
                 sums[0, c] += color
                 sums[1, c] += u * color
                 sums[2, c] += v * color
+    gram = np.array([[n_kept, sum_u, sum_v], [sum_u, sum_uu, sum_uv], [sum_v, sum_uv, sum_vv]])
     det, gram_inv = _inverse(gram)
-    if gram[0, 0] < 12 or det <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
+    if n_kept < 12 or det <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
         return False, none, none, none
     plane = np.zeros((3, 3))
     for a in range(3):
@@ -299,8 +310,8 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Colour of the mark, and its contrast to the background there, (3,) each."""
-    color, contrast = np.zeros(3), np.empty(3)
+    """Number of the mark's pixels, its colour, and its contrast to the background there, (3,) each."""
+    color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
         for column in range(solid.shape[1]):
@@ -310,51 +321,55 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
                 v += row
                 for c in range(3):
                     color[c] += patch[row, column, c]
-    for c in range(3):
-        color[c] /= n
-        contrast[c] = color[c] - plane[0, c] - (u * plane[1, c] + v * plane[2, c]) / n
-    return color, contrast
+    if n:
+        for c in range(3):
+            color[c] /= n
+            contrast[c] = color[c] - plane[0, c] - (u * plane[1, c] + v * plane[2, c]) / n
+    return n, color, contrast
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _unmixed(patch, plane, weights, where):  # type: ignore[no-untyped-def]
-    """Alpha = (pixel - background) @ weights where asked, else 0, (h, w)."""
+def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
+    """Alpha = (pixel - background) @ weights near the mark, 1 in its core, else 0, (h, w).
+
+    Besides the sums over pixels of alpha and of its products with column and row, and the sums over pixels of the edge
+    of 1, column, row and their products: n, u, v, uu, uv, vv.
+    """
     by_b, by_g, by_r = weights
     constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
     along_u = plane[1, 0] * by_b + plane[1, 1] * by_g + plane[1, 2] * by_r
     along_v = plane[2, 0] * by_b + plane[2, 1] * by_g + plane[2, 2] * by_r
-    alpha = np.zeros(where.shape)
-    for row in range(where.shape[0]):
-        for column in range(where.shape[1]):
-            if where[row, column]:
-                x = by_b * patch[row, column, 0] + by_g * patch[row, column, 1] + by_r * patch[row, column, 2]
-                alpha[row, column] = x - constant - along_u * column - along_v * row
-    return alpha
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _filled(alpha, near, core):  # type: ignore[no-untyped-def]
-    """Make alpha 1 in the core and 0 away from the mark; its area and its centre of gravity."""
+    alpha = np.zeros(near.shape)
     area = sum_u = sum_v = 0.0
-    for row in range(alpha.shape[0]):
-        for column in range(alpha.shape[1]):
-            if core[row, column]:
-                alpha[row, column] = 1.0
-            elif not near[row, column]:
-                alpha[row, column] = 0.0
-            area += alpha[row, column]
-            sum_u += alpha[row, column] * column
-            sum_v += alpha[row, column] * row
-    return area, sum_u / area, sum_v / area
+    n = u = v = uu = uv = vv = 0
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if not near[row, column]:
+                continue
+            share = 1.0
+            if not core[row, column]:
+                x = by_b * patch[row, column, 0] + by_g * patch[row, column, 1] + by_r * patch[row, column, 2]
+                share = x - constant - along_u * column - along_v * row
+                n += 1
+                u += column
+                v += row
+                uu += column * column
+                uv += column * row
+                vv += row * row
+            alpha[row, column] = share
+            area += share
+            sum_u += share * column
+            sum_v += share * row
+    return alpha, (area, sum_u, sum_v), (n, u, v, uu, uv, vv)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _leverage(edge, area, u, v):  # type: ignore[no-untyped-def]
+def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
     """The length of d center / d alpha = (place - center) / area of the pixels of the edge, else 0, (h, w)."""
-    lengths = np.zeros(edge.shape)
-    for row in range(edge.shape[0]):
-        for column in range(edge.shape[1]):
-            if edge[row, column]:
+    lengths = np.zeros(near.shape)
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column] and not core[row, column]:
                 lengths[row, column] = np.sqrt((column - u) ** 2 + (row - v) ** 2) / area
     return lengths
 
@@ -363,22 +378,15 @@ def _leverage(edge, area, u, v):  # type: ignore[no-untyped-def]
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
     """Covariance uu, uv, vv of the centre [px²].
 
-    center: u, v and area; gram_inv: of the plane of the background; variances: of alpha at the edge, and behind
+    edge: sums over its pixels as `_unmixed` returns them; center: u, v and area; gram_inv: of the plane of the
+    background; variances: of alpha at the edge, and behind
     """
-    (u, v, area), (at_edge, behind) = center, variances
-    uu = uv = vv = du_sum = dv_sum = 0.0
-    for row in range(edge.shape[0]):
-        for column in range(edge.shape[1]):
-            if edge[row, column]:
-                du, dv = column - u, row - v
-                du_sum += du
-                dv_sum += dv
-                uu += du * du
-                uv += du * dv
-                vv += dv * dv
-    # sums of the products of d center / d alpha = (place - center) / area with (1, column, row)
-    by_u = np.array([du_sum, u * du_sum + uu, v * du_sum + uv]) / area
-    by_v = np.array([dv_sum, u * dv_sum + uv, v * dv_sum + vv]) / area
+    (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
+    # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
+    by_u = (sum_u - n * u) / area, (sum_uu - u * sum_u) / area, (sum_uv - u * sum_v) / area
+    by_v = (sum_v - n * v) / area, (sum_uv - v * sum_u) / area, (sum_vv - v * sum_v) / area
+    uu, vv = (by_u[1] - u * by_u[0]) / area, (by_v[2] - v * by_v[0]) / area
+    uv = (by_u[2] - v * by_u[0]) / area
     # Errors of the background's plane reach the centre too; they come from the noise of its fit.
     plane_uu = plane_uv = plane_vv = 0.0
     for a in range(3):
@@ -386,8 +394,11 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
             plane_uu += by_u[a] * gram_inv[a, b] * by_u[b]
             plane_uv += by_u[a] * gram_inv[a, b] * by_v[b]
             plane_vv += by_v[a] * gram_inv[a, b] * by_v[b]
-    own = at_edge / area**2
-    return own * uu + behind * plane_uu + floor_px2, own * uv + behind * plane_uv, own * vv + behind * plane_vv + floor_px2
+    return (
+        at_edge * uu + behind * plane_uu + floor_px2,
+        at_edge * uv + behind * plane_uv,
+        at_edge * vv + behind * plane_vv + floor_px2,
+    )
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -411,7 +422,9 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
     there, plane, gram_inv, noise_cov = _background(patch, ring, outlier_sds, fit_pixels)
     if not there:
         return False, np.zeros(ring.shape), figures
-    color, contrast = _contrast(patch, core if core.sum() >= 9 else component, plane)
+    n, color, contrast = _contrast(patch, core, plane)
+    if n < 9:
+        _, color, contrast = _contrast(patch, component, plane)
     # Best linear unbiased estimate of alpha where pixel = background + alpha contrast + noise, noise ~ (0, N):
     # alpha = d' N^-1 (pixel - background) / d' N^-1 d
     _, noise_inv = _inverse(noise_cov)
@@ -422,17 +435,17 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
         strength += weights[a] * contrast[a]
     if not strength > 0:
         return False, np.zeros(ring.shape), figures
-    edge = near & (one - core)
-    measured = _unmixed(patch, plane, weights / strength, np.ones_like(near) if thorough else edge)
-    alpha = measured.copy() if thorough else measured
-    area, u, v = _filled(alpha, near, core)
+    weights /= strength
+    alpha, (area, sum_u, sum_v), edge = _unmixed(patch, plane, weights, near, core)
     if not area > 0:
         return False, alpha, figures
+    u, v = sum_u / area, sum_v / area
     # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
         # Noise is weighted by its effect on the centre: compression leaves most of it at the mark's edge.
-        leverage = _leverage(edge, area, u, v)
+        leverage, none = _leverage(near, core, area, u, v), np.zeros_like(near)
+        measured, _, _ = _unmixed(patch, plane, weights, one - none, none)
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
         at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
     figures[0], figures[1] = u, v
@@ -471,7 +484,7 @@ def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
     return edges, n_edges
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _through(a, b, c):  # type: ignore[no-untyped-def]
     """Centre and radius of the circle through three points; radius 0 where there is none."""
     bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
@@ -513,11 +526,22 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
+def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
+    """Move a circle by a Newton step; its largest change."""
+    largest = 0.0
+    for a in range(3):
+        step = inverse[a, 0] * gradient[0] + inverse[a, 1] * gradient[1] + inverse[a, 2] * gradient[2]
+        fit[a] += step
+        largest = max(largest, abs(step))
+    return largest
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
     """The circle near this one by Tukey's robust least squares.
 
-    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variance of an edge and of waves around the outline, and the
-    shares of directions with an edge on it and beyond it.
+    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variance of an edge and of waves around the
+    outline, and the shares of directions with an edge on it and beyond it.
     """
     n = len(edges)
     fit, inverse = start.copy(), np.zeros((3, 3))
@@ -568,11 +592,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         det, inverse = _inverse(normal)
         if n_on < 3.0 or abs(det) < 1e-9:
             return fit, inverse, variance, 0.0, 0.0, 0.0
-        largest = 0.0
-        for a in range(3):
-            step = inverse[a, 0] * g0 + inverse[a, 1] * g1 + inverse[a, 2] * g2
-            fit[a] += step
-            largest = max(largest, abs(step))
+        largest = _moved(fit, inverse, (g0, g1, g2))
         narrower, variance = variance, max(squares / n_on, floor)
         if last:
             break
@@ -585,9 +605,9 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit of the whole mark, or else the best circle through three edges, as a row: its centre u, v, covariance
+    """Fit of the whole mark, or else the best circle through three edges, as a row.
 
-    uu uv vv, share, beyond and size as `Fitted` has them.
+    It has the centre u, v, its covariance uu uv vv, and share, beyond and size as `Fitted` has them.
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: of the outline
     settings: as `OutlineSettings.for_kernel` returns them
     """

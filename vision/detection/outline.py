@@ -16,7 +16,6 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, OutlineSettings
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
     """The shape and size of a whole mark in a picture.
