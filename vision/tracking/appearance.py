@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, sqrt
 from typing import Any
 
@@ -67,24 +68,26 @@ class _Template:
 class _View:
     """A mark in one frame: its picture, its centre there, (2,), and its shape then, (2, 2).
 
-    State: the picture smoothed, once it is needed; as it was last redrawn, and for which shape.
+    State: the picture as it was last redrawn, and for which shape.
     """
 
     def __init__(self, picture: Image, center_px: Floats, shape_px: Floats, blur_px: float) -> None:
-        self.picture, self.center_px, self._shape, self._blur_px = picture, center_px, shape_px, blur_px
-        self._smooth: Image | None = None
+        self._sharp, self.center_px, self._shape, self._blur_px = picture, center_px, shape_px, blur_px
         self._drawn: tuple[bytes, Image] | None = None
+
+    @cached_property
+    def picture(self) -> Image:
+        """The picture, smoothed: most views are never compared."""
+        return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
         """The picture transformed to the shape with this inverse, (2, 2), up to this many pixels from its centre."""
         key = inverse.tobytes()
-        if self._smooth is None:
-            self._smooth = np.asarray(cv2.GaussianBlur(self.picture, (0, 0), self._blur_px), dtype=np.uint8)
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
             back = np.hstack([turn, (self.center_px - turn @ (half, half))[:, None]])
             size, flags = (2 * half + 1, 2 * half + 1), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-            drawn = cv2.warpAffine(self._smooth, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            drawn = cv2.warpAffine(self.picture, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             self._drawn = key, np.asarray(drawn, dtype=np.uint8)
         return self._drawn[1]
 
