@@ -184,7 +184,7 @@ class AppearanceModel:
         key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
             return self._drawn[1]
-        inverse = np.linalg.inv(shape)
+        inverse = np.asarray(np.linalg.inv(shape), dtype=np.float64)
         inside, ring = pixels_of(inverse, half, settings.margin, settings.ring_px)
         median = median_picture(np.array([view.redrawn(inverse, half) for view in self._kept]))
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
