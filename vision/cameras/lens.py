@@ -5,10 +5,11 @@ Camera axes: x right, y down, z forward, as OpenCV has them. Image axes: u right
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+from numba import njit
 
 from vision.arrays import Floats
 
@@ -46,6 +47,10 @@ class Lens:
 
     matrix: Floats
     distortion: Floats
+    _coefficients: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
         """The lens with (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the rest of the distortion stays."""
@@ -57,30 +62,7 @@ class Lens:
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
         """Distorted positions, (n, 2), of ideal ones, (n, 2), and the Jacobian, (n, 2, 2)."""
-        focal, middle = self.matrix[[0, 1], [0, 1]], self.matrix[:2, 2]
-        x, y = ((ideal_px - middle) / focal).T
-        k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = np.append(self.distortion, np.zeros(12 - len(self.distortion)))
-        r2 = x * x + y * y
-        # OpenCV's model: radial x + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴,
-        # radial y + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴; radial is a ratio of polynomials in r²
-        above, below = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
-        radial = above / below
-        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3) - radial * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
-        slope = 2.0 * slope / below
-        prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2)
-        seen = np.column_stack(
-            [
-                radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2),
-                radial * y + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y + r2 * (s3 + r2 * s4),
-            ]
-        )
-        cross = slope * x * y + 2.0 * (p1 * x + p2 * y)
-        J = np.empty((len(r2), 2, 2))
-        J[:, 0, 0] = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x
-        J[:, 0, 1] = (cross + prism_x * y) * focal[0] / focal[1]
-        J[:, 1, 0] = (cross + prism_y * x) * focal[1] / focal[0]
-        J[:, 1, 1] = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y
-        return seen * focal + middle, J
+        return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
         """Ideal positions, (n, 2), of seen ones, (n, 2), by Newton's method; ValueError where there are none."""
@@ -117,3 +99,29 @@ def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
     J = np.asarray(all_of_it, dtype=np.float64).reshape(len(points_m), 2, -1)[:, :, :15]
     by_rotation = np.cross(turned[:, None], J[:, :, 3:6])
     return np.concatenate([J[:, :, 6:], by_rotation, J[:, :, 3:6]], axis=2)
+
+
+@njit(cache=True, nogil=True)
+def _distorted(ideal, matrix, distortion):  # type: ignore[no-untyped-def]
+    """As `Lens.distorted`, with a distortion (12,)."""
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = distortion
+    fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    seen, J = np.empty(ideal.shape), np.empty((len(ideal), 2, 2))
+    for i in range(len(ideal)):
+        x, y = (ideal[i, 0] - cx) / fx, (ideal[i, 1] - cy) / fy
+        r2 = x * x + y * y
+        # OpenCV's model: radial x + 2 p1 x y + p2 (r² + 2 x²) + s1 r² + s2 r⁴,
+        # radial y + p1 (r² + 2 y²) + 2 p2 x y + s3 r² + s4 r⁴; radial is a ratio of polynomials in r²
+        above, below = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3)), 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6))
+        radial = above / below
+        slope = k1 + r2 * (2.0 * k2 + r2 * 3.0 * k3) - radial * (k4 + r2 * (2.0 * k5 + r2 * 3.0 * k6))
+        slope = 2.0 * slope / below
+        prism_x, prism_y = 2.0 * (s1 + 2.0 * s2 * r2), 2.0 * (s3 + 2.0 * s4 * r2)
+        seen[i, 0] = cx + fx * (radial * x + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) + r2 * (s1 + r2 * s2))
+        seen[i, 1] = cy + fy * (radial * y + 2.0 * p2 * x * y + p1 * (r2 + 2.0 * y * y) + r2 * (s3 + r2 * s4))
+        cross = slope * x * y + 2.0 * (p1 * x + p2 * y)
+        J[i, 0, 0] = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x + prism_x * x
+        J[i, 0, 1] = (cross + prism_x * y) * fx / fy
+        J[i, 1, 0] = (cross + prism_y * x) * fy / fx
+        J[i, 1, 1] = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x + prism_y * y
+    return seen, J

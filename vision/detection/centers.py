@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import cv2
 import numpy as np
 
 from vision.arrays import Floats, Picture
+from vision.detection import kernels
 from vision.detection.coverage import Coverage
 from vision.detection.outline import Fitted, Outline, fit_outline
 from vision.detection.rim import fit_rim
@@ -52,33 +54,21 @@ def centers_of(
 
     expected_px: where marks of its hue are expected inside it, each (2,) from its corner
     """
-    factor = _trust(seen, outline, settings.centers)
+    factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
-def centers_agreed(seen: Coverage, outline: Outline, settings: DetectionSettings) -> Center | None:
-    """The centre of a mark that is clear, and whose area and outline agree; None where they do not."""
-    if seen.noise_sd > settings.components.max_noise:
-        return None
-    fitted = fit_outline(seen.alpha, seen.center_px, outline, settings.outline)
-    return _agreed(seen, fitted, outline, settings.centers, _trust(seen, outline, settings.centers))
+def trust(noise_sd: Any, settings: CenterSettings) -> Any:
+    """Factors on the covariances of even outlines in noise of a pixel's alpha."""
+    grain = (noise_sd / settings.grain_noise) ** 4
+    return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
-def _trust(seen: Coverage, outline: Outline, settings: CenterSettings) -> float:
-    """A factor on the covariance of an outline in noise."""
-    grain = (seen.noise_sd / settings.grain_noise) ** 4
-    return 1.0 + outline.even * settings.grain_gain * grain / (1.0 + grain)
-
-
-def _agreed(
-    seen: Coverage, fitted: Fitted | None, outline: Outline, settings: CenterSettings, factor: float = 1.0
-) -> Center | None:
-    if fitted is None or not settings.min_area <= seen.area_px / outline.area_px <= settings.max_area:
-        return None
-    squared = _squared_apart(seen, fitted, settings.agree_sd_px**2)
-    if squared > settings.gate:
-        return None
-    return Center(fitted.center_px, max(1.0, squared / 2.0) * factor * fitted.cov_px2, False, fitted.size)
+def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
+    """The centre of a mark whose area and outline agree; None where they do not."""
+    one, other = (np.array([*at.center_px, *at.cov_px2[np.triu_indices(2)]]) for at in (seen, fitted))
+    agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
+    return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
 
 
 def _by_outline(
@@ -95,7 +85,7 @@ def _by_outline(
             several = [fit_outline(seen.alpha, start, outline, settings.outline) for start in starts]
             if all(several) and (len(expected_px) > 1 or _apart(several, outline)):
                 return [Center(one.center_px, one.cov_px2, True, one.size) for one in several if one is not None]
-        agreed = _agreed(seen, fitted, outline, limits)
+        agreed = None if fitted is None else _agreed(seen, fitted, outline, limits)
         if agreed is not None:
             return [agreed]
     circles = [(*whole.center_px, 1.0), *((u, v, 1.0) for u, v in expected_px)]
@@ -151,11 +141,3 @@ def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Fl
     # a disc's spread is a quarter of its radius squared; a blurred edge adds some
     values, vectors = np.linalg.eigh(spread - settings.blurred * outline.shape_px @ outline.shape_px.T / 4.0)
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T, dtype=np.float64)
-
-
-def _squared_apart(seen: Coverage, fitted: Fitted, variance: float) -> float:
-    """Squared Mahalanobis distance of two centres, with this variance [px²] added on each axis; written out."""
-    (u, v), (x, y) = seen.center_px.tolist(), fitted.center_px.tolist()
-    ((uu, uv), (_, vv)), ((xx, xy), (_, yy)) = seen.cov_px2.tolist(), fitted.cov_px2.tolist()
-    a, b, c, du, dv = uu + xx + variance, uv + xy, vv + yy + variance, x - u, y - v
-    return (c * du * du - 2.0 * b * du * dv + a * dv * dv) / (a * c - b * b)

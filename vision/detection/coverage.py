@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
 
-import cv2
 import numpy as np
 
 from vision.arrays import Floats, Picture
@@ -51,42 +48,9 @@ def measure_coverage(
     others: not 0 on pixels of other marks of the class, which are not background, (h, w) uint8
     thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     """
-    discs = _half_widths(settings.grow_px + max(component.shape) // 16), _half_widths(settings.core_px)
-    valid, alpha, figures = kernels.covered(
-        patch, component, others, discs, settings.for_kernel(), FIT_PIXELS, thorough
-    )
-    return _cover(alpha, figures) if valid else None
-
-
-def measure_isolated(
-    frame: Picture,
-    box: tuple[int, int, int, int],
-    classes: tuple[int, tuple[Any, ...]],
-    fewest: int,
-    settings: CoverageSettings = DETECTION.coverage,
-) -> tuple[tuple[int, int], Coverage] | None:
-    """The corner [px] of a patch, and its coverage by the single mark of a class in a box; None otherwise.
-
-    box: left, top, right, bottom; classes: number of the class, and the palette as `kernels.alone` has it
-    fewest: pixels of a mark
-    """
-    discs = (
-        _half_widths(settings.grow_px + min(box[2] - box[0], box[3] - box[1]) // 20),
-        _half_widths(settings.core_px),
-    )
-    valid, left, top, alpha, figures = kernels.alone(
-        frame, box, *classes, fewest, (settings.pad_px, 8), discs, settings.for_kernel(), FIT_PIXELS // 2
-    )
-    return ((left, top), _cover(alpha, figures)) if valid else None
-
-
-def _cover(alpha: Floats, figures: Floats) -> Coverage:
+    grow = settings.grow_px + max(component.shape) // 16
+    valid, alpha, figures = kernels.covered(patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough)
+    if not valid:
+        return None
     u, v, uu, uv, vv, area, noise_sd, *color = figures.tolist()
     return Coverage(np.array([u, v]), np.array([[uu, uv], [uv, vv]]), area, alpha, noise_sd, tuple(color))
-
-
-@lru_cache(maxsize=64)
-def _half_widths(radius: int) -> Picture:
-    """Half widths of a disc, row by row, (2 radius + 1,)."""
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return (disc.sum(axis=1).astype(np.int64) - 1) // 2

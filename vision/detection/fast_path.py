@@ -1,12 +1,15 @@
-"""The fast path for the usual case: a single whole, even mark where it is expected."""
+"""The fast path for the usual case: single whole, even marks where they are expected."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from vision.arrays import Image
-from vision.detection.centers import centers_agreed
-from vision.detection.coverage import measure_isolated
+from vision.detection import kernels
+from vision.detection.centers import trust
+from vision.detection.coverage import FIT_PIXELS
 from vision.detection.expected import Expected
 from vision.detection.hue import MarkHue
 from vision.detection.palette import palette_of
@@ -17,40 +20,38 @@ from vision.detection.settings import DETECTION, DetectionSettings
 def detect_isolated(
     frame_bgr: Image,
     hues: Sequence[MarkHue],
-    region: tuple[int, int, int, int],
-    expected: Expected,
+    regions: Sequence[tuple[int, int, int, int]],
+    expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
-) -> Detection | None:
-    """The expected mark in this region, if it is the only one of its hue there and nothing is unusual.
+) -> list[Detection | None]:
+    """The expected mark of each region, if it is the only one of its hue there and nothing is unusual.
 
-    region: left, top, width, height [px]. None otherwise: then `detect_marks` finds more.
+    regions: left, top, width, height [px]. None otherwise: then `detect_marks` finds more.
     """
-    outline = expected.outline
-    if outline is None or not outline.even:
-        return None
-    palette = palette_of(tuple(hues))
-    number = 1 + [hue.hue_deg for hue in hues].index(expected.hue_deg)
-    left, top, width, height = region
-    measured = measure_isolated(
+    looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
+    found: list[Detection | None] = [None] * len(expected)
+    if not looked_for:
+        return found
+    palette, numbers = palette_of(tuple(hues)), {hue.hue_deg: number for number, hue in enumerate(hues, start=1)}
+    boxes = np.array([regions[k] for k, _, _ in looked_for])
+    boxes[:, 2:] += boxes[:, :2]
+    shapes = np.array([outline.shape_px for _, _, outline in looked_for])
+    sizes = np.array([(outline.size_sd, outline.area_px) for _, _, outline in looked_for])
+    fewest = np.maximum(settings.centers.min_area * sizes[:, 1], 1.0).astype(np.int64)
+    valid, marks = kernels.isolated(
         frame_bgr,
-        (left, top, left + width, top + height),
-        (number, (palette.table, palette.least_value, palette.least_saturation)),
-        max(1, int(settings.centers.min_area * outline.area_px)),
-        settings.coverage,
+        boxes,
+        np.column_stack([[numbers[one.hue_deg] for _, one, _ in looked_for], fewest]),
+        (shapes, sizes),
+        (palette.table, palette.least_value, palette.least_saturation),
+        (settings.coverage.pad_px, settings.coverage.for_kernel(), FIT_PIXELS // 2),
+        settings.outline.for_kernel(),
+        settings.centers.for_kernel(),
     )
-    if measured is None:
-        return None
-    corner, seen = measured
-    center = centers_agreed(seen, outline, settings)
-    if center is None:
-        return None
-    return Detection(
-        center.center_px + corner,
-        center.cov_px2,
-        seen.area_px,
-        expected.hue_deg,
-        False,
-        False,
-        seen.color_bgr,
-        center.size,
-    )
+    noise_sds = marks[:, 7]
+    covs = (trust(noise_sds, settings.centers)[:, None] * marks[:, [2, 3, 3, 4]]).reshape(-1, 2, 2)
+    rows = marks[:, 5:].tolist()
+    for i in np.flatnonzero(valid & (noise_sds <= settings.components.max_noise)).tolist():
+        (k, one, _), (size, area, _, *color) = looked_for[i], rows[i]
+        found[k] = Detection(marks[i, :2], covs[i], area, one.hue_deg, False, False, tuple(color), size)
+    return found

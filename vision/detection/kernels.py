@@ -1,4 +1,4 @@
-"""Compiled loops over pixels: colour classes of a picture, and how much of each pixel a mark covers.
+"""Compiled loops over pixels: colour classes of a picture, how much of each pixel a mark covers, and its outline.
 
 tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other stay in one file:
 numba's cache on disk does not see changes across files.
@@ -17,6 +17,14 @@ ON_A_LINE = 1e-6
 """Determinant of the Gram matrix by its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
+N_RAYS = 64
+"""Directions in which the edge is searched, a discretisation: `correlation_px` accounts for correlated errors."""
+RAYS = np.column_stack(
+    [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
+)
+"""The directions as unit vectors, (N_RAYS, 2)."""
+SETTLED = 1e-4
+"""Convergence tolerance: after a step of less than this [sizes] the next is the last."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -50,26 +58,41 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _grown(component, half_widths):  # type: ignore[no-untyped-def]
-    """The component dilated by a disc; half_widths: of the disc, row by row."""
+def _inverse(m):  # type: ignore[no-untyped-def]
+    """Determinant and inverse of a symmetric matrix, (3, 3), by its cofactors; the inverse is 0 where there is none."""
+    a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
+    p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * p + b * q + c * r
+    scale = 0.0 if det == 0.0 else 1.0 / det
+    inverse = np.empty((3, 3))
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = scale * p, scale * (a * f - c * c), scale * (a * d - b * b)
+    inverse[0, 1] = inverse[1, 0] = scale * q
+    inverse[0, 2] = inverse[2, 0] = scale * r
+    inverse[1, 2] = inverse[2, 1] = scale * (b * c - a * e)
+    return det, inverse
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _grown(component, radius):  # type: ignore[no-untyped-def]
+    """The component dilated by a disc of this radius, as OpenCV draws it."""
     height, width = component.shape
-    radius = len(half_widths) // 2
-    grown = component.copy()
+    half_widths = np.empty(2 * radius + 1, dtype=np.int64)
+    for k in range(2 * radius + 1):
+        half_widths[k] = int(np.sqrt(radius**2 - (k - radius) ** 2) + 0.5)
+    grown = np.zeros((height, width), dtype=np.uint8)
     for row in range(height):
-        for column in range(width):
-            if not component[row, column]:
+        end = 0
+        while end < width:
+            if not component[row, end]:
+                end += 1
                 continue
-            inside = (
-                (row == 0 or component[row - 1, column])
-                and (row == height - 1 or component[row + 1, column])
-                and (column == 0 or component[row, column - 1])
-                and (column == width - 1 or component[row, column + 1])
-            )
-            if inside:
-                continue
+            begin = end  # of a run of pixels
+            while end < width and component[row, end]:
+                end += 1
             for k in range(max(row - radius, 0), min(row + radius, height - 1) + 1):
                 half = half_widths[k - row + radius]
-                grown[k, max(column - half, 0) : min(column + half, width - 1) + 1] = 1
+                for m in range(max(begin - half, 0), min(end + half, width)):
+                    grown[k, m] = 1
     return grown
 
 
@@ -88,68 +111,93 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _background(patch, ring, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3)."""
-    none = np.zeros((3, 3))
-    height, width = ring.shape
-    total = 0
-    for row in range(height):
-        for column in range(width):
-            total += ring[row, column]
-    step = 1 + total // fit_pixels
-    n = (total + step - 1) // step
-    if n < 12:
-        return False, none, none, none
-    places = np.empty((n, 3))
-    colors = np.empty((n, 3), dtype=np.int64)
-    k = met = 0
-    for row in range(height):
-        for column in range(width):
-            if ring[row, column]:
-                if met % step == 0:
-                    places[k, 0], places[k, 1], places[k, 2] = 1.0, column, row
-                    for c in range(3):
-                        colors[k, c] = patch[row, column, c]
-                    k += 1
-                met += 1
-    kept = np.ones(n, dtype=np.bool_)
-    fourth = (n + 3) // 4
+def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
+    """Which colours, (n, 3) whole numbers, are not far from the median of every fourth, (n,)."""
+    n = len(colors)
+    kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
+    counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
     for c in range(3):
-        counts = np.zeros(256, dtype=np.int64)
+        counts[:], spread[:] = 0, 0
         for i in range(0, n, 4):
             counts[colors[i, c]] += 1
         middle = _median(counts, fourth)
-        spread = np.zeros(511, dtype=np.int64)
         for i in range(0, n, 4):
             spread[abs(2 * colors[i, c] - middle)] += 1
         # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
         limit = 2.0 * outlier_sds * (1.4826 * _median(spread, fourth) / 4.0 + 2.0)
         for i in range(n):
-            if abs(2 * colors[i, c] - middle) > limit:
-                kept[i] = False
-    gram, sums, n_kept = np.zeros((3, 3)), np.zeros((3, 3)), 0
+            kept[i] &= abs(2 * colors[i, c] - middle) <= limit
+    return kept
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
+    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3).
+
+    behind: 1 where a pixel shows it, else 0, (h, w) uint8
+    """
+    none = np.zeros((3, 3))
+    height, width = behind.shape
+    total = 0
+    for row in range(height):
+        for column in range(width):
+            total += behind[row, column]
+    step = 1 + total // fit_pixels
+    n = (total + step - 1) // step
+    if n < 12:
+        return False, none, none, none
+    places, colors = np.empty((n, 2)), np.empty((n, 3), dtype=np.int64)
+    k = met = 0
+    for row in range(height):
+        for column in range(width):
+            if behind[row, column]:
+                if met == k * step:
+                    places[k, 0], places[k, 1] = column, row
+                    for c in range(3):
+                        colors[k, c] = patch[row, column, c]
+                    k += 1
+                met += 1
+    kept = _usual(colors, outlier_sds)
+    n_kept = sum_u = sum_v = sum_uu = sum_uv = sum_vv = 0.0
+    sums = np.zeros((3, 3))
     for i in range(n):
         if kept[i]:
-            n_kept += 1
-            for a in range(3):
-                for c in range(3):
-                    gram[a, c] += places[i, a] * places[i, c]
-                    sums[a, c] += places[i, a] * colors[i, c]
-    if n_kept < 12 or np.linalg.det(gram) <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
+            u, v = places[i, 0], places[i, 1]
+            n_kept += 1.0
+            sum_u += u
+            sum_v += v
+            sum_uu += u * u
+            sum_uv += u * v
+            sum_vv += v * v
+            for c in range(3):
+                color = float(colors[i, c])
+                sums[0, c] += color
+                sums[1, c] += u * color
+                sums[2, c] += v * color
+    gram = np.array([[n_kept, sum_u, sum_v], [sum_u, sum_uu, sum_uv], [sum_v, sum_uv, sum_vv]])
+    det, gram_inv = _inverse(gram)
+    if n_kept < 12 or det <= ON_A_LINE * gram[0, 0] * gram[1, 1] * gram[2, 2]:
         return False, none, none, none
-    # inverses: the matrices are 3 x 3, and LAPACK's solver takes three times as long to compile
-    gram_inv = np.ascontiguousarray(np.linalg.inv(gram))
-    plane = gram_inv @ sums
+    plane = np.zeros((3, 3))
+    for a in range(3):
+        for b in range(3):
+            for c in range(3):
+                plane[a, c] += gram_inv[a, b] * sums[b, c]
     # All pixels are used: a line or a disc of another hue beside the mark turns the weights away from its colour.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
     for i in range(n):
         for c in range(3):
-            stray[c] = colors[i, c] - plane[0, c] - places[i, 1] * plane[1, c] - places[i, 2] * plane[2, c]
+            stray[c] = colors[i, c] - plane[0, c] - places[i, 0] * plane[1, c] - places[i, 1] * plane[2, c]
         for a in range(3):
-            for c in range(3):
+            for c in range(a, 3):
                 noise_cov[a, c] += stray[a] * stray[c]
-    return True, plane, gram_inv, noise_cov / (n - 3) + ROUNDING * np.eye(3)
+    for a in range(3):
+        for c in range(a, 3):
+            noise_cov[a, c] /= n - 3
+            noise_cov[c, a] = noise_cov[a, c]
+        noise_cov[a, a] += ROUNDING
+    return True, plane, gram_inv, noise_cov
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -262,128 +310,348 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Colour of the mark, and its contrast to the background there, (3,) each."""
-    color, middle = np.zeros(3), np.zeros(3)
+    """Number of the mark's pixels, its colour, and its contrast to the background there, (3,) each."""
+    color, contrast = np.zeros(3), np.zeros(3)
+    n = u = v = 0
     for row in range(solid.shape[0]):
         for column in range(solid.shape[1]):
             if solid[row, column]:
-                middle[0] += 1.0
-                middle[1] += column
-                middle[2] += row
-                color[0] += patch[row, column, 0]
-                color[1] += patch[row, column, 1]
-                color[2] += patch[row, column, 2]
-    color /= middle[0]
-    return color, color - middle @ plane / middle[0]
+                n += 1
+                u += column
+                v += row
+                for c in range(3):
+                    color[c] += patch[row, column, c]
+    if n:
+        for c in range(3):
+            color[c] /= n
+            contrast[c] = color[c] - plane[0, c] - (u * plane[1, c] + v * plane[2, c]) / n
+    return n, color, contrast
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def _unmixed(patch, plane, weights, where):  # type: ignore[no-untyped-def]
-    """Alpha = (pixel - background) @ weights where asked, else 0, (h, w)."""
-    by_b, by_g, by_r = weights[0], weights[1], weights[2]
-    constant, along_u, along_v = plane @ weights
-    alpha = np.zeros(patch.shape[:2])
-    for row in range(patch.shape[0]):
-        for column in range(patch.shape[1]):
-            if not where[row, column]:
-                continue
-            x = by_b * patch[row, column, 0] + by_g * patch[row, column, 1] + by_r * patch[row, column, 2]
-            alpha[row, column] = x - constant - along_u * column - along_v * row
-    return alpha
+def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
+    """Alpha = (pixel - background) @ weights near the mark, 1 in its core, else 0, (h, w).
 
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _filled(alpha, near, core):  # type: ignore[no-untyped-def]
-    """Make alpha 1 in the core and 0 away from the mark; its area and its centre of gravity."""
-    area = sum_u = sum_v = 0.0
-    for row in range(alpha.shape[0]):
-        for column in range(alpha.shape[1]):
-            if core[row, column]:
-                alpha[row, column] = 1.0
-            elif not near[row, column]:
-                alpha[row, column] = 0.0
-            area += alpha[row, column]
-            sum_u += alpha[row, column] * column
-            sum_v += alpha[row, column] * row
-    return area, sum_u / area, sum_v / area
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _arms(edge, area, u, v):  # type: ignore[no-untyped-def]
-    """Sensitivity of the centre to the pixels of the edge.
-
-    Returns the length of d center / d alpha of each, (h, w), the sum of its products with itself, (2, 2), and with
-    (1, column, row), (2, 3).
-
-    d center / d alpha = (place - center) / area, for the pixels whose alpha was measured
+    Besides the sums over pixels of alpha and of its products with column and row, and the sums over pixels of the edge
+    of 1, column, row and their products: n, u, v, uu, uv, vv.
     """
-    lengths = np.zeros(edge.shape)
-    uu = uv = vv = du_sum = dv_sum = 0.0
-    for row in range(edge.shape[0]):
-        for column in range(edge.shape[1]):
-            if edge[row, column]:
-                du, dv = (column - u) / area, (row - v) / area
-                lengths[row, column] = np.sqrt(du * du + dv * dv)
-                du_sum += du
-                dv_sum += dv
-                uu += du * du
-                uv += du * dv
-                vv += dv * dv
-    by_plane = np.empty((2, 3))
-    by_plane[0, 0], by_plane[0, 1], by_plane[0, 2] = du_sum, u * du_sum + area * uu, v * du_sum + area * uv
-    by_plane[1, 0], by_plane[1, 1], by_plane[1, 2] = dv_sum, u * dv_sum + area * uv, v * dv_sum + area * vv
-    return lengths, np.array([[uu, uv], [uv, vv]]), by_plane
+    by_b, by_g, by_r = weights
+    constant = plane[0, 0] * by_b + plane[0, 1] * by_g + plane[0, 2] * by_r
+    along_u = plane[1, 0] * by_b + plane[1, 1] * by_g + plane[1, 2] * by_r
+    along_v = plane[2, 0] * by_b + plane[2, 1] * by_g + plane[2, 2] * by_r
+    alpha = np.zeros(near.shape)
+    area = sum_u = sum_v = 0.0
+    n = u = v = uu = uv = vv = 0
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if not near[row, column]:
+                continue
+            share = 1.0
+            if not core[row, column]:
+                x = by_b * patch[row, column, 0] + by_g * patch[row, column, 1] + by_r * patch[row, column, 2]
+                share = x - constant - along_u * column - along_v * row
+                n += 1
+                u += column
+                v += row
+                uu += column * column
+                uv += column * row
+                vv += row * row
+            alpha[row, column] = share
+            area += share
+            sum_u += share * column
+            sum_v += share * row
+    return alpha, (area, sum_u, sum_v), (n, u, v, uu, uv, vv)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
-def covered(patch, component, others, discs, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
+def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
+    """The length of d center / d alpha = (place - center) / area of the pixels of the edge, else 0, (h, w)."""
+    lengths = np.zeros(near.shape)
+    for row in range(near.shape[0]):
+        for column in range(near.shape[1]):
+            if near[row, column] and not core[row, column]:
+                lengths[row, column] = np.sqrt((column - u) ** 2 + (row - v) ** 2) / area
+    return lengths
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
+    """Covariance uu, uv, vv of the centre [px²].
+
+    edge: sums over its pixels as `_unmixed` returns them; center: u, v and area; gram_inv: of the plane of the
+    background; variances: of alpha at the edge, and behind
+    """
+    (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
+    # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
+    by_u = (sum_u - n * u) / area, (sum_uu - u * sum_u) / area, (sum_uv - u * sum_v) / area
+    by_v = (sum_v - n * v) / area, (sum_uv - v * sum_u) / area, (sum_vv - v * sum_v) / area
+    uu, vv = (by_u[1] - u * by_u[0]) / area, (by_v[2] - v * by_v[0]) / area
+    uv = (by_u[2] - v * by_u[0]) / area
+    # Errors of the background's plane reach the centre too; they come from the noise of its fit.
+    plane_uu = plane_uv = plane_vv = 0.0
+    for a in range(3):
+        for b in range(3):
+            plane_uu += by_u[a] * gram_inv[a, b] * by_u[b]
+            plane_uv += by_u[a] * gram_inv[a, b] * by_v[b]
+            plane_vv += by_v[a] * gram_inv[a, b] * by_v[b]
+    return (
+        at_edge * uu + behind * plane_uu + floor_px2,
+        at_edge * uv + behind * plane_uv,
+        at_edge * vv + behind * plane_vv + floor_px2,
+    )
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
     """The coverage of a patch by a component: whether it is valid, alpha (h, w) with 0 away from it, and its figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
-    discs: half widths row by row of the disc that the mark may grow by and of that its core shrinks by, two arrays
-    settings: outlier_sds, the lag up to which noise is correlated [px], edge_gain, floor_px2
+    grow: radius of the disc that the mark may grow by [px]
+    settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc that its core shrinks by
+        [px], edge_gain, floor_px2
     fit_pixels: pixels that the background is fitted to
     thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
-    outlier_sds, lag, edge_gain, floor_px2 = settings
+    outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
     one = np.uint8(1)
-    near = _grown(component, discs[0])
-    core = one - _grown(one - component, discs[1])
+    near = _grown(component, grow)
+    core = one - _grown(one - component, core_px)
     ring = (one - near) * (one - others)
     figures = np.zeros(10)
     there, plane, gram_inv, noise_cov = _background(patch, ring, outlier_sds, fit_pixels)
     if not there:
         return False, np.zeros(ring.shape), figures
-    color, contrast = _contrast(patch, core if core.sum() >= 9 else component, plane)
+    n, color, contrast = _contrast(patch, core, plane)
+    if n < 9:
+        _, color, contrast = _contrast(patch, component, plane)
     # Best linear unbiased estimate of alpha where pixel = background + alpha contrast + noise, noise ~ (0, N):
     # alpha = d' N^-1 (pixel - background) / d' N^-1 d
-    weights = np.linalg.inv(noise_cov) @ contrast
-    strength = weights @ contrast
+    _, noise_inv = _inverse(noise_cov)
+    weights, strength = np.zeros(3), 0.0
+    for a in range(3):
+        for b in range(3):
+            weights[a] += noise_inv[a, b] * contrast[b]
+        strength += weights[a] * contrast[a]
     if not strength > 0:
         return False, np.zeros(ring.shape), figures
-    edge = near & (one - core)
-    measured = _unmixed(patch, plane, weights / strength, np.ones_like(near) if thorough else edge)
-    alpha = measured.copy() if thorough else measured
-    area, u, v = _filled(alpha, near, core)
+    weights /= strength
+    alpha, (area, sum_u, sum_v), edge = _unmixed(patch, plane, weights, near, core)
     if not area > 0:
         return False, alpha, figures
-    # Noise is weighted by its effect on the centre: compression leaves most of it at the mark's edge.
-    leverage, arms, by_plane = _arms(edge, area, u, v)
+    u, v = sum_u / area, sum_v / area
     # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
+        # Noise is weighted by its effect on the centre: compression leaves most of it at the mark's edge.
+        leverage, none = _leverage(near, core, area, u, v), np.zeros_like(near)
+        measured, _, _ = _unmixed(patch, plane, weights, one - none, none)
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
         at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
-    # Errors of the background's plane reach the centre too; they come from the noise of its fit.
-    through = gram_inv @ np.ascontiguousarray(by_plane.T)
-    cov = max(behind, at_edge) * arms + behind * by_plane @ through + floor_px2 * np.eye(2)
     figures[0], figures[1] = u, v
-    figures[2], figures[3], figures[4] = cov[0, 0], cov[0, 1], cov[1, 1]
+    figures[2:5] = _center_cov(edge, (u, v, area), gram_inv, (max(behind, at_edge), behind), floor_px2)
     figures[5], figures[6] = area, 1.0 / np.sqrt(strength)
-    for c in range(3):
-        figures[7 + c] = color[c]
+    figures[7:10] = color
     return True, alpha, figures
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
+    """Outermost points in each direction where alpha falls through a half, relative to start in units of the mark."""
+    height, width = alpha.shape
+    step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
+    edges, n_edges = np.empty((N_RAYS, 2)), 0
+    for k in range(N_RAYS):
+        x, y = RAYS[k, 0], RAYS[k, 1]
+        along_u, along_v = shape[0, 0] * x + shape[0, 1] * y, shape[1, 0] * x + shape[1, 1] * y
+        outer, t = 1.0, reach
+        while t > 0.0:
+            u, v = start[0] + t * along_u, start[1] + t * along_v
+            here = 0.0
+            if 0.0 <= u < width - 1 and 0.0 <= v < height - 1:
+                i, j = int(v), int(u)
+                a, b = v - i, u - j
+                upper = (1.0 - b) * alpha[i, j] + b * alpha[i, j + 1]
+                here = (1.0 - a) * upper + a * ((1.0 - b) * alpha[i + 1, j] + b * alpha[i + 1, j + 1])
+            if here >= 0.5 and t == reach:
+                break
+            if here >= 0.5:
+                between = t + step * (here - 0.5) / (here - outer)
+                edges[n_edges, 0], edges[n_edges, 1] = between * x, between * y
+                n_edges += 1
+                break
+            outer, t = here, t - step
+    return edges, n_edges
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _through(a, b, c):  # type: ignore[no-untyped-def]
+    """Centre and radius of the circle through three points; radius 0 where there is none."""
+    bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
+    d = 2.0 * (bx * cy - by * cx)
+    if abs(d) < 1e-9:
+        return 0.0, 0.0, 0.0
+    b2, c2 = bx * bx + by * by, cx * cx + cy * cy
+    x, y = (cy * b2 - by * c2) / d, (bx * c2 - cx * b2) / d
+    return a[0] + x, a[1] + y, np.sqrt(x * x + y * y)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
+    """The circle (x, y, size) of size about 1 through three edges that has most edges on it and few beyond."""
+    n = len(edges)
+    best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
+    for spacing in (n // 10, n // 6, n // 4, n // 3):
+        if spacing < 1:
+            continue
+        for i in range(n):
+            x, y, size = _through(edges[i], edges[(i + spacing) % n], edges[(i + 2 * spacing) % n])
+            if abs(size - 1.0) > 3.0 * size_sd:
+                continue
+            score = -0.5 * ((size - 1.0) / size_sd) ** 2
+            inner, outer = max(size - near, 0.0) ** 2, (size + near) ** 2
+            for k in range(n):
+                squared = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
+                # An occluder moves a mark's edge inward, never outward.
+                if squared > outer:
+                    score -= 1.0
+                elif squared > inner:
+                    score += 1.0
+                if score + (n - 1 - k) <= best:
+                    break
+            if score > best:
+                best = score
+                fit[0], fit[1], fit[2] = x, y, size
+    return fit
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
+    """Move a circle by a Newton step; its largest change."""
+    largest = 0.0
+    for a in range(3):
+        step = inverse[a, 0] * gradient[0] + inverse[a, 1] * gradient[1] + inverse[a, 2] * gradient[2]
+        fit[a] += step
+        largest = max(largest, abs(step))
+    return largest
+
+
+@njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
+def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
+    """The circle near this one by Tukey's robust least squares.
+
+    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variance of an edge and of waves around the
+    outline, and the shares of directions with an edge on it and beyond it.
+    """
+    n = len(edges)
+    fit, inverse = start.copy(), np.zeros((3, 3))
+    near, floor, highest_wave = settings[0] / scale, (settings[3] / scale) ** 2, int(settings[2])
+    variance, n_on, n_beyond = floor, 0.0, 0
+    waves = np.zeros((highest_wave + 1, 2))
+    settled = False
+    for turn in range(6):
+        last = settled or turn == 5
+        # The prior on the size, in units of an edge's variance
+        weight = variance / size_sd**2
+        a00 = a01 = a02 = a11 = a12 = 0.0
+        a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
+        squares = weights2 = n_on = 0.0
+        n_beyond = 0
+        limit = max(near, 4.7 * np.sqrt(variance))
+        for k in range(n):
+            x, y = edges[k, 0] - fit[0], edges[k, 1] - fit[1]
+            length = max(np.sqrt(x * x + y * y), 1e-9)
+            error = length - fit[2]
+            n_beyond += error > limit
+            if abs(error) >= limit:
+                continue
+            # Tukey's biweight; the error falls by (x, y) / length for a step of the centre, by 1 for a step of the size
+            w = (1.0 - (error / limit) ** 2) ** 2
+            x, y = x / length, y / length
+            a00 += w * x * x
+            a01 += w * x * y
+            a02 += w * x
+            a11 += w * y * y
+            a12 += w * y
+            a22 += w
+            g0 += w * error * x
+            g1 += w * error * y
+            g2 += w * error
+            squares += w * error * error
+            weights2 += w * w
+            n_on += w
+            if not last:
+                continue
+            # cos and sin of k times the angle, by recurrence
+            turned_x, turned_y = x, y
+            for k_wave in range(2, highest_wave + 1):
+                turned_x, turned_y = turned_x * x - turned_y * y, turned_x * y + turned_y * x
+                waves[k_wave, 0] += w * error * turned_x
+                waves[k_wave, 1] += w * error * turned_y
+        normal = np.array([[a00, a01, a02], [a01, a11, a12], [a02, a12, a22]])
+        det, inverse = _inverse(normal)
+        if n_on < 3.0 or abs(det) < 1e-9:
+            return fit, inverse, variance, 0.0, 0.0, 0.0
+        largest = _moved(fit, inverse, (g0, g1, g2))
+        narrower, variance = variance, max(squares / n_on, floor)
+        if last:
+            break
+        settled = abs(variance - narrower) < 0.01 * variance and largest < SETTLED
+    # A shift of the centre is one wave around the outline. A circle has no two to seven waves: their residual measures
+    # how strong one wave by noise, highlights and compression is.
+    power = (waves**2).sum() / (highest_wave - 1) / weights2
+    return fit, inverse, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
+
+
+@njit(cache=True, nogil=True)
+def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
+    """Fit of the whole mark, or else the best circle through three edges, as a row.
+
+    It has the centre u, v, its covariance uu uv vv, and share, beyond and size as `Fitted` has them.
+    alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: of the outline
+    settings: as `OutlineSettings.for_kernel` returns them
+    """
+    near_px, correlation_px, _, _, min_share, whole_share, reach = settings
+    fit = np.array([start[0], start[1], 1.0, 0.0, 1.0, 0.0, 0.0, 1.0])
+    edges, n_edges = _edges(alpha, start, shape, reach)
+    if n_edges < min_share * N_RAYS:
+        return fit
+    edges = edges[:n_edges]
+    (a, b), (c, d) = shape[0], shape[1]
+    scale = np.sqrt(abs(a * d - b * c))
+    middle = np.array([edges[:, 0].mean(), edges[:, 1].mean(), 1.0])
+    circle, inverse, variance, power, share, beyond = _refined(edges, middle, size_sd, scale, settings)
+    if share <= whole_share:
+        start_at = _candidate(edges, size_sd, near_px / scale)
+        circle, inverse, variance, power, share, beyond = _refined(edges, start_at, size_sd, scale, settings)
+    fit[5], fit[6] = share, beyond
+    if share == 0.0:
+        return fit
+    # Errors of neighbouring edges are correlated; the corners of a covered part add a small bias, too.
+    together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * circle[2])) / share
+    error = max(variance * together, power / share)
+    xx, xy, yy = inverse[0, 0], inverse[0, 1], inverse[1, 1]
+    fit[0] += a * circle[0] + b * circle[1]
+    fit[1] += c * circle[0] + d * circle[1]
+    fit[2] = error * (a * a * xx + 2.0 * a * b * xy + b * b * yy)
+    fit[3] = error * (a * c * xx + (a * d + b * c) * xy + b * d * yy)
+    fit[4] = error * (c * c * xx + 2.0 * c * d * xy + d * d * yy)
+    fit[7] = circle[2]
+    return fit
+
+
+@njit(cache=True, nogil=True)
+def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
+    """Whether two centres of a mark agree, and their squared Mahalanobis distance.
+
+    one, other: begin with u, v, uu, uv, vv of a centre and its covariance, as `covered` and `fitted` return them
+    share: area of the mark by that of its outline; limits: as `CenterSettings.for_kernel` returns them
+    """
+    min_area, max_area, variance, gate = limits
+    a, b, c = one[2] + other[2] + variance, one[3] + other[3], one[4] + other[4] + variance
+    du, dv = other[0] - one[0], other[1] - one[1]
+    squared = (c * du * du - 2.0 * b * du * dv + a * dv * dv) / (a * c - b * b)
+    return min_area <= share <= max_area and squared <= gate, squared
 
 
 @njit(cache=True, nogil=True)
@@ -471,39 +739,60 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
             if one[0, k] == number:
                 low_v, high_v = min(low_v, row), row
                 low_u, high_u = min(low_u, left + 2 * k), max(high_u, left + 2 * k)
-    if high_v < 0:
-        return False, box
     low = max(low_u - NARROW_PX, left), max(low_v - NARROW_PX, top)
     high = min(high_u + NARROW_PX + 1, right), min(high_v + NARROW_PX + 1, bottom)
-    return True, (low[0], low[1], high[0], high[1])
+    return high_v >= 0, (low[0], low[1], high[0], high[1])
 
 
 @njit(cache=True, nogil=True)
-def alone(frame, box, number, palette, fewest, pads, discs, settings, fit_pixels):  # type: ignore[no-untyped-def]
-    """The single mark of a class in part of a picture: whether there is exactly one; corner, alpha and figures.
-
-    frame: (h, w, 3) uint8; box: left, top, right, bottom; number: of the class
-    palette: table, least values and least saturations as `classify` has them
-    fewest: pixels of a mark at least; pads: px around it, and 1 / that of its longer side besides
-    discs, settings, fit_pixels: as in `covered`, which gives alpha and figures, relative to the corner (u, v)
-    """
-    there, box = _narrowed(frame, box, number, palette)
-    none = np.zeros((1, 1))
+def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
+    """The single mark of a class in a box: whether there is exactly one; its patch's corner, alpha and figures."""
+    pad_px, covering, fit_pixels = settings
+    none, no_figures = np.zeros((1, 1)), np.zeros(10)
+    grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
+    there, (left, top, right, bottom) = _narrowed(frame, box, number, palette)
     if not there:
-        return False, 0, 0, none, np.zeros(10)
-    height, width = box[3] - box[1], box[2] - box[0]
+        return False, 0, 0, none, no_figures
+    height, width = bottom - top, right - left
     classes = np.empty((height, width), dtype=np.uint8)
     # not smoothed: where noise breaks a mark into pieces, the slow path finds more
-    classify(frame[box[1] : box[3], box[0] : box[2]], palette[0], palette[1], palette[2], classes)
+    classify(frame[top:bottom, left:right], palette[0], palette[1], palette[2], classes)
     there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
-        return False, 0, 0, none, np.zeros(10)
-    pad = pads[0] + max(high_v - low_v + 1, high_u - low_u + 1) // pads[1]
+        return False, 0, 0, none, no_figures
+    pad = pad_px + max(high_v - low_v + 1, high_u - low_u + 1) // 8
     v0, u0 = max(low_v - pad, 0), max(low_u - pad, 0)
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
-    patch = frame[box[1] + v0 : box[1] + v1, box[0] + u0 : box[0] + u1].copy()
+    patch = frame[top + v0 : top + v1, left + u0 : left + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
     thorough = np.bool_(False)  # not a literal: one type for a choice made at run time, so that it is compiled once
-    others = np.zeros_like(component)
-    valid, alpha, figures = covered(patch, component, others, discs, settings, fit_pixels, thorough)
-    return valid, box[0] + u0, box[1] + v0, alpha, figures
+    valid, alpha, figures = covered(patch, component, np.zeros_like(component), grow, covering, fit_pixels, thorough)
+    return valid, left + u0, top + v0, alpha, figures
+
+
+@njit(cache=True, nogil=True)
+def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
+    """Marks of a picture that are alone of their class in a box: which were found whole, (n,), and their figures.
+
+    frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
+    classes: number of the class, and pixels of a mark at least, (n, 2); palette: table, least values and least
+        saturations as `classify` has them
+    outlines: shapes (n, 2, 2); standard deviations of the size, and areas, (n, 2)
+    covering: px around a mark, settings of `covered`, and its fit_pixels; fitting: settings of `fitted`
+    limits: of `agreed`
+    Figures, (n, 11): centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
+    """
+    (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)
+    found, marks = np.zeros(n, dtype=np.bool_), np.zeros((n, 11))
+    for k in range(n):
+        box = (boxes[k, 0], boxes[k, 1], boxes[k, 2], boxes[k, 3])
+        valid, left, top, alpha, figures = _alone(frame, box, classes[k, 0], palette, classes[k, 1], covering)
+        if not valid:
+            continue
+        fit = fitted(alpha, figures[:2], shapes[k], sizes[k, 0], fitting)
+        agree, squared = agreed(figures, fit, figures[5] / sizes[k, 1], limits)
+        found[k] = agree and fit[5] >= min_share
+        marks[k, 0], marks[k, 1], marks[k, 5] = fit[0] + left, fit[1] + top, fit[7]
+        marks[k, 2:5] = max(1.0, squared / 2.0) * fit[2:5]
+        marks[k, 6:] = figures[5:]
+    return found, marks

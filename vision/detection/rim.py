@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from vision.arrays import Floats
-from vision.detection.outline import N_RAYS, Fitted, Outline
+from vision.detection.kernels import N_RAYS
+from vision.detection.outline import Fitted, Outline
 from vision.detection.settings import DETECTION, DetectionSettings
 
 N_STEPS = 3

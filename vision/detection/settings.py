@@ -31,7 +31,7 @@ class CoverageSettings:
 
     def for_kernel(self) -> tuple[float, ...]:
         """As `kernels.covered` takes them."""
-        return self.outlier_sds, self.grow_px, self.edge_gain, self.floor_sd_px**2
+        return self.outlier_sds, self.grow_px, self.core_px, self.edge_gain, self.floor_sd_px**2
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class OutlineSettings:
     whole_share: float = 0.9
 
     def for_kernel(self) -> tuple[float, ...]:
-        """As the kernels of `outline` and `rim` take them."""
+        """As `kernels.fitted` takes them."""
         return (
             self.near_px,
             self.correlation_px,
@@ -65,6 +65,7 @@ class OutlineSettings:
             self.edge_sd_px,
             self.min_share,
             self.whole_share,
+            self.reach,
         )
 
 
@@ -131,6 +132,10 @@ class CenterSettings:
     def max_area(self) -> float:
         """Most area of what may be one mark, by the mark's own."""
         return 1.0 / self.min_area
+
+    def for_kernel(self) -> tuple[float, ...]:
+        """As `kernels.agreed` takes them."""
+        return self.min_area, self.max_area, self.agree_sd_px**2, self.gate
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property
 from math import ceil, sqrt
 from typing import Any
 
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from vision.arrays import Floats, Image
 from vision.detection.expected import Expected
 from vision.detection.outline import Outline
-from vision.tracking.likeness import likeness, likeness_in_other_light, median_color, median_picture
+from vision.tracking.likeness import likeness, likeness_in_other_light, median_color, median_picture, pixels_of
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
@@ -66,21 +66,26 @@ class _Template:
 
 
 class _View:
-    """A mark in one frame, smoothed: its picture, its centre there, (2,), and its shape then, (2, 2).
+    """A mark in one frame: its picture, its centre there, (2,), and its shape then, (2, 2).
 
     State: the picture as it was last redrawn, and for which shape.
     """
 
-    def __init__(self, picture: Image, center_px: Floats, shape_px: Floats) -> None:
-        self.picture, self.center_px, self._shape = picture, center_px, shape_px
+    def __init__(self, picture: Image, center_px: Floats, shape_px: Floats, blur_px: float) -> None:
+        self._sharp, self.center_px, self._shape, self._blur_px = picture, center_px, shape_px, blur_px
         self._drawn: tuple[bytes, Image] | None = None
 
-    def redrawn(self, shape_px: Floats, half: int) -> Image:
-        """The picture transformed to this shape, (2, 2), up to this many pixels from its centre."""
-        key = shape_px.tobytes()
+    @cached_property
+    def picture(self) -> Image:
+        """The picture, smoothed: most views are never compared."""
+        return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
+
+    def redrawn(self, inverse: Floats, half: int) -> Image:
+        """The picture transformed to the shape with this inverse, (2, 2), up to this many pixels from its centre."""
+        key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
-            turn = self._shape @ np.linalg.inv(shape_px)
-            back = np.column_stack([turn, self.center_px - turn @ np.full(2, float(half))])
+            turn = self._shape @ inverse
+            back = np.hstack([turn, (self.center_px - turn @ (half, half))[:, None]])
             size, flags = (2 * half + 1, 2 * half + 1), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             drawn = cv2.warpAffine(self.picture, back, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
             self._drawn = key, np.asarray(drawn, dtype=np.uint8)
@@ -112,8 +117,8 @@ class AppearanceModel:
         height, width = frame_bgr.shape[:2]
         if half <= u < width - half and half <= v < height - half:
             view = frame_bgr[v - half : v + half + 1, u - half : u + half + 1]
-            smooth = np.asarray(cv2.GaussianBlur(view.copy(), (0, 0), self._settings.blur_px), dtype=np.uint8)
-            self._kept.append(_View(smooth, np.array([x - u + half, y - v + half]), outline.shape_px))
+            center_px = np.array([x - u + half, y - v + half])
+            self._kept.append(_View(view.copy(), center_px, outline.shape_px, self._settings.blur_px))
             self._drawn, self.unseen = None, 0
 
     def place(
@@ -179,8 +184,9 @@ class AppearanceModel:
         key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
             return self._drawn[1]
-        inside, ring = _pixels(key, half, settings)
-        median = median_picture(np.array([view.redrawn(shape, half) for view in self._kept]))
+        inverse = np.asarray(np.linalg.inv(shape), dtype=np.float64)
+        inside, ring = pixels_of(inverse, half, settings.margin, settings.ring_px)
+        median = median_picture(np.array([view.redrawn(inverse, half) for view in self._kept]))
         colors = median[inside[:, 1] + half, inside[:, 0] + half]
         behind = median_color(median[ring[:, 1] + half, ring[:, 0] + half])
         template = _Template(inside, ring, colors, median_color(colors), behind, settings)
@@ -229,18 +235,6 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
     total = a * a + b * b + c * c + d * d
     longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
     return ceil((1.0 + settings.margin) * longer + settings.ring_px + 1.0)
-
-
-@lru_cache(maxsize=256)
-def _pixels(shape_px: bytes, half: int, settings: AppearanceSettings) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels inside a mark of this shape and in the ring around it, from its centre, each (n, 2)."""
-    shape = np.frombuffer(shape_px).reshape(2, 2)
-    v, u = np.mgrid[-half : half + 1, -half : half + 1]
-    places = np.column_stack([u.ravel(), v.ravel()]).astype(np.int64)
-    radii = np.linalg.norm(places @ np.linalg.inv(shape).T, axis=1)
-    pixel = abs(float(np.linalg.det(shape))) ** -0.5
-    begin = 1.0 + settings.margin + 0.5 * pixel
-    return places[radii <= 1.0 - settings.margin], places[(radii > begin) & (radii <= begin + settings.ring_px * pixel)]
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:

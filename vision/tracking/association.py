@@ -27,9 +27,10 @@ class AssociatedMark:
 
 def squared_distance(expected: Expected, detection: Detection) -> float:
     """Squared Mahalanobis distance of a detection from a mark's expected position."""
-    (u, v) = (detection.center_px - expected.center_px).tolist()
-    (uu, uv), (_, vv) = (expected.cov_px2 + detection.cov_px2).tolist()
-    return float((vv * u * u - 2.0 * uv * u * v + uu * v * v) / (uu * vv - uv * uv))
+    (x, y), ((xx, xy), (_, yy)) = expected.center_px.tolist(), expected.cov_px2.tolist()
+    (u, v), ((uu, uv), (_, vv)) = detection.center_px.tolist(), detection.cov_px2.tolist()
+    a, b, c, du, dv = xx + uu, xy + uv, yy + vv, u - x, v - y
+    return float((c * du * du - 2.0 * b * du * dv + a * dv * dv) / (a * c - b * b))
 
 
 def associate_marks(

@@ -15,6 +15,28 @@ N_FITS = 2
 
 
 @njit(cache=True, nogil=True)
+def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
+    """Pixels inside a mark and in the ring around it, from its centre, each (n, 2).
+
+    inverse: of the mark's shape, (2, 2); half: how far the ring reaches [px]; margin, ring_px: as in the settings
+    """
+    places = np.empty((2, (2 * half + 1) ** 2, 2), dtype=np.int64)
+    pixel = np.sqrt(abs(inverse[0, 0] * inverse[1, 1] - inverse[0, 1] * inverse[1, 0]))
+    begin = 1.0 + margin + 0.5 * pixel
+    n_inside = n_ring = 0
+    for v in range(-half, half + 1):
+        for u in range(-half, half + 1):
+            radius = np.hypot(inverse[0, 0] * u + inverse[0, 1] * v, inverse[1, 0] * u + inverse[1, 1] * v)
+            if radius <= 1.0 - margin:
+                places[0, n_inside, 0], places[0, n_inside, 1] = u, v
+                n_inside += 1
+            elif begin < radius <= begin + ring_px * pixel:
+                places[1, n_ring, 0], places[1, n_ring, 1] = u, v
+                n_ring += 1
+    return places[0, :n_inside].copy(), places[1, :n_ring].copy()
+
+
+@njit(cache=True, nogil=True)
 def median_picture(views):  # type: ignore[no-untyped-def]
     """Median of pictures, (n, height, width, 3) uint8: as `np.median` of the first axis, for few of them."""
     n, height, width = views.shape[:3]

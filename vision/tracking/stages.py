@@ -24,7 +24,7 @@ from vision.tracking.association import associate_marks, squared_distance
 from vision.tracking.candidates import detection_at, is_mark
 from vision.tracking.hue_tracking import AdaptiveHue
 from vision.tracking.reasons import Rejections
-from vision.tracking.regions import Box, inside, search_regions
+from vision.tracking.regions import Box, search_regions
 from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
@@ -130,19 +130,15 @@ def _isolated(search: Search) -> Iterator[Candidate]:
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
-    regions: list[tuple[Box, list[Expected]]] = []
-    for hue_deg in search.hues:
-        of_hue = [one for one in search.expected if one.hue_deg == hue_deg]
-        for box in search_regions(of_hue, shape, search.settings):
-            regions.append((box, [one for one in of_hue if inside(one.center_px, box)]))
+    regions = search_regions(search.expected, shape, search.settings)
     if sum(width * height for (_, _, width, height), _ in regions) >= SMALL_SHARE * shape[0] * shape[1]:
         return
     search.regions = regions
     hues = [followed.now for followed in search.hues.values()]
-    for box, own in regions:
-        if len(own) == 1:
-            seen = detect_isolated(search.frame_bgr, hues, box, own[0], search.settings.detection)
-            yield Candidate(seen, own[0].name)
+    single = [(box, own[0]) for box, own in regions if len(own) == 1]
+    boxes, marks = [box for box, _ in single], [one for _, one in single]
+    seen = detect_isolated(search.frame_bgr, hues, boxes, marks, search.settings.detection)
+    yield from (Candidate(each, one.name) for each, one in zip(seen, marks, strict=True))
 
 
 def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:

@@ -289,7 +289,8 @@ def test_what_hardly_stands_out_from_its_surroundings_is_a_stain(noise_sd: float
     frame, at, outline = image.clip(0.0, 255.0).astype(np.uint8), np.array([60.0, 60.0]), Outline(9.0 * np.eye(2), 0.05)
     marks = detect_marks(frame, [RED], min_area_px=60.0, outlines=[outline], expected_px=[at], expected_hues=[0.0])
     assert bool(marks) is is_mark
-    alone = detect_isolated(frame, [RED], (10, 10, 100, 100), Expected("M1", at, np.eye(2), 0.0, outline))
+    one = Expected("M1", at, np.eye(2), 0.0, outline)
+    (alone,) = detect_isolated(frame, [RED], [(10, 10, 100, 100)], [one])
     assert (alone is not None) is is_mark
 
 

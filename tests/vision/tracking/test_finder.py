@@ -21,9 +21,9 @@ def test_marks_are_found_by_name_whole_picture_or_part(monkeypatch: pytest.Monke
         regions.append(more["region"])
         return detect(*given, **more)
 
-    def watched_alone(frame_bgr, hues, region, expected, settings):
-        regions.append(region)
-        return alone(frame_bgr, hues, region, expected, settings)
+    def watched_alone(frame_bgr, hues, boxes, expected, settings):
+        regions.extend(boxes)
+        return alone(frame_bgr, hues, boxes, expected, settings)
 
     monkeypatch.setattr(vision.tracking.stages, "detect_marks", watched)
     monkeypatch.setattr(vision.tracking.stages, "detect_isolated", watched_alone)
@@ -140,7 +140,7 @@ def test_the_quick_way_says_what_the_long_way_says() -> None:
         image = frame({"M1": at}, rng)
         (one,) = expected({"M1": at + rng.normal(0.0, 2.0, 2)})
         left, top = (int(x) - 40 for x in one.center_px)
-        quick = detect_isolated(image, [MarkHue(0.0)], (left, top, 80, 80), one)
+        (quick,) = detect_isolated(image, [MarkHue(0.0)], [(left, top, 80, 80)], [one])
         (slow,) = detect_marks(
             image, [MarkHue(0.0)], min_area_px=100.0, region=(left, top, 80, 80), outlines=[one.outline]
         )
@@ -157,15 +157,23 @@ def test_the_quick_way_leaves_what_is_odd_to_the_long_way() -> None:
     (one,) = expected({"M1": at})
     region, hues = (255, 155, 90, 90), [MarkHue(0.0)]
     whole = frame({"M1": at}, rng)
-    assert detect_isolated(whole, hues, region, one) is not None
+    (clear,) = detect_isolated(whole, hues, [region], [one])
+    assert clear is not None
     half = whole.copy()
     half[:, 302:] = (150, 160, 170)
     two = frame({"M1": at, "M3": np.array([326.0, 200.0])}, rng)
     stain = Disc(at, (3.0, 3.0), 0.0)
     for image in (half, two, frame({}, rng), frame({}, rng, stain)):
-        assert detect_isolated(image, hues, region, one) is None
-    assert detect_isolated(whole, hues, (296, 155, 49, 90), one) is None  # cut by the region
-    assert detect_isolated(whole, hues, region, replace(one, outline=replace(one.outline, even=False))) is None
+        assert detect_isolated(image, hues, [region], [one]) == [None]
+    assert detect_isolated(whole, hues, [(296, 155, 49, 90)], [one]) == [None]  # cut by the region
+    ball = replace(one, outline=replace(one.outline, even=False))
+    assert detect_isolated(whole, hues, [region], [ball]) == [None]
+    # of several regions each by itself
+    none, again = detect_isolated(whole, hues, [(20, 20, 90, 90), region], [ball, one])
+    assert none is None
+    assert again is not None
+    np.testing.assert_array_equal(again.center_px, clear.center_px)
+    np.testing.assert_array_equal(again.cov_px2, clear.cov_px2)
 
 
 def test_marks_of_one_hue_have_one_range_of_colours() -> None:
