@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
 from experiments.errors import InputError, shown
+from experiments.formats.scenario_forces import Breathing, Pokes, Posture, Press, Release, Tremor
 from experiments.formats.scene.scene import usable_scene
-from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, check_axes, read_toml
+from experiments.formats.toml_file import Name, NotNegative, Positive, Strict, check_axes, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 STEPS = "STEPS.md"
@@ -28,104 +29,12 @@ PAPER_SD_MM = 4.14
 NEAR_SD_MM = 0.5
 """The default for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
-UPWARD = (0.3, 1.0, 0.0)
-"""Default direction of breathing; in the plane without the last entry."""
-
 OPPOSITE = np.cos(np.radians(179.0))
 """Cosine of the angle between two directions from which on they are opposite."""
 
-Nodes = Annotated[list[str], Field(min_length=1)]
 Share = Annotated[float, Field(ge=0, lt=1)]
 Light = Literal["webcam", "paper"]
 Distractors = Annotated[int, Field(ge=0, le=50)]
-
-
-class Tremor(Strict):
-    """Tremor of the table: noise acceleration on every free node, white below half of 1 / interval_s."""
-
-    acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
-    interval_s: Positive = 1.0 / 120.0
-
-
-class Release(Strict):
-    """At the start one node is displaced by a constant force, then released."""
-
-    node: str
-    force_n: Coordinates
-
-
-class _Forces(Strict):
-    """Forces on nodes.
-
-    nodes: by default all with a measured mark
-    acceleration_m_s2: the largest force over the node's mass
-    shortest_s, longest_s: range from which the duration, or the period, is drawn
-    """
-
-    nodes: Nodes | None = None
-    acceleration_m_s2: Positive
-    shortest_s: Positive
-    longest_s: Positive
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        if self.longest_s < self.shortest_s:
-            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
-        return self
-
-
-class Pokes(_Forces):
-    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
-
-    The size of each is drawn between the share `weakest` and the largest force.
-    pause_s: mean of the exponential pause between two pokes
-    together: all of the nodes at once, in the same direction, in place of a random one
-    """
-
-    pause_s: Positive
-    weakest: Annotated[float, Field(gt=0, le=1)] = 0.3
-    together: bool = False
-
-
-class Breathing(_Forces):
-    """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
-
-    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, all
-    of the mass of a continuum is accelerated.
-    """
-
-    direction: Coordinates | None = None
-
-    @model_validator(mode="after")
-    def _directed(self) -> Breathing:
-        if self.direction is not None and not any(self.direction):
-            raise ValueError("direction: expected a non-zero vector, found zero")
-        return self
-
-
-class Posture(Strict):
-    """The body turns: gravity changes from one direction to another, at a rate that rises and falls.
-
-    from_m_s2: by default that of the scene, under which the body rests as drawn
-    """
-
-    from_m_s2: Coordinates | None = None
-    to_m_s2: Coordinates
-    start_s: NotNegative = 1.0
-    lasts_s: Positive = 2.0
-
-
-class Press(Strict):
-    """A probe or a plate presses on nodes, stays and withdraws.
-
-    force_n: on all nodes together, shared equally; rises_s: until it is complete, and until it is gone
-    """
-
-    nodes: Nodes
-    force_n: Coordinates
-    start_s: NotNegative = 1.0
-    lasts_s: Positive = 4.0
-    rises_s: Positive = 0.5
 
 
 Constants = create_model(  # type: ignore[call-overload]

@@ -118,7 +118,7 @@ def _untuned(scene: Scene) -> str | None:
         why = "tuned before softaim identify, for other constants"
     else:
         return None
-    return f"settings were {why} (softaim tune): covariances may be too large, probabilities too low"
+    return f"settings were {why} (softaim tune): covariances and probabilities may be wrong"
 
 
 def report_swap(swap: IdentitySwap) -> None:

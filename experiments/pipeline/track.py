@@ -47,7 +47,8 @@ class Track:
     """Estimates of the methods on a recording.
 
     steps: one for each frame
-    truth: position of the target [m], (n_frames, dim), NaN where unknown
+    truth, truth_cov: position of the target [m], (n_frames, dim), NaN where unknown, and covariance of its error [m²],
+    (n_frames, dim, dim): that of the mark which shows it
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     withheld: of the check, by node: figures of marks predicted as if hidden
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
@@ -57,6 +58,7 @@ class Track:
     recording: Recording
     steps: tuple[Step, ...]
     truth: Floats
+    truth_cov: Floats
     counts: Mapping[str, float | int | None] = field(default_factory=dict)
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
     marks: Mapping[str, MarkShares] = field(default_factory=dict)
@@ -119,7 +121,7 @@ def track(
     budget = error_budget(recording.scene, line.filter)
     last = next((step.estimates[FILTER] for step in reversed(steps)), None)
     shares = {} if last is None else variance_shares(budget, last)
-    return Track(recording, tuple(steps), target_truth(recording, steps), counts, withheld, tally.shares(), shares)
+    return Track(recording, tuple(steps), *target_truth(recording, steps), counts, withheld, tally.shares(), shares)
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
@@ -158,15 +160,15 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
     return MarkMeasurement(mark.node, mark.position_m, mark.cov)
 
 
-def target_truth(recording: Recording, steps: list[Step]) -> Floats:
-    """Position of the target at each frame [m], (n_frames, dim), NaN where unknown.
+def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
+    """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
     Its node from truth.csv, or from its own mark for scoring; the map of all estimates leads from the node to the
     target.
     """
     scene = recording.scene
     node = scene.target.node
-    known = np.full((len(steps), scene.network.dim), np.nan)
+    known, covs = np.full((len(steps), scene.network.dim), np.nan), np.zeros((len(steps), *2 * [scene.network.dim]))
     if recording.truth is not None and node in recording.truth.nodes:
         inside, positions = recording.truth.at(recording.exposures_s, node)
         known[inside] = positions[inside]
@@ -174,8 +176,8 @@ def target_truth(recording: Recording, steps: list[Step]) -> Floats:
         for k, step in enumerate(steps):
             for mark in step.marks:
                 if mark.node == node:
-                    known[k] = mark.position
-    return known + target_map(scene.network, scene.target.point).constant
+                    known[k], covs[k] = mark.position, mark.total_cov
+    return known + target_map(scene.network, scene.target.point).constant, covs
 
 
 def table(done: Track, method: str) -> pd.DataFrame:
@@ -186,15 +188,17 @@ def table(done: Track, method: str) -> pd.DataFrame:
     rows = pd.DataFrame([row(e) for e in estimates], columns=header(done.recording.scene.network.dim))
     errors = np.array([e.mean for e in estimates]) - done.truth
     rows["err_mm"] = 1e3 * np.linalg.norm(errors, axis=1)
-    rows["nees"] = _nees(errors, estimates)
+    rows["nees"] = _nees(errors, done.truth_cov, estimates)
     numbers = [column for column in rows.columns if column not in ("status", "marks_used", "model_only")]
     return rows.astype(dict.fromkeys(numbers, float))
 
 
-def _nees(errors: Floats, estimates: list[TargetEstimate]) -> Floats:
+def _nees(errors: Floats, truth_cov: Floats, estimates: list[TargetEstimate]) -> Floats:
     """NEES of each frame, (n_frames,): NaN where error or covariance is unknown, inf where the latter is singular."""
     nees = np.full(len(errors), np.nan)
-    covs = {k: e.cov for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()}
+    covs = {
+        k: e.cov + truth_cov[k] for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()
+    }
     if covs:
         known = list(covs)
         try:

@@ -10,7 +10,8 @@ import numpy as np
 from dynamics import MassSpringNetwork, NetworkError, rest_shape
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.scenario import UPWARD, Breathing, Pokes, Posture, Press, Scenario, Tremor
+from experiments.formats.scenario import Scenario
+from experiments.formats.scenario_forces import UPWARD, Breathing, Pokes, Posture, Press, Tremor
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -98,9 +98,7 @@ def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
     assert (
         lines["identify"] == "constants were not identified (softaim identify): covariances do not include their errors"
     )
-    assert (
-        lines["tune"] == "settings were not tuned (softaim tune): covariances may be too large, probabilities too low"
-    )
+    assert lines["tune"] == "settings were not tuned (softaim tune): covariances and probabilities may be wrong"
     changed = steps_left_out(damped(tuned(found(scene))), "track")["identify"]
     assert "not identified since the network was changed after softaim tune" in changed
     assert "tuned before softaim identify, for other constants" in steps_left_out(found(tuned(scene)), "track")["tune"]

@@ -68,7 +68,8 @@ def made_track(scene: Scene, errors_m: np.ndarray, sigmas_m: np.ndarray, *, with
         theirs = TargetEstimate(times_s[k], papers[k], None, Status.TRACKING, len(marks))
         steps.append(Step({FILTER: ours, OPEN_LOOP: theirs}, marks, 0.0, {FILTER: 1e-3, OPEN_LOOP: 1e-3}))
     recording = Recording(Path(), scene, times_s, None, (), None, ())
-    return Track(recording, tuple(steps), truth if with_truth else np.full((n, dim), np.nan))
+    known = truth if with_truth else np.full((n, dim), np.nan)
+    return Track(recording, tuple(steps), known, np.zeros((n, dim, dim)))
 
 
 def small_errors(n: int, dim: int) -> np.ndarray:

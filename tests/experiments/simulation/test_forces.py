@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.sparse.linalg import spsolve
 
 from dynamics import four_mass_phantom
 from dynamics.elements import continuum_network
 from dynamics.mesh import Tissue, locate, lumped_masses, rest_stiffness
 from experiments.errors import InputError
-from experiments.formats.scenario import Breathing, Scenario, completed
+from experiments.formats.scenario import Scenario, completed
+from experiments.formats.scenario_forces import Breathing
 from experiments.simulation.forces import breathing_force, posture_force
 from experiments.simulation.simulate import true_motion
 from tests.dynamics.blocks import block
@@ -114,8 +116,11 @@ def test_a_plate_displaces_its_nodes_while_it_presses(gel):
         ),
         ({"press": [{"nodes": ["M3"], "force_n": [0, 0, 1]}]}, r"x: press\[0\].nodes\[0\]: no node named"),
         ({"press": [{"nodes": ["M1"], "force_n": [0, 1]}]}, r"x: press\[0\].force_n: expected 3 numbers"),
+        ({"press": [{"nodes": ["M1"], "force_n": [0, 0, 0]}]}, "expected a force, found zero"),
+        ({"press": [{"nodes": ["M1"], "force_n": [0, 0, 1], "rises_s": 3}]}, "expected at most half of lasts_s"),
+        ({"press": [{"nodes": ["M1", "M1"], "force_n": [0, 0, 1]}]}, "expected each once"),
     ],
 )
 def test_what_does_not_fit_the_tissue_is_an_error(gel, tables, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises((InputError, ValidationError), match=message):
         scenario_of(gel[2], **tables)

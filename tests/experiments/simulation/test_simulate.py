@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 import vision
 from dynamics import HIDDEN, OUTER, four_mass_phantom, pack, plain_derivative, unpack
 from experiments.errors import InputError
-from experiments.formats.scenario import Pokes, Release, Scenario, Tremor, read_scenario
+from experiments.formats.scenario import Scenario, read_scenario
+from experiments.formats.scenario_forces import Pokes, Release, Tremor
 from experiments.simulation.forces import poke_force, tremor_force
 from experiments.simulation.plane_film import film
 from experiments.simulation.simulate import exposures, scene_of, simulate, true_motion

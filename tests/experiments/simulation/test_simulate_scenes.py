@@ -13,7 +13,8 @@ import vision
 from dynamics import MassSpringNetwork, four_mass_phantom, pack, plain_derivative, rest_shape
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
-from experiments.formats.scenario import Release, read_scenario
+from experiments.formats.scenario import read_scenario
+from experiments.formats.scenario_forces import Release
 from experiments.formats.scene.scene import read_scene
 from experiments.simulation import simulate as module
 from experiments.simulation.simulate import scene_of, simulate, true_motion, true_network

@@ -10,7 +10,8 @@ import numpy as np
 
 from dynamics import MassSpringNetwork
 from experiments.errors import InputError
-from experiments.formats.scenario import Breathing, Pokes, Scenario, read_scenario
+from experiments.formats.scenario import Scenario, read_scenario
+from experiments.formats.scenario_forces import Breathing, Pokes
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.forces import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved

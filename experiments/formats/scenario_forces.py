@@ -1,0 +1,113 @@
+"""The tables of forces in a scenario file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict
+
+UPWARD = (0.3, 1.0, 0.0)
+"""Default direction of breathing; in the plane without the last entry."""
+
+Nodes = Annotated[list[str], Field(min_length=1)]
+
+
+class Tremor(Strict):
+    """Tremor of the table: noise acceleration on every free node, white below half of 1 / interval_s."""
+
+    acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
+    interval_s: Positive = 1.0 / 120.0
+
+
+class Release(Strict):
+    """At the start one node is displaced by a constant force, then released."""
+
+    node: str
+    force_n: Coordinates
+
+
+class _Forces(Strict):
+    """Forces on nodes.
+
+    nodes: by default all with a measured mark
+    acceleration_m_s2: the largest force over the node's mass
+    shortest_s, longest_s: range from which the duration, or the period, is drawn
+    """
+
+    nodes: Nodes | None = None
+    acceleration_m_s2: Positive
+    shortest_s: Positive
+    longest_s: Positive
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.longest_s < self.shortest_s:
+            raise ValueError(f"expected longest_s of at least shortest_s ({self.shortest_s}), found {self.longest_s}")
+        return self
+
+
+class Pokes(_Forces):
+    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
+
+    The size of each is drawn between the share `weakest` and the largest force.
+    pause_s: mean of the exponential pause between two pokes
+    together: all of the nodes at once, in the same direction, in place of a random one
+    """
+
+    pause_s: Positive
+    weakest: Annotated[float, Field(gt=0, le=1)] = 0.3
+    together: bool = False
+
+
+class Breathing(_Forces):
+    """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
+
+    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, all
+    of the mass of a continuum is accelerated.
+    """
+
+    direction: Coordinates | None = None
+
+    @model_validator(mode="after")
+    def _directed(self) -> Breathing:
+        if self.direction is not None and not any(self.direction):
+            raise ValueError("direction: expected a non-zero vector, found zero")
+        return self
+
+
+class Posture(Strict):
+    """The body turns: gravity changes from one direction to another, at a rate that rises and falls.
+
+    from_m_s2: by default that of the scene, under which the body rests as drawn
+    """
+
+    from_m_s2: Coordinates | None = None
+    to_m_s2: Coordinates
+    start_s: NotNegative = 1.0
+    lasts_s: Positive = 2.0
+
+
+class Press(Strict):
+    """A probe or a plate presses on nodes, stays and withdraws.
+
+    force_n: on all nodes together, shared equally; rises_s: of lasts_s, at the start until it is complete, and at the
+    end until it is gone
+    """
+
+    nodes: Nodes
+    force_n: Coordinates
+    start_s: NotNegative = 1.0
+    lasts_s: Positive = 4.0
+    rises_s: Positive = 0.5
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if not any(self.force_n):
+            raise ValueError("force_n: expected a force, found zero")
+        if 2.0 * self.rises_s > self.lasts_s:
+            raise ValueError(f"rises_s: expected at most half of lasts_s ({self.lasts_s}), found {self.rises_s}")
+        if len(set(self.nodes)) < len(self.nodes):
+            raise ValueError("nodes: expected each once, found one again")
+        return self
