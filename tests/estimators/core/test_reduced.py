@@ -39,7 +39,7 @@ def swung(process):
 
 
 def test_the_derivative_is_that_of_the_motion(body):
-    """By central differences in four columns of each part, to three hundredths of the largest entry of each block.
+    """By central differences in four columns of each part, to six hundredths of the largest entry of each block.
 
     Dashpots turn a little.
     """
@@ -53,7 +53,7 @@ def test_the_derivative_is_that_of_the_motion(body):
         exact = np.array([(process.moved(state + s, HZ) - process.moved(state - s, HZ)) / 2e-6 for s in steps]).T
         for rows in process.parts.values():
             scale = np.abs(exact[rows]).max()
-            np.testing.assert_allclose(found.matrix[rows, columns], exact[rows], atol=0.03 * scale + 1e-12)
+            np.testing.assert_allclose(found.matrix[rows, columns], exact[rows], atol=0.06 * scale + 1e-12)
 
 
 def test_columns_of_constants_are_derivatives_of_the_motion_by_them(body, monkeypatch):

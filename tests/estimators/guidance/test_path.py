@@ -68,8 +68,9 @@ def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phanto
     never = Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S, rise_s=NEVER_S)
     knowing = TissueFilter(phantom, HIDDEN, OUTER, disturbances=never)
     now, calm = tissue.snapshot(), tissue.process.disturbances.calm_modes
-    weights = np.where(calm, now.filter.weights, 0.0) / now.filter.weights[calm].sum()
-    knowing.restore(replace(now, filter=replace(now.filter, weights=weights)))
+    before = now.filter["weights"]
+    weights = np.where(calm, before, 0.0) / before[calm].sum()
+    knowing.restore(replace(now, filter={**now.filter, "weights": weights}))
     path = path_by_tables(tables, tissue)
     exact, covs = knowing.predict_path(path.times_s)
     sigma, own = (np.sqrt(np.trace(c, axis1=1, axis2=2)) for c in (covs, path.mixture.covs[:, 0]))

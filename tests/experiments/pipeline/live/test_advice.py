@@ -28,7 +28,7 @@ from vision import Frame
 
 NEEDLE = "version = 1\nentry_mm = [0.0, 215.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
 NEEDLE += "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n"
-NEEDLE += "[lesion]\nradius_mm = 2.5\n[advice]\ngo = 0.8\nhorizon_s = 0.3\n"
+NEEDLE += "[lesion]\nradius_mm = 2.5\n[advice]\ngo = 0.75\nhorizon_s = 0.3\n"
 
 
 @pytest.fixture(scope="module")
@@ -244,7 +244,7 @@ def test_words_say_what_where_and_why():
 
 def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, tmp_path, capsys):
     bad = tmp_path / "bad.toml"
-    bad.write_text(NEEDLE.replace("go = 0.8", "go = 1.5"))
+    bad.write_text(NEEDLE.replace("go = 0.75", "go = 1.5"))
     words_of = ("live", "--source", recording.folder, "--needle", bad, "--out", tmp_path / "out")
     assert softaim(*words_of) == 2
     assert capsys.readouterr().err == f"softaim: {bad}: advice.go: expected 1 or less, found 1.5\n"
