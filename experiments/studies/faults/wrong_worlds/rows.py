@@ -243,6 +243,8 @@ WORLDS: Mapping[str, World] = {
     "stiffness stated in N/mm": World(scene=_stated(stiffness=1e-3)),
     "the target is poked, too": World(truth=Truth(pushes=Pushes(hidden=True))),
     "pokes of 15 m/s²": World(truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
+    "the breath accelerates all mass": World(truth=Truth(pushes=Pushes(everywhere=True))),
+    "the body turns by 60 degrees": World(truth=Truth(pushes=Pushes(turned_deg=60.0))),
     "a second breath from aside": World(truth=Truth(pushes=Pushes(second=True))),
     "an anchor slips by 5 mm": World(ONSET_S, truth=Truth(becomes=_slipped, onset_s=ONSET_S)),
     "a mark slides by 8 mm in 2 s": World(ONSET_S, seen=_displaced(lambda t: np.clip(4e-3 * t, 0.0, 8e-3), one=True)),

@@ -9,9 +9,10 @@ from functools import lru_cache
 import numpy as np
 
 from dynamics import MassSpringNetwork
+from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.scenario import Scenario, read_scenario
-from experiments.formats.scenario_forces import Breathing, Pokes
+from experiments.formats.scenario_forces import Breathing, Pokes, Posture
 from experiments.formats.scene.scene import Scene
 from experiments.simulation.forces import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved
@@ -24,15 +25,22 @@ SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 """Direction of a second breath, by dimension; the first goes upward."""
 
 
+TURNS_S = 4.0
+"""When gravity begins to turn [s]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Pushes:
     """Forces on the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
 
-    Either of: hidden, the target is poked as well; second, a second breath, of another period and direction
+    everywhere: the breath accelerates all mass; turned_deg: by which gravity turns in 2 s. Either of: hidden, the
+    target is poked as well; second, a second breath, of another period and direction
     """
 
     pokes_m_s2: float = 5.0
     breath_m_s2: float = 2.0
+    everywhere: bool = False
+    turned_deg: float = 0.0
     hidden: bool = False
     second: bool = False
 
@@ -63,7 +71,7 @@ def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motio
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
     more = None
     if truth.pushes.second:
-        breath = _breath(scene, truth.pushes.breath_m_s2, SECOND[network.dim])
+        breath = _breath(scene, truth.pushes, SECOND[network.dim])
         more = breathing_force(network, breath, np.random.default_rng([seed, 12]))
     if truth.pushes.hidden:
         pokes = _pokes(truth.pushes, [scene.target.node])
@@ -80,7 +88,8 @@ def _scenario(scene: Scene, pushes: Pushes, seed: int, duration_s: float) -> Sce
         "duration_s": duration_s,
         "tremor": None,
         "pokes": _pokes(pushes, list(scene.measured_nodes)) if pushes.pokes_m_s2 else None,
-        "breathing": _breath(scene, pushes.breath_m_s2) if pushes.breath_m_s2 else None,
+        "breathing": _breath(scene, pushes) if pushes.breath_m_s2 else None,
+        "posture": _posture(scene.network.gravity, pushes.turned_deg) if pushes.turned_deg else None,
     }
     return read_scenario("poked").model_copy(update=changes)
 
@@ -89,10 +98,18 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
     return Pokes(nodes=nodes, acceleration_m_s2=pushes.pokes_m_s2, shortest_s=0.1, longest_s=0.4, pause_s=1.5)
 
 
-def _breath(scene: Scene, strength_m_s2: float, direction: list[float] | None = None) -> Breathing:
+def _posture(gravity: Floats, turned_deg: float) -> Posture:
+    """A turn from the gravity of a scene, along an axis, towards the next axis."""
+    angle = np.radians(turned_deg)
+    to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
+    return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
+
+
+def _breath(scene: Scene, pushes: Pushes, direction: list[float] | None = None) -> Breathing:
+    free = [scene.network.names[i] for i in scene.network.free]
     return Breathing(
-        nodes=list(scene.measured_nodes),
-        acceleration_m_s2=strength_m_s2,
+        nodes=free if pushes.everywhere else list(scene.measured_nodes),
+        acceleration_m_s2=pushes.breath_m_s2,
         shortest_s=3.0,
         longest_s=6.0,
         direction=direction,
