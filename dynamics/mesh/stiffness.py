@@ -79,7 +79,7 @@ def strains(
     free: NDArray[np.int64] | None = None,
     patch: NDArray[np.int64] | None = None,
 ) -> Strains:
-    """Strains of a mesh, see `rest_stiffness`."""
+    """Strains of a mesh of small displacements; parameters with shapes and units as `rest_stiffness` has them."""
     m, n = len(mesh.elements), len(mesh.nodes)
     lam, mu = (c * mesh.volumes for c in lame(young, poisson))
     G = mesh.gradients.swapaxes(1, 2)

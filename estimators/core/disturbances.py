@@ -19,11 +19,10 @@ pressed or leans somewhere: its two strengths differ in how fast such forces cha
 class Disturbances:
     """Prior of the unknown forces, given as accelerations.
 
-    Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning,
-    are a smooth field over all of the nodes where forces may act, and one acceleration of all mass, as by a turn of
-    gravity. Each has its own chain, and a mode is a pair of their
-    states, of a continuum a slow state alone. Strengths but those of calm and white noise are raised with the
-    acceleration by which a stiff body returns when it is bent.
+    Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning, are a
+    smooth field over all of the nodes where forces may act, and one acceleration of all mass, as by a turn of gravity.
+    Each has its own chain, and a mode is a pair of their states, of a continuum a slow state alone. Strengths but those
+    of calm and white noise are raised with the acceleration by which a stiff body returns when it is bent.
 
     Attributes
     ----------
