@@ -40,7 +40,7 @@ architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing fro
 
 docs: $(READY)  ## the documentation site, in site/; warnings are errors
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh,docs]'
-	rm -rf site docs/generated
+	rm -rf site docs/generated jupyter_execute
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . site
 
 wheel: $(READY)  ## the wheel, in dist/, and whether all that belongs in it is there
@@ -56,7 +56,7 @@ mutants: $(READY)  ## which changes of the modules that safety rests on no test 
 check: lint types contract architecture docs wheel test  ## what CI runs
 
 clean:
-	rm -rf .venv demo build dist site docs/generated mutants *.egg-info
+	rm -rf .venv demo build dist site docs/generated jupyter_execute mutants *.egg-info
 
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "_extensions")]
 
 project = html_title = "Softaim"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "api", "mathml"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "api", "mathml"]
 
 # Pages are read from the root of the repository, so that a link such as ../README.md holds there and on the site
 root_doc = "docs/index"
@@ -18,6 +18,9 @@ exclude_patterns += ["docs/_*"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # links such as page.md#a-heading
+nb_execution_mode = "force"  # pages that are notebooks run at each build, in a folder of their own
+nb_execution_in_temp = nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # the first run compiles kernels
 
 html_theme = "pydata_sphinx_theme"
 html_theme_options = {"secondary_sidebar_items": ["page-toc"], "show_prev_next": False, "show_toc_level": 2}

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 LONGEST_SHOWN = 60
 """Characters of a found value that a message repeats; a message is one line that fits a terminal."""
+
+SOME_NAMES = 5
+"""Names that a message lists: chosen, as its length."""
 
 
 class InputError(Exception):
@@ -32,6 +37,15 @@ def shown(value: object) -> str:
     # json leaves some line separators as they are
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
+
+
+def no_node(name: object, names: Iterable[str]) -> str:
+    """Part of a message: no node has this name; the most similar names of nodes, some of the others."""
+    known = list(names)
+    similar = get_close_matches(str(name), known, n=1)
+    first = [*similar, *(one for one in known if one not in similar)]
+    some = ", ".join(first[:SOME_NAMES]) + (", …" if len(first) > SOME_NAMES else "")
+    return f"no node named {shown(name)}; nodes: {some}"
 
 
 def read_text(path: Path) -> str:

@@ -287,7 +287,8 @@ def calibration_lines(done: Calibration) -> list[str]:
     return [
         f"{len(done.images_used)} pictures used, rms {done.reprojection_rms_px:.3f} px; {out}",
         *(f"  {line}" for line in done.images_left_out),
-        f"On the plane of {done.plane_image} a pixel at the centre is {across:.3f} x {down:.3f} mm",
+        f"The world lies on the board in {done.plane_image}; --plane chooses another picture",
+        f"On it a pixel at the centre is {across:.3f} x {down:.3f} mm",
     ]
 
 

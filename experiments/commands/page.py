@@ -39,7 +39,8 @@ def sections() -> Iterator[str]:
     yield "### Options of several commands\n\n" + "".join(shared)
     for name, command in group.commands.items():
         own = [row for row in rows[name] if row not in shared]
-        usage = [use for row, use in rows[name].items() if row in shared or "--" not in use]
+        used = [use for row, use in rows[name].items() if row in shared or not use.startswith("[--")]
+        usage = sorted(used, key=lambda use: "--" in use)  # arguments first
         text = " ".join((command.help or "").split())
         shown = " ".join([name, *usage, *(["[OPTIONS]"] if any(row.startswith("- `-") for row in own) else [])])
         yield f"### {name}\n\n{text}\n\n`softaim {shown}`\n"

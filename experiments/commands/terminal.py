@@ -12,6 +12,12 @@ FIRST_S = 10.0
 """Time of the first progress line of a run that is not on a terminal, doubled for each further one [s]: log files need
 few lines; chosen."""
 
+COMPILES = "a first run compiles"
+"""Said while a stage that has begun stands at nothing: kernels compile inside its first step."""
+
+WAITS_S = 3.0
+"""Time from which the bar says so [s]: chosen."""
+
 Stage = Callable[[str], Callable[[float], None]]
 
 
@@ -22,7 +28,12 @@ def progress() -> Iterator[Stage]:
     A bar on a terminal, occasional lines elsewhere.
     """
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
+    from rich.text import Text
+
+    class Compiling(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(COMPILES if not task.completed and (task.elapsed or 0.0) > WAITS_S else "")
 
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -30,7 +41,7 @@ def progress() -> Iterator[Stage]:
             yield stage
         return
     columns = (TextColumn("{task.description:<16}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=console) as bar:
+    with Progress(*columns, TimeRemainingColumn(), Compiling(), console=console) as bar:
 
         def stage(name: str) -> Callable[[float], None]:
             task = bar.add_task(name, total=1.0)
@@ -61,7 +72,7 @@ def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_std
         next_s = first_s
         while not over.wait(began + next_s - time.monotonic()):
             name, share = reached[0]
-            say(f"{name}: {share:.0%} after {next_s:.0f} s")
+            say(f"{name}: {share:.0%} after {next_s:.0f} s{'' if share else f'; {COMPILES}'}")
             next_s *= 2.0
 
     watching = threading.Thread(target=watch, name="softaim progress", daemon=True)

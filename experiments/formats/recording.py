@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, no_node, shown
 from experiments.formats.films.pictures import (
     MARKS,
     ONE_CAMERA,
@@ -288,7 +288,7 @@ def _indices(table: Table, names: Sequence[str]) -> NDArray[np.int64]:
     nodes = np.array([indices.get(name, -1) for name in table.texts["node"]], dtype=np.int64)
     if (nodes < 0).any():
         row = int(np.argmax(nodes < 0))
-        raise InputError(f"{table.place(row, 'node')}: no node named {shown(table.texts['node'][row])}")
+        raise InputError(f"{table.place(row, 'node')}: {no_node(table.texts['node'][row], names)}")
     return nodes
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from dynamics import KINDS, OUTER, MassSpringNetwork, four_mass_phantom
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, no_node, shown
 from experiments.formats.scenario_forces import Breathing, Pokes, Posture, Press, Release, Tremor
 from experiments.formats.scene.scene import usable_scene
 from experiments.formats.toml_file import Name, NotNegative, Positive, Strict, check_axes, read_toml
@@ -242,7 +242,7 @@ def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Postu
 
 def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
     if node not in network.names:
-        raise InputError(f"{place}: no node named {shown(node)}")
+        raise InputError(f"{place}: {no_node(node, network.names)}")
     if network.fixed[network.index(node)]:
         raise InputError.at(place, "a free node", f"the anchor {shown(node)}")
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dynamics import NetworkError, Phantom, elastic_body, on_hull
 from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, no_node, shown
 from experiments.formats.scene.network import is_node_name
 from experiments.formats.tables import Table, read_rows, read_table
 
@@ -144,7 +144,7 @@ def _springs(path: Path, names: Sequence[str]) -> tuple[Table, NDArray[np.int64]
     for end in ("from", "to"):
         for row, name in enumerate(table.texts[end]):
             if name not in places:
-                raise InputError(f"{table.place(row, end)}: no node named {shown(name)}")
+                raise InputError(f"{table.place(row, end)}: {no_node(name, names)}")
     ends = [frozenset(pair) for pair in zip(table.texts["from"], table.texts["to"], strict=True)]
     table.check("to", np.array([len(pair) == 2 for pair in ends]), "another node than in from")
     table.check("to", np.array([ends.index(pair) == s for s, pair in enumerate(ends)]), "each pair once")

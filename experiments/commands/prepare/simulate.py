@@ -48,8 +48,9 @@ def simulate(
 
     def show() -> None:
         own = scenario_file(scenario)
-        if own is not None and own.with_name(STEPS).exists():  # in a project each recording has its own next step
-            print(f"Recording{'s' if runs else ''} in {out}; next: the following step in {own.with_name(STEPS)}")
+        steps = None if own is None else own.with_name(STEPS)
+        if own is not None and steps is not None and steps.exists() and own.name in steps.read_text(encoding="utf-8"):
+            print(f"Recording{'s' if runs else ''} in {out}; next: the following step in {steps}")
         elif runs is None:
             print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
         else:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, NetworkError, reaches
 from experiments.arrays import Floats
-from experiments.errors import shown
+from experiments.errors import no_node, shown
 from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTable, NodeTable, SceneError, check_dim
 from experiments.formats.toml_file import Strict, key_lines
 
@@ -93,7 +93,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
     key, between = f"network.spring[{s}].between", table.spring[s].between
     for name in between:
         if name not in indices:
-            raise SceneError(f"{key}: no node named {shown(name)}")
+            raise SceneError(f"{key}: {no_node(name, indices)}")
     i, j = (indices[name] for name in between)
     if i == j:
         raise SceneError(f"{key}: expected two different nodes, found {shown(between)}")

@@ -12,7 +12,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
-from experiments.errors import shown
+from experiments.errors import no_node, shown
 from experiments.formats.scene.marks import Mark, look_keys
 from experiments.formats.scene.network import check_name
 from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError, check_dim, check_own_names
@@ -74,7 +74,7 @@ class Reference:
         if mark.node is None:
             check_dim(f"{key}.position_mm", mark.position_m, network.dim)
         elif mark.node not in network.names:
-            raise SceneError(f"{key}.node: no node named {shown(mark.node)}")
+            raise SceneError(f"{key}.node: {no_node(mark.node, network.names)}")
         elif not network.fixed[network.index(mark.node)]:
             raise SceneError(f"{key}.node: expected an anchor, which is fixed, found the mass {shown(mark.node)}")
 

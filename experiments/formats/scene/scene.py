@@ -9,7 +9,7 @@ from pathlib import Path
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, no_node, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_together
 from experiments.formats.scene.cameras import Camera, camera_lines, camera_of, lens_lines
@@ -98,13 +98,13 @@ class Scene:
         for i, node in enumerate(self.settings.led_nodes):
             key = f"filter.led_nodes[{i}]"
             if node not in self.network.names:
-                raise SceneError(f"{key}: no node named {shown(node)}")
+                raise SceneError(f"{key}: {no_node(node, self.network.names)}")
             if node not in self.measured_nodes:
                 raise SceneError(f"{key}: expected a node with a measured mark, found {shown(node)} without")
 
     def _check_free(self, key: str, node: str, why: str) -> None:
         if node not in self.network.names:
-            raise SceneError(f"{key}: no node named {shown(node)}")
+            raise SceneError(f"{key}: {no_node(node, self.network.names)}")
         if self.network.fixed[self.network.names.index(node)]:
             raise SceneError(f"{key}: expected a free node ({why}), found the anchor {shown(node)}")
 

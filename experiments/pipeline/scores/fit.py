@@ -147,12 +147,12 @@ def _fit_words(fit: Fit, too_small: bool) -> str:
         less = (
             f"they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than predicted, NIS {fit.mean_nis:.2f} below {band}"
         )
-        cause = "" if too_small else ": noise levels are too high for these marks (softaim tune)"
+        cause = "" if too_small else ": noise is stated too high: the marks' sd, or strain (softaim tune)"
         return f"marks are predicted better than stated: {less}{cause}"
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
         f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
-        "constants or noise levels are wrong (softaim identify, softaim tune)"
+        "constants (softaim identify), strain (softaim tune) or the marks' sd are wrong"
     )
 
 

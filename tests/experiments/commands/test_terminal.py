@@ -28,6 +28,19 @@ def test_a_run_that_takes_long_says_how_far_it_is_though_it_stands_still() -> No
     assert [line.split(" after")[0] for line in lines] == ["track: 25%", "track: 25%"]
 
 
+def test_a_stage_without_progress_names_the_reason() -> None:
+    said, heard = [], threading.Event()
+
+    def say(line: str) -> None:
+        said.append(line)
+        heard.set()
+
+    with progress_lines(0.05, say) as stage:
+        stage("track")
+        assert heard.wait(SOON_S)
+    assert said[0] == "track: 0% after 0 s; a first run compiles"
+
+
 def test_a_run_that_ends_says_nothing_more() -> None:
     said: list[str] = []
     with progress_lines(3600.0, said.append) as stage:

@@ -145,5 +145,5 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path):
 
 def test_a_scene_that_does_not_fit_together_cannot_be_made():
     network = four_mass_phantom()
-    with pytest.raises(SceneError, match=r'^mark\[0\]\.node: no node named "M9"$'):
+    with pytest.raises(SceneError, match=r'^mark\[0\]\.node: no node named "M9"; nodes: M1, M2, M3, M4, In1, …$'):
         Scene(network, (Mark("M9", 0.0, 0.03),), Target("M2", 0.005), ())
