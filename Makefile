@@ -2,6 +2,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
+# By a path: the editable install of today is hidden by a folder named softaim where Python starts, such as this one
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=compat -c constraints.txt
 # At some twenty states more threads of a linear algebra library only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1
 # Each package is compiled to bytecode once, when it is first imported; most of what is installed never is
@@ -39,7 +41,7 @@ architecture-page: $(READY)  ## rewrite docs/architecture.md and its drawing fro
 	$(BIN)/python -m experiments.studies.architecture
 
 docs: $(READY)  ## the documentation site, in site/; warnings are errors
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh,docs]'
+	$(INSTALL) -e '.[dev,cluster,live,export,mesh,docs]'
 	rm -rf site docs/generated jupyter_execute
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet --jobs auto --conf-dir docs . site
 
@@ -49,7 +51,7 @@ wheel: $(READY)  ## the wheel, in dist/, and whether all that belongs in it is t
 	$(BIN)/python -m tests.wheel dist/*.whl
 
 mutants: $(READY)  ## which changes of the modules that safety rests on no test notices; about an hour
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh,mutants]'
+	$(INSTALL) -e '.[dev,cluster,live,export,mesh,mutants]'
 	$(BIN)/mutmut run
 	$(BIN)/mutmut results
 
@@ -61,5 +63,6 @@ clean:
 $(READY): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit("Softaim needs Python 3.11 or newer; try: make PYTHON=python3.12 …" if sys.version_info < (3, 11) else 0)'
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --no-compile --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,cluster,live,export,mesh]'
+	@echo "Installing into .venv, in a minute or two"
+	$(INSTALL) --no-compile -e '.[dev,cluster,live,export,mesh]'
 	@touch $(READY)

@@ -102,5 +102,14 @@ def test_fields_become_sections() -> None:
     ]
 
 
+def test_fields_in_one_line_and_in_lines_that_are_not_indented() -> None:
+    text = "One.\n\npoints: a; force: on each,\nwhich is small; other: no field\nNo field, either."
+    assert fields().as_numpydoc(text.splitlines(), pushed) == [
+        *("One.", "", "", "No field, either."),
+        *("", "Parameters", "----------", "points : `Any`", "    a"),
+        *("force : `float`", "    on each,", "    which is small; other: no field"),
+    ]
+
+
 def test_keys_of_sources_lead_to_the_references() -> None:
     assert fields().with_links("See [blom1988], x [m].") == "See :doc:`[blom1988] </REFERENCES>`, x [m]."

@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from itertools import chain
 
 FIELD = re.compile(r"(Raises )?([A-Za-z_]\w*(?:, [a-z_]\w*)*): (.*)")
 KEY = re.compile(r"\[([a-z]+\d{4}[a-z]?|paper)\](?!_)")
@@ -14,13 +15,19 @@ def annotations(thing: object) -> dict[str, object]:
 
 
 def as_numpydoc(lines: list[str], thing: object) -> list[str]:
-    """The lines of a docstring with its fields in the sections Parameters and Raises, after the text."""
+    """The lines of a docstring with its fields in the sections Parameters and Raises, after the text.
+
+    Fields stand below each other or, of names that the thing has, behind a semicolon. A field goes on in lines that are
+    indented or do not begin in upper case.
+    """
     types = annotations(thing)
+    known = "|".join(map(re.escape, types)) or "$^"
+    beside = re.compile(rf"; (?=(?:{known})(?:, (?:{known}))*: )")
     text: list[str] = []
     parameters: list[str] = []
     raises: list[str] = []
     into = text
-    for line in lines:
+    for line in chain.from_iterable(map(beside.split, lines)):
         found = FIELD.match(line)
         names = found[2].split(", ") if found else []
         if found and found[1]:
@@ -29,7 +36,7 @@ def as_numpydoc(lines: list[str], thing: object) -> list[str]:
         elif found and names != ["State"] and (inspect.isclass(thing) or types.keys() >= set(names)):
             into = parameters
             into.append(f"{found[2]} : `{types[names[0]]}`" if isinstance(types.get(names[0]), str) else found[2])
-        elif into is text or not line.startswith("    "):
+        elif into is text or not line or line[0].isupper() or line[0] == "`":
             text += [line] if into is text else ["", line]
             into = text
             continue

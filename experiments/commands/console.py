@@ -73,7 +73,10 @@ def fit_lines(ours: Row) -> list[str]:
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
     lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
     if ours.get("variance_shares"):
-        lines.append(f"Shares of the target's variance for advice: {shares_words(ours['variance_shares'])}")
+        lines.append(
+            f"With errors that the scene leaves out, advice has a sigma of {ours['sigma_advice_mm']:.2g} mm at the end;"
+            f" shares of its variance: {shares_words(ours['variance_shares'])}"
+        )
     return lines
 
 

@@ -13,7 +13,10 @@ FIRST_S = 10.0
 few lines; chosen."""
 
 COMPILES = "a first run compiles"
-"""Said while a stage that has begun stands at nothing: kernels compile inside its first step."""
+"""Reported while a stage stands at 0 %: kernels compile in its first step."""
+
+BEGUN = 0.005
+"""Share done of a stage below which it shows as 0 %."""
 
 WAITS_S = 3.0
 """Time from which the bar says so [s]: chosen."""
@@ -33,7 +36,7 @@ def progress() -> Iterator[Stage]:
 
     class Compiling(ProgressColumn):
         def render(self, task: Task) -> Text:
-            return Text(COMPILES if not task.completed and (task.elapsed or 0.0) > WAITS_S else "")
+            return Text(COMPILES if task.completed < BEGUN and (task.elapsed or 0.0) > WAITS_S else "")
 
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -72,7 +75,7 @@ def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_std
         next_s = first_s
         while not over.wait(began + next_s - time.monotonic()):
             name, share = reached[0]
-            say(f"{name}: {share:.0%} after {next_s:.0f} s{'' if share else f'; {COMPILES}'}")
+            say(f"{name}: {share:.0%} after {next_s:.0f} s{f'; {COMPILES}' if share < BEGUN else ''}")
             next_s *= 2.0
 
     watching = threading.Thread(target=watch, name="softaim progress", daemon=True)

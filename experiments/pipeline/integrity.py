@@ -124,8 +124,8 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
     return np.asarray(sum(one.cov for one in budget if not one.considered))
 
 
-def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Share of each source in the target's variance, the largest first; empty without a covariance.
+def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
+    """The target's variance for advice [m²], all axes together, by source; empty without a covariance.
 
     estimate: by the filter, without unconsidered errors
     """
@@ -134,6 +134,12 @@ def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> 
     considered = sum(one.variance for one in budget if one.considered)
     found = {one.name: one.variance for one in budget}
     found[SEEN] = max(float(np.trace(estimate.cov)) - considered, 0.0)
+    return found
+
+
+def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
+    """Share of each source in the target's variance for advice, the largest first; as `target_variances`."""
+    found = target_variances(budget, estimate)
     whole = sum(found.values()) or 1.0
     return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
 

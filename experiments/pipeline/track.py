@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -21,7 +22,7 @@ from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
-from experiments.pipeline.integrity import error_budget, variance_shares
+from experiments.pipeline.integrity import error_budget, target_variances, variance_shares
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
 from experiments.pipeline.scores.fit import (
     TruthScore,
@@ -96,6 +97,7 @@ def track(
     line = Line(recording.scene, fixes=recording.fixes, check=check, explain=explain)
     steps: list[Step] = []
     checked: dict[str, list[LeaveOneOutCheck]] = {}
+    scales: list[float] = []
     tally = MarkTally(recording.scene)
     for frame, step in each_frame(line, recording):
         tally.take(step)
@@ -103,6 +105,7 @@ def track(
             watch.take(frame, line, step)
         steps.append(replace(step, sight=None))
         if line.checks is not None:
+            scales.append(line.checks.scale)
             for node, one in line.checks.checks.items():
                 checked.setdefault(node, []).append(one)
         advance(len(steps) / len(recording.exposures_s))
@@ -116,11 +119,14 @@ def track(
     if line.checks is not None:
         nees = [one.nees for own in checked.values() for one in own]
         counts["check_nees"] = float(np.mean(nees)) if nees else None
-        counts["check_scale"] = line.checks.scale
+        counts["check_scale"] = float(np.mean(scales))
     withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
     budget = error_budget(recording.scene, line.filter)
     last = next((step.estimates[FILTER] for step in reversed(steps)), None)
     shares = {} if last is None else variance_shares(budget, last)
+    if last is not None and shares:
+        variance = sum(target_variances(budget, last).values()) / len(last.mean)
+        counts["sigma_advice_mm"] = 1e3 * math.sqrt(variance)
     return Track(recording, tuple(steps), *target_truth(recording, steps), counts, withheld, tally.shares(), shares)
 
 

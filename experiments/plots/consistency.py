@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from estimators import chi_square_bounds
 from estimators.consistency.whiteness import effective_count
@@ -26,7 +26,7 @@ SPARED = 0.05
 """Share of frames that may lie outside the plot at either end, and are counted."""
 
 NARROW = 3.0
-"""Ratio of predicted standard deviations below which their axis is linear, for a logarithmic one has too few ticks."""
+"""Ratio of the ends of an axis below which 1, 2 and 5 a decade are too few ticks."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-2, 1e4
 """Upper limit of plots of NEES and NIS: four decades above the bounds no frame is consistent."""
@@ -77,12 +77,9 @@ def sigma_figure(done: Track) -> Figure:
     ax.plot(predicted, found, "o-", color=OURS, label=f"rms of {len(groups)} groups", zorder=3)
     ax.set(xlim=(low, high), ylim=(bottom, top))
     ax.set(xlabel="predicted standard deviation of an axis [mm]", ylabel="observed rms error of an axis [mm]")
-    if high < NARROW * low:
-        ax.set_xscale("linear")
     for axis, ratio in ((ax.xaxis, high / low), (ax.yaxis, top / bottom)):
-        if axis.get_scale() == "linear":
-            continue
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e3 else (1.0,)))
+        decades = LogLocator(subs=(1.0, 2.0, 5.0) if ratio < 1e3 else (1.0,))
+        axis.set_major_locator(decades if ratio > NARROW else MaxNLocator(5))
         axis.set_major_formatter("{x:g}")
         axis.set_minor_formatter(NullFormatter())
     legend_below(figure, ax, 2)
@@ -140,7 +137,7 @@ def _against_bounds(done: Track, ax: Axes, key: str, found: Floats, freedom: np.
     if key == "nis" and fit is not None:
         title = f"NIS: mean {_average(fit.mean_nis)}, 95 % band of the mean {fit.low:.2f} to {fit.high:.2f}"
     ax.set_title(
-        f"{title}; {100 * inside:.1f} % of frames in the band"
+        f"{title}; {100 * inside:.1f} % of frames in the shaded band"
         + (f"; {counted(beyond, 'frame')} outside the plot" if beyond else "")
     )
 
@@ -160,7 +157,7 @@ def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
     ax.bar(range(len(ratios)), ratios, width=0.6, color=OURS, alpha=0.7)
     for k, one in enumerate(withheld.values()):
         above = (k, max(one.ratio, 1.0))
-        label = f"{one.mean_error_mm:.3g} mm"
+        label = f"{one.mean_error_mm:.2f} mm"
         ax.annotate(label, above, (0, 2), textcoords="offset points", ha="center", fontsize=SMALL_PT)
     ax.axhline(1.0, color=TRUE, lw=0.6, ls=(0, (4, 2)), label="as predicted")
     ax.set_xticks(range(len(ratios)), list(withheld), rotation=90 if len(withheld) > 8 else 0)

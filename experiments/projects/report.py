@@ -154,7 +154,7 @@ def _target(done: SceneCheck) -> str:
         own += ", because it also assumes that neighbours move alike, which the bound leaves out"
     return (
         f"with marks to {_accuracy(done)} at {1.0 / done.interval_s:.3g} frames/s its sigma is at least"
-        f" {quiet} on each axis without pushes, {pushed} with pushes on all marks, for exact constants;"
+        f" {quiet} on each axis without pushes, {pushed} if all marks are always pushed, for exact constants;"
         f" this scene's filter, at rest: {own}"
     )
 

@@ -179,14 +179,14 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """The result of the check for the target, in one sentence; scale: factor on the target's covariance, 1 or more."""
+    """The result of the check for the target, in one sentence; scale: mean factor on the target's covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)
     ratio = withheld[worst].ratio
     meant = "the error of the hidden target may be as large" if ratio > 1.0 else "so the target's sigma is plausible"
-    widened = f"was multiplied by {scale**0.5:.2f}" if scale > 1.0 else "is unchanged"
+    widened = f"was multiplied by {scale**0.5:.2f} in the mean" if scale > 1.0 else "is unchanged"
     return (
-        f"errors of marks predicted as if hidden are up to {ratio:.2f} times the predicted ({worst}): "
-        f"{meant}; sigma of the target {widened}"
+        f"errors of marks predicted as if hidden, with their own noise, are up to {ratio:.2f} times the predicted"
+        f" ({worst}): {meant}; sigma of the target {widened}"
     )

@@ -261,12 +261,12 @@ def test_frames_outside_of_the_sigma_plot_are_counted(usual):
 
 
 def test_sigmas_that_hardly_vary_fill_the_width_of_the_picture():
-    """From 1 to 1.1 mm: groups and frames are spread over a linear axis, nine tenths of the frames inside."""
+    """From 1 to 1.1 mm: groups and frames are spread, nine tenths of the frames inside; both axes are alike."""
     rng = np.random.default_rng(5)
     sigmas = rng.uniform(1e-3, 1.1e-3, N)
     ax = sigma_figure(made_track(phantom(), rng.normal(0.0, 1.0, (N, 2)) * sigmas[:, None], sigmas)).axes[0]
     left, right = ax.get_xlim()
-    assert ax.get_xscale() == "linear"
+    assert ax.get_xscale() == ax.get_yscale() == "log"
     assert right < 1.4 * left
     assert sum(left < tick < right for tick in ax.get_xticks()) >= 3
     x, y = ax.lines[0].get_data()

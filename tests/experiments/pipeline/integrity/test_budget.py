@@ -10,7 +10,7 @@ from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, T
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.integrity import USUAL, balance_of, error_budget, unstated, variance_shares
+from experiments.pipeline.integrity import USUAL, balance_of, error_budget, target_variances, unstated, variance_shares
 from experiments.pipeline.line import Line
 from experiments.pipeline.sight.space import calibration_shifts
 from experiments.simulation.simulate import scene_of
@@ -148,7 +148,11 @@ def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that(sc
 def test_the_largest_source_is_named_first(scene, tissue):
     silent = replace(scene, target=replace(scene.target, position_sd_m=20e-3))
     estimate = TargetEstimate(0.0, np.zeros(2), 5e-4 * np.eye(2), Status.TRACKING, 3)
-    shares = variance_shares(error_budget(silent, tissue), estimate)
+    budget = error_budget(silent, tissue)
+    shares = variance_shares(budget, estimate)
+    variances = target_variances(budget, estimate)
+    assert variances["marks and disturbances"] == pytest.approx(1e-3 - sum(s.variance for s in budget if s.considered))
+    assert variances["the target's position in the tissue"] == pytest.approx(2 * 20e-3**2)
     assert next(iter(shares)) == "the target's position in the tissue"
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["marks and disturbances"] == pytest.approx(0.25 * shares["the target's position in the tissue"])
