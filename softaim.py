@@ -21,6 +21,8 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
     hit_probability       of a needle that stands still
+    GaussianMixture       what it takes: of TissueFilter.predict_modes
+    TargetPoint           a target whose place in the tissue is not exactly known
     guide                 go, wait or realign
     open_source           frames from a camera, film, folder or stream
     MarkFinder            marks tracked and named, frame after frame
@@ -53,12 +55,14 @@ if TYPE_CHECKING:
     from estimators import (
         AssociationFilter,
         FilterSettings,
+        GaussianMixture,
         Insertion,
         Lesion,
         MarkMeasurement,
         Needle,
         Status,
         TargetEstimate,
+        TargetPoint,
         TissueFilter,
         fixed_interval,
         guide,
@@ -79,6 +83,7 @@ if TYPE_CHECKING:
 __all__ = [
     "AssociationFilter",
     "FilterSettings",
+    "GaussianMixture",
     "InputError",
     "Insertion",
     "Lesion",
@@ -94,6 +99,7 @@ __all__ = [
     "Status",
     "Target",
     "TargetEstimate",
+    "TargetPoint",
     "TissueFilter",
     "__version__",
     "build_network",
@@ -129,12 +135,14 @@ _NAMES_OF = {
     "estimators": (
         "AssociationFilter",
         "FilterSettings",
+        "GaussianMixture",
         "Insertion",
         "Lesion",
         "MarkMeasurement",
         "Needle",
         "Status",
         "TargetEstimate",
+        "TargetPoint",
         "TissueFilter",
         "fixed_interval",
         "guide",

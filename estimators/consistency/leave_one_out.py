@@ -74,7 +74,10 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The same for marks that the filter of the target has already used, and its estimate after them."""
+        """The same for marks that the filter of the target has already used, and its estimate after them.
+
+        Marks that this filter rejected are not checked.
+        """
         checks = {}
         dt = 0.0 if self._time_s is None else estimate.time_s - self._time_s
         self._time_s = estimate.time_s
@@ -82,6 +85,8 @@ class LeaveOneOut:
             predicted = other.update([mark for mark in marks if mark.node != node])
             seen = [mark for mark in marks if mark.node == node]
             if not seen or predicted.cov is None or predicted.status is not Status.TRACKING:
+                continue
+            if node not in estimate.information_share:  # an outlier says nothing of the model
                 continue
             error = seen[0].position - predicted.mean
             own = seen[0].cov + _with_calibration(other, seen[0])

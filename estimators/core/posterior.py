@@ -35,23 +35,7 @@ POSSIBLE = 1e-3
 
 
 class TissuePosterior:
-    """What is known of a tissue now, and of the target in it; `TissueFilter` moves and updates it.
-
-    Parameters
-    ----------
-    network : MassSpringNetwork
-    target : str or TargetPoint
-    marked : sequence of str
-        Nodes whose marks are measured: those of others are rejected.
-    settings : FilterSettings, optional
-        Of these count `discrepancy`, `sigma_points`, the strength and duration of pokes, `outlier_odds`, `led_nodes`,
-        `fix_bias`, and times and thresholds of health.
-    uncertainty : ParameterUncertainty, optional
-        How well constants are known, considered; None: exactly.
-    n_calibration : int
-        Directions that the `shared` of marks has, if these errors of the calibration are the same in every frame.
-    disturbances, discrepancy
-        Priors of unknown forces, and of what the model leaves out; by the settings where not given.
+    """What is known of a tissue now, and of the target in it; `TissueFilter` moves and updates it, with its parameters.
 
     Attributes
     ----------
@@ -192,7 +176,10 @@ class TissuePosterior:
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
-        """Raise ValueError for a mark that is not on a marked node, has another dimension, or shares other errors."""
+        """Raise ValueError for a mark twice, not on a marked node, of another dimension or with other shared errors."""
+        for mark, n in Counter(mark.node for mark in marks).items():
+            if n > 1:
+                raise ValueError(f"mark {mark}: expected it once, found it {n} times")
         for mark in marks:
             if mark.node not in self.marked:
                 names = ", ".join(self.marked)

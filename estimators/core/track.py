@@ -62,9 +62,24 @@ class FilterSnapshot:
 
 
 class TissueFilter(TissuePosterior):
-    """Where the target is, from marks on the tissue; parameters as `TissuePosterior` has them.
+    """Where the target is, from marks on the tissue.
 
     The same filter for every body: no setting depends on its stiffness or size but by how strong forces may be.
+
+    Parameters
+    ----------
+    network : MassSpringNetwork
+    target : str or TargetPoint
+        A node, known exactly in the body, or a point whose `sd_m` says how well its place in the body is known.
+    marked : sequence of str
+        Nodes whose marks are measured: those of others are rejected.
+    settings : FilterSettings, optional
+    uncertainty : ParameterUncertainty, optional
+        How well constants are known, considered; None: exactly.
+    n_calibration : int
+        Directions that the `shared` of marks has, if these errors of the calibration are the same in every frame.
+    disturbances, discrepancy
+        Priors of unknown forces, and of what the model leaves out; by the settings where not given.
     """
 
     def _restart(self, repair: str) -> None:

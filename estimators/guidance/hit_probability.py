@@ -35,6 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
 
+    target: of `TissueFilter.predict_modes`; the Gaussian of its mean and covariance gives too low a probability
     axis: unit vector [1], (dim,), along the needle; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError where dimensions differ.
     """
@@ -89,6 +90,9 @@ def best_aim(
 
 
 def _check_dim(target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion) -> None:
+    for name, one in (("target", target), ("tip", tip)):
+        if not isinstance(one, GaussianMixture):
+            raise TypeError(f"{name}: expected a GaussianMixture, such as of predict_modes, found {type(one).__name__}")
     dims = (target.means.shape[1], tip.means.shape[1], len(axis))
     if dims != (lesion.dim,) * 3:
         raise ValueError(f"dimensions: expected target, tip and axis of the lesion's {lesion.dim}, found {dims}")

@@ -273,7 +273,11 @@ def verdict_of(done: Track) -> str:
     refused = int(done.counts.get("marks_refused") or 0)
     frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None
     covered, nees = found.get("coverage95"), found.get("mean_nees")
-    truth = None if covered is None or nees is None else TruthScore(covered, nees, done.recording.scene.network.dim)
+    sd_m, sigma = done.recording.scene.target.position_sd_m or 0.0, float(found.get("sigma_mm") or math.inf)
+    one_error = 1e3 * sd_m > math.sqrt(0.5) * sigma
+    truth = None
+    if covered is not None and nees is not None:
+        truth = TruthScore(covered, nees, done.recording.scene.network.dim, one_error)
     by_status = frames_by_status(estimates)
     checked = bool(done.withheld)
     said = verdict(

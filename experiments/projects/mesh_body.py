@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -53,6 +54,9 @@ NEAR = 0.05
 
 LEAST_FREE = 1e-3
 """Weight of nodes that are not held below which a target does not move [1]; numerical."""
+
+N_DRAWS = 100
+"""Draws of the simulated lesion's place, until one is inside the body: chosen."""
 
 SHALLOWEST_MM = 0.01
 """Least depth of a target below the surface: less has no direction to the skin."""
@@ -112,12 +116,16 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
             for one in tissues.tissues
         ),
     )
+    lesion = _drawn(target, 1e-3 * (of.target_sd_mm or 0.0), mesh, rng)
+    points = [*marks.items(), (TARGET, lesion)]
     truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     out /= reach
     entry = target + reach * out  # on the skin
+    low, high = 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0)
+    box = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
-        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml"
+        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {box} mm,"
     )
     return Template(
         f"A body of {counts} from {of.path.name}",
@@ -291,6 +299,15 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
         found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
         raise InputError.at("--target", "a place that moves", found)
     return place
+
+
+def _drawn(target: Floats, sd_m: float, mesh: TetMesh, rng: np.random.Generator) -> Floats:
+    """The lesion's place in the simulated tissue [m], (3,): off by the standard deviation [m] on each axis, inside."""
+    for place in target + sd_m * rng.normal(size=(N_DRAWS if sd_m else 0, 3)):
+        with suppress(MeshError):
+            locate(mesh, place[None])
+            return np.asarray(place)
+    return target
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:

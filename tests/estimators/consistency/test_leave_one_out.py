@@ -128,3 +128,20 @@ def test_no_check_of_a_mark_that_is_not_seen_or_not_predicted_yet(phantom, rest_
 def test_two_marks_are_the_least(phantom):
     with pytest.raises(ValueError, match="expected two or more nodes, found 1"):
         LeaveOneOut(phantom, HIDDEN, ("M1",))
+
+
+def test_outliers_are_not_checked_and_widen_nothing(phantom, motion, marks_of):
+    """M1 and M3 exchanged in every tenth frame: rejected, as 60 mm off, and no reason to doubt the model."""
+    n_frames = iter(range(len(motion)))
+
+    def swapped(*known):
+        marks = marks_of(*known)
+        if next(n_frames) % 10 != 9:
+            return marks
+        at = {mark.node: mark.position for mark in marks}
+        return [replace(mark, position=at[{"M1": "M3", "M3": "M1"}.get(mark.node, mark.node)]) for mark in marks]
+
+    both, checks, *_ = followed(phantom, phantom, motion, swapped)
+    assert not {"M1", "M3"} & set().union(*checks[9::10])
+    assert all(one.nees < 100.0 for frame in checks for one in frame.values())
+    assert both.scale < 1.5

@@ -151,10 +151,11 @@ WRONG = {
         lambda one: one.update([replace(MARK, node=HIDDEN)]),
         r"mark M2: expected one of the marked nodes \(M1, M3, M4\), found another",
     ),
+    "mark twice": (lambda one: one.update([MARK, MARK]), "mark M1: expected it once, found it 2 times"),
     "mark in space": (lambda one: one.update([MarkMeasurement("M1", np.zeros(3), np.eye(3))]), "mark M1 position"),
     "shared by some": (
-        lambda one: one.update([replace(MARK, shared=np.ones((2, k))) if k else MARK for k in (2, 1)]),
-        "mark M1 shared: expected 2 directions, found 1",
+        lambda one: one.update([replace(MARK, node=f"M{k}", shared=np.ones((2, 4 - k))) for k in (1, 3)]),
+        "mark M3 shared: expected 3 directions, found 1",
     ),
     "fix in space": (lambda one: one.fix(np.zeros(3), np.eye(3)), "fix: expected shapes"),
     "fix of no number": (lambda one: one.fix(np.full(2, np.nan), np.eye(2)), "fix: expected finite"),

@@ -219,6 +219,12 @@ def test_what_makes_no_sense_is_refused(make, message):
         make()
 
 
+def test_an_estimate_is_no_mixture():
+    tip = GaussianMixture.gaussian(np.zeros(2), np.eye(2))
+    with pytest.raises(TypeError, match=r"target: expected a GaussianMixture, .* found ndarray"):
+        hit_probability(np.zeros(2), tip, np.array([1.0, 0.0]), Lesion.ball(1.0, 2))
+
+
 def test_a_sure_hit_is_no_more_than_certain():
     """A case whose sums came to 1 + 4e-8."""
     cov = np.array([[1.8102169434260163e-06, -5.982736874948036e-08], [-5.982736874948037e-08, 1.5650777512215573e-06]])

@@ -61,7 +61,7 @@ def made(folder: Path, body: Path, *words: object) -> Scene:
 
 def test_marks_lie_apart_on_the_free_surface_and_the_target_inside(tmp_path: Path, body: Path, capsys) -> None:
     scene = made(tmp_path / "made", body, "--marks", 8)
-    assert "441 nodes, 49 of them held, 1728 tetrahedra, 36 ml from body.vtu" in capsys.readouterr().out
+    assert "441 nodes, 49 of them held, 1728 tetrahedra, 36 ml, x 0 to 40, y 0 to 30, z 0 to 30 mm, from body.vtu" in capsys.readouterr().out
     places = np.array([scene.network.positions[scene.network.index(node)] for node in scene.measured_nodes])
     assert len(places) == 8
     outside = (places == 0.0) | np.isclose(places, [0.04, 0.03, 0.03], atol=1e-9)
@@ -116,6 +116,11 @@ def test_marks_of_a_file_are_moved_onto_the_surface(tmp_path: Path, body: Path) 
     np.testing.assert_allclose(places["right"], [22.0, 15.0, 30.0], atol=1e-3)
     np.testing.assert_allclose(places["T"], [21.0, 14.0, 13.0], atol=1e-3)
     assert scene.target.position_sd_m == 0.002
+    actual = usable_scene(tmp_path / "made" / "truth" / "scene.toml").network
+    off = actual.positions[actual.index("T")] - 1e-3 * places["T"]
+    assert 1e-3 < np.linalg.norm(off) < 8e-3  # drawn with 2 mm an axis
+    for name in ("left", "right"):
+        np.testing.assert_allclose(actual.positions[actual.index(name)], 1e-3 * places[name], atol=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -98,6 +98,12 @@ def test_a_verdict_never_contradicts_the_truth(mean, coverage95, nees, words):
     assert ("too high" in found) == (mean == 1.5 and coverage95 > 0.9)
 
 
+def test_one_error_of_all_frames_is_no_proof_against_the_covariance():
+    score = TruthScore(0.0, 9.6, 3, one_error=True)
+    assert not score.too_small
+    assert "cannot be tested by one recording" in score.words
+
+
 def test_a_verdict_names_a_test_of_the_target_unless_it_was_made():
     frames = estimates([6.0] * 300)
     by_status = frames_by_status(frames)
