@@ -6,8 +6,11 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from experiments.errors import InputError, shown
 from experiments.formats.camera_file import camera_text, write_camera_toml
@@ -99,6 +102,8 @@ def views_of(
         if corners is None:
             left_out.append(f"{picture}: board not found")
         else:
+            if not views:
+                _check_whole(board, picture, image)
             views.append(View(picture, corners))
         advance(min(k / max(expected, 1), 1.0))
     if not views:
@@ -108,6 +113,18 @@ def views_of(
             f" found it in none of {len(left_out)}; check --board, and show the whole board, sharp and evenly lit"
         )
     return CameraViews(name, size, tuple(views), tuple(left_out))
+
+
+def _check_whole(board: Board, name: str, image: NDArray[np.uint8]) -> None:
+    """Raise CalibrationError for a chessboard with more corners than stated, of which a part was found."""
+    if board.dictionary is not None:
+        return
+    for larger in (replace(board, columns=board.columns + 1), replace(board, rows=board.rows + 1)):
+        if find_board(larger, image) is not None:
+            raise CalibrationError(
+                f"--board: expected the inner corners of the whole board, found {larger.columns}x{larger.rows}"
+                f" or more in {name}, with {board.columns}x{board.rows} stated"
+            )
 
 
 def _expected(path: Path) -> int:

@@ -283,7 +283,7 @@ def verdict_of(done: Track) -> str:
     said = verdict(
         fit_of(estimates), by_status, refused, frozen=frozen, pictures=pictures, checked=checked, truth=truth
     )
-    return said if done.recording.aside is None else f"{said}; {done.recording.aside}"
+    return said if done.recording.aside is None else f"{done.recording.aside}; {said}"
 
 
 def write_tables(done: Track, folder: Path) -> None:

@@ -25,6 +25,9 @@ from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
 
+CALIBRATED = "; check --square-mm and --plane of softaim calibrate"
+"""Ends a message on a camera's pose."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
@@ -72,13 +75,13 @@ class Scene:
             kinds = ("a flat scene", "a network in space")
             raise SceneError(f"camera: expected {kinds[self.network.dim == 2]}, found {kinds[self.network.dim == 3]}")
         for i, camera in enumerate(self.cameras):
-            for mark in self.marks:
+            for name, place in zip(self.network.names, self.network.positions, strict=True):
                 try:
-                    camera.project(self.network.positions[self.network.index(mark.node)][None])
+                    camera.project(place[None])
                 except ValueError:
                     raise SceneError(
-                        f"camera[{i}].plane_to_px: expected every mark before the camera's horizon,"
-                        f" found that of {shown(mark.node)} beyond"
+                        f"camera[{i}].plane_to_px: expected every node before the camera's horizon,"
+                        f" found {shown(name)} beyond{CALIBRATED if camera.lens else ''}"
                     ) from None
 
     def _check_marks(self) -> None:

@@ -21,6 +21,9 @@ COVERED = (0.9, 0.995)
 """Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
 [1]; choice."""
 
+MOST_NEES = 2.0
+"""Mean NEES by its dimension from which on some errors are too large, whatever is covered: a choice."""
+
 UNTESTED = "this does not test the hidden target (track --check, a fix, or a recording with the target in view does)"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
@@ -101,7 +104,9 @@ class TruthScore:
     def words(self) -> str:
         """The scores, and the verdict on the covariance."""
         found = "is too small" if self.too_small else "holds"
-        if self.coverage95 > COVERED[1]:
+        if not self.too_small and self.mean_nees > MOST_NEES * self.dim:
+            found = "is too small in some frames, whose errors are large"
+        elif self.coverage95 > COVERED[1]:
             found = "is larger than the errors"
         if self.one_error:
             found = "cannot be tested by one recording: most of it is the error of the target's position in the tissue"
@@ -158,7 +163,7 @@ def _fit_words(fit: Fit, too_small: bool) -> str:
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
         f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
-        "constants (softaim identify), strain (softaim tune) or the marks' sd are wrong"
+        "the marks' sd, constants (softaim identify) or strain (softaim tune) are wrong"
     )
 
 

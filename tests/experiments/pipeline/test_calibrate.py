@@ -129,6 +129,10 @@ BAD = [
     (("{p}/none.png", *CHESS), "none.png: expected a picture, found no such file"),
     (("{p}/left/0.png", "{t}/broken.png", *CHESS), "broken.png: expected a picture, found a file that cannot be read"),
     (("{p}/left/0.png", "{t}/small.png", *CHESS), "small.png: expected 400x300 as 0.png has, found 40x30"),
+    (
+        ("{p}/left", *CHESS, "--board", "8x6"),
+        "--board: expected the inner corners of the whole board, found 9x6",
+    ),
     (("{p}/plain", *CHESS), "plain: expected pictures of the board of 9x6 inner corners, found it in none of 7; check"),
     (("{p}/left/0.png", "{p}/left/1.png", *CHESS), "pictures: expected the board in 4 or more, found it in 2 of 2;"),
     (("{p}/alike", *CHESS), "pictures: expected boards that face 10 degrees or more apart, found"),

@@ -86,6 +86,7 @@ def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
     [
         (0.85, 4.2, "inside its 95 % region in 85 % of frames (NEES 4.2, expected 2): its covariance is too small"),
         (0.95, 2.1, "in 95 % of frames (NEES 2.1, expected 2): its covariance holds"),
+        (0.99, 11.2, "in 99 % of frames (NEES 11.2, expected 2): its covariance is too small in some frames"),
         (1.0, 0.1, "in 100 % of frames (NEES 0.1, expected 2): its covariance is larger than the errors"),
     ],
 )
