@@ -177,9 +177,9 @@ class TissuePosterior:
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
         """Raise ValueError for a mark twice, not on a marked node, of another dimension or with other shared errors."""
-        for mark, n in Counter(mark.node for mark in marks).items():
+        for node, n in Counter(mark.node for mark in marks).items():
             if n > 1:
-                raise ValueError(f"mark {mark}: expected it once, found it {n} times")
+                raise ValueError(f"mark {node}: expected it once, found it {n} times")
         for mark in marks:
             if mark.node not in self.marked:
                 names = ", ".join(self.marked)

@@ -93,7 +93,9 @@ def views_of(
     board: Board, paths: Sequence[Path], name: str, advance: Callable[[float], None] = lambda share: None
 ) -> CameraViews:
     """Views of the board in the pictures at these paths; SourceError for pictures that cannot be read."""
-    views, left_out, size = [], [], (0, 0)
+    views: list[View] = []
+    left_out: list[str] = []
+    size = (0, 0)
     # the number is known only for files
     expected = sum(_expected(path) for path in paths)
     for k, (picture, image) in enumerate(grey_pictures(paths), start=1):

@@ -154,7 +154,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
     if _differ(rows, "p_best"):  # on top and narrower, so that both are seen where they coincide
         ax.plot(times, rows["p_best"], color=SKY, lw=0.7, label="insertion at the best later time")
     if _differ(rows, "p_turned"):
-        ax.plot(times, rows["p_turned"], color="0.35", lw=0.7, ls=":", label="after turning to the aim")
+        ax.plot(times, rows["p_turned"], color=GREEN, lw=0.9, ls=":", label="after turning to the aim")
     if "observed" in rows and rows["observed"].notna().any():
         ax.plot(times, rows["observed"], color=VERMILLION, lw=0.6, ls=(0, (4, 2)), label=OBSERVED)
     ax.axhline(go, color=BLACK, lw=0.6, ls=(0, (6, 3)), label=f"threshold of GO, {go:g}")

@@ -28,8 +28,8 @@ SPARED = 0.05
 NARROW = 3.0
 """Ratio of the ends of an axis below which 1, 2 and 5 a decade are too few ticks."""
 
-LEAST_SHOWN, MOST_SHOWN = 1e-2, 1e4
-"""Upper limit of plots of NEES and NIS: four decades above the bounds no frame is consistent."""
+LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
+"""Limits of plots of NEES and NIS: four decades from the bounds no frame is consistent."""
 
 
 def has_sigmas(done: Track) -> bool:

@@ -56,7 +56,7 @@ KEYS = {
     "position_sd_mm": "accuracy of its position in the tissue, an axis; the simulated lesion is drawn with it",
     "drift_sd_mm": "0 for the simulated camera; for a real one its possible unnoticed drift",
     "size_px": "of the picture",
-    "plane_to_px": "plane mm to px; softaim calibrate finds it, with the lens",
+    "plane_to_px": 'plane mm to px; file = "camera.toml" of softaim calibrate replaces this table\'s keys',
     "scale_sd": "0 for the simulated camera; for a real one the relative error of its scale",
     "calibration_sd_px": "error of each mark, independent of the others",
 }

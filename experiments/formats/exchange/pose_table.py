@@ -82,6 +82,8 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
     columns = [k for k in range(1, len(rows[0])) if not several or animals[k - 1] == chosen]
     parts, coords = ([row[k] for k in columns] for row in heads[-2:])
     names, last = parts[::3], len(heads)
+    if parts and not parts[0].strip():
+        raise InputError.at(f"{path}: row {last}", "x, y, likelihood of analyze_videos", "a table of labels")
     for k, (part, coord) in enumerate(zip(parts, coords, strict=True)):
         expected = (names[k // 3], COORDS[k % 3])
         if (part, coord) != expected:

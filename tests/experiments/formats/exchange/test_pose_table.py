@@ -119,6 +119,7 @@ scorer,a,a,a\nbodyparts,n,n,n\n | row 3: expected the row coords of DeepLabCut, 
 scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\n | expected a row for each frame, and body parts
 scorer\nbodyparts\ncoords\n0\n | expected a row for each frame, and body parts, found none
 scorer,a,a\nbodyparts,n,n\ncoords,x,y\n0,1,2\n | row 3: expected x, y, likelihood of each body part
+scorer,,,a,a\nbodyparts,,,n,n\ncoords,,,x,y\nl,v,i.png,1,2\n | expected x, y, likelihood of .* found a table of labels
 track,frame_idx,instance.score\n,0,1\n | expected a row for each frame, and body parts, found none
 track,frame_idx,n.x,n.y\n,0,1,2\n | row 1: expected a column n.score, found none
 track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n | columns of different names, found "n.x" twice
