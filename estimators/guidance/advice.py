@@ -162,7 +162,7 @@ RULES = (
         Advice.WAIT,
         lambda _it, _: True,
         lambda it: (
-            f"the target is too uncertain: even well aimed a hit is "
+            f"target and needle are too uncertain: even well aimed a hit is "
             f"{_percent(max(it.probability, it.turned_probability))} probable"
         ),
     ),

@@ -281,7 +281,8 @@ def _mm(length_m: float | None) -> float | None:
 def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
     """The fit of the constants found, one line each."""
     residuals = found.residuals
-    lines = [f"{found.n_agreeing} of {found.n_starts} starts agree on these constants"]
+    why = "" if found.n_agreeing else ": all frames fit better from the scene's own"
+    lines = [f"{found.n_agreeing} of {found.n_starts} preliminary searches led to these constants{why}"]
     if residuals.explained:
         lines += [f"Residuals are explained: mean square {residuals.size:.2f} of what the filter expects"]
     else:

@@ -23,6 +23,7 @@ from estimators import (
 )
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
+from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
@@ -108,10 +109,11 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
     found.append(_source("the target's position in the tissue", place, stated=sd_m is not None))
-    sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
-        network.positions[network.free].ravel()
-    )
-    found.append(ErrorSource.of("rest elsewhere than drawn", np.linalg.norm(sag) * np.eye(dim), considered=False))
+    if not rest_is_known(scene):  # what identification moved it by is among the constants
+        sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
+            network.positions[network.free].ravel()
+        )
+        found.append(ErrorSource.of("rest elsewhere than drawn", np.linalg.norm(sag) * np.eye(dim), considered=False))
     return tuple(found)
 
 

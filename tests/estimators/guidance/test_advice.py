@@ -154,7 +154,7 @@ def test_wait_where_the_target_is_too_uncertain():
     """Sd 4 mm for a radius of 4 mm: at most 1 - exp(-1/2)."""
     said = advise(path_of(at(0.0, 0.04), sd=4e-3), DOWN, DISC, needle=TIP)
     assert said.advice is Advice.WAIT
-    assert said.reason.startswith("the target is too uncertain")
+    assert said.reason.startswith("target and needle are too uncertain")
     assert said.probability < 0.4
 
 
@@ -240,12 +240,12 @@ BY_RULE = {
     "never sure": (
         replace(SURE, probability=0.3, best_probability=0.8, turn_rad=0.1, turned_probability=0.899),
         Advice.WAIT,
-        "the target is too uncertain: even well aimed a hit is 89 % probable",
+        "target and needle are too uncertain: even well aimed a hit is 89 % probable",
     ),
     "never sure, worse turned": (
         replace(SURE, probability=0.5, best_probability=0.8, turned_probability=0.1),
         Advice.WAIT,
-        "the target is too uncertain: even well aimed a hit is 50 % probable",
+        "target and needle are too uncertain: even well aimed a hit is 50 % probable",
     ),
 }
 

@@ -9,7 +9,9 @@ from dynamics import ParameterUncertainty, parameters, rest_shape, scale_paramet
 from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, TissueFilter
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
-from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.scene import Scene, network_digest
+from experiments.formats.scene.steps import Step
+from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.integrity import USUAL, balance_of, error_budget, target_variances, unstated, variance_shares
 from experiments.pipeline.line import Line
 from experiments.pipeline.sight.space import calibration_shifts
@@ -143,6 +145,15 @@ def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that(sc
     budget = error_budget(floating, Line(floating, baseline=False).filter)
     [source] = [one for one in budget if one.name.startswith("rest")]
     np.testing.assert_allclose(source.cov, sag**2 * np.eye(2), rtol=1e-9)
+
+
+def test_a_rest_that_was_measured_is_no_error(scene):
+    """After `identify --at-rest` the constants' covariance has what later steps move the rest by."""
+    floating = replace(scene, network=replace(scene.network, gravity=np.zeros(2)))
+    measured = replace(floating, steps=(Step("at-rest", "0.9.0", "0" * 64, network_digest(floating), "0" * 64),))
+    assert rest_is_known(measured)
+    budget = error_budget(measured, Line(measured, baseline=False).filter)
+    assert not [one for one in budget if one.name.startswith("rest")]
 
 
 def test_the_largest_source_is_named_first(scene, tissue):
