@@ -132,7 +132,7 @@ def continuum_network(
     *,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """The network of named points of a mesh, with its continuum.
+    """A network whose nodes are named points of a mesh, with the mesh reduced to modes.
 
     Parameters
     ----------

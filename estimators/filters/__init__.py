@@ -1,4 +1,4 @@
-"""Generic filters on filterpy: sigma points, a factor on a variance.
+"""Generic filters built on filterpy: by sigma points; estimates of a factor on a variance.
 
 What may enter: no springs, no marks.
 """

@@ -46,7 +46,7 @@ class ForwardPass:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """The filter's estimate at this time [s], and the moves to it; raises ValueError as the filter does."""
+        """The filter's estimate at this time [s], and the transitions that led there; raises ValueError as it does."""
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:

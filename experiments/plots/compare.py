@@ -54,7 +54,7 @@ def _fullest(axes: np.ndarray) -> int:
 
 
 def _off_mm(done: Track, method: str) -> Floats:
-    """Error of a method in each frame, (n,), or its distance from the filter without truth [mm]."""
+    """Error of a method in each frame [mm], (n,); without truth, its distance from the filter's estimate."""
     about = done.truth if done.has_truth else np.array([e.mean for e in done.estimates(FILTER)])
     return np.asarray(1e3 * np.linalg.norm(np.array([e.mean for e in done.estimates(method)]) - about, axis=1))
 

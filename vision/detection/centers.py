@@ -115,7 +115,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Starting points inside a piece for the search of touching marks, (n, 2)."""
+    """Starting points, (n, 2), inside one piece, from which touching marks are searched."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)

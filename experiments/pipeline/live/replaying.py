@@ -128,7 +128,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of common rows of both tables, and the first different one, counted from 1, or None.
+    """Number of rows that both tables have, and the number, from 1, of the first that differs, or None.
 
     An incomplete last row, after a kill, is left out.
     """
