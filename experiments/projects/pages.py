@@ -53,7 +53,7 @@ KEYS = {
     "measured": "false: seen only in the calibration, or for scoring; filters do not use it",
     "half_width_deg": "range of a pixel's hue about hue_deg",
     "radius_mm": "radius of a hit",
-    "position_sd_mm": "accuracy of its position in the tissue, an axis; the simulated lesion is drawn with it",
+    "position_sd_mm": "0 for the simulated lesion without --target-sd-mm; for a real one the accuracy of its position",
     "drift_sd_mm": "0 for the simulated camera; for a real one its possible unnoticed drift",
     "size_px": "of the picture",
     "plane_to_px": 'plane mm to px; file = "camera.toml" of softaim calibrate replaces this table\'s keys',

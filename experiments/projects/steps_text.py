@@ -60,7 +60,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 softaim check scene.toml --out check
 ```
 
-Look at `check/check.png`. `missing` names what the next steps bring.
+Look at `check/check.png`. `missing` names what the next steps bring, and reference marks for a camera that moves.
 
 ## 2. Simulate recordings
 
@@ -112,4 +112,8 @@ softaim advise rec --scene tuned.toml --needle needle.toml --out advice
 ```
 
 `advice/advice.png` shows when to go, when to wait and when to realign.
+
+Live, on this recording or a camera (`--source 0`):
+`softaim live --source rec --scene tuned.toml --needle needle.toml --out live`. Insertions into other draws of the
+scenario: `softaim insert scenario.toml --scene tuned.toml --needle needle.toml --runs 20 --out insert`.
 """
