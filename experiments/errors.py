@@ -44,8 +44,8 @@ def no_node(name: object, names: Iterable[str]) -> str:
     known = list(names)
     similar = get_close_matches(str(name), known, n=1)
     first = [*similar, *(one for one in known if one not in similar)]
-    some = ", ".join(first[:SOME_NAMES]) + (", …" if len(first) > SOME_NAMES else "")
-    return f"no node named {shown(name)}; nodes: {some}"
+    some = ", ".join(shown(one)[1:-1] for one in first[:SOME_NAMES]) + (", …" if len(first) > SOME_NAMES else "")
+    return f"no node named {shown(name)}; nodes: {some or 'none'}"
 
 
 def read_text(path: Path) -> str:

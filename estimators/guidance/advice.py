@@ -69,8 +69,8 @@ class Guidance:
     lateral_m: distance of the aim from the needle's line
     depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
     turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
-    that (dim,), and the probability of a hit along that direction best_in_s, best_probability: the best time to begin
-    along the present direction, from now [s]
+        that (dim,), and the probability of a hit along that direction
+    best_in_s, best_probability: the best time to begin along the present direction, from now [s]
     outlook: all starts that were tried
     """
 

@@ -40,8 +40,9 @@ class MarkMeasurement:
 
     node: node that bears the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
     shared: shift by one standard deviation of each independent error that all marks of a frame share, such as those of
-    the camera's calibration [m], (dim, n_shared) Arrays are copied and cannot be written, so that what was checked
-    stays so.
+        the camera's calibration [m], (dim, n_shared)
+
+    Arrays are copied and cannot be written, so that what was checked stays so.
     """
 
     node: str

@@ -6,11 +6,8 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from experiments.errors import InputError, shown
 from experiments.formats.camera_file import camera_text, write_camera_toml
@@ -31,6 +28,7 @@ from vision import (
     find_board,
     grey_pictures,
 )
+from vision.cameras.board import larger_board
 
 Picture = Callable[[Calibration, str], bytes]
 """Draws a calibration as a file of a form: png, pdf or svg."""
@@ -104,8 +102,12 @@ def views_of(
         if corners is None:
             left_out.append(f"{picture}: board not found")
         else:
-            if not views:
-                _check_whole(board, picture, image)
+            larger = None if views else larger_board(board, image, corners)
+            if larger is not None:
+                raise CalibrationError(
+                    f"--board: expected the inner corners of the whole board, found {larger.columns}x{larger.rows}"
+                    f" or more in {picture}, with {board.columns}x{board.rows} stated"
+                )
             views.append(View(picture, corners))
         advance(min(k / max(expected, 1), 1.0))
     if not views:
@@ -115,18 +117,6 @@ def views_of(
             f" found it in none of {len(left_out)}; check --board, and show the whole board, sharp and evenly lit"
         )
     return CameraViews(name, size, tuple(views), tuple(left_out))
-
-
-def _check_whole(board: Board, name: str, image: NDArray[np.uint8]) -> None:
-    """Raise CalibrationError for a chessboard with more corners than stated, of which a part was found."""
-    if board.dictionary is not None:
-        return
-    for larger in (replace(board, columns=board.columns + 1), replace(board, rows=board.rows + 1)):
-        if find_board(larger, image) is not None:
-            raise CalibrationError(
-                f"--board: expected the inner corners of the whole board, found {larger.columns}x{larger.rows}"
-                f" or more in {name}, with {board.columns}x{board.rows} stated"
-            )
 
 
 def _expected(path: Path) -> int:

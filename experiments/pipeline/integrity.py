@@ -133,9 +133,10 @@ def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) ->
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
-    considered = sum(one.variance for one in budget if one.considered)
-    found = {one.name: one.variance for one in budget}
-    found[SEEN] = max(float(np.trace(estimate.cov)) - considered, 0.0)
+    reported, considered = float(np.trace(estimate.cov)), sum(one.variance for one in budget if one.considered)
+    known = min(reported / considered, 1.0) if considered else 1.0  # fixes may have shown more than is stated
+    found = {one.name: one.variance * (known if one.considered else 1.0) for one in budget}
+    found[SEEN] = reported - known * considered
     return found
 
 

@@ -53,6 +53,7 @@ class Track:
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
     withheld: of the check, by node: figures of marks predicted as if hidden
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
+    one_error: whether most of its reported variance is the error of its place in the tissue, the same in all frames
     marks: by node, shares of frames found, refused and lost, and why
     """
 
@@ -64,6 +65,7 @@ class Track:
     withheld: Mapping[str, Withheld] = field(default_factory=dict)
     marks: Mapping[str, MarkShares] = field(default_factory=dict)
     variance_shares: Mapping[str, float] = field(default_factory=dict)
+    one_error: bool = False
 
     @property
     def has_truth(self) -> bool:
@@ -97,7 +99,7 @@ def track(
     line = Line(recording.scene, fixes=recording.fixes, check=check, explain=explain)
     steps: list[Step] = []
     checked: dict[str, list[LeaveOneOutCheck]] = {}
-    scales: list[float] = []
+    sigma_factors: list[float] = []
     tally = MarkTally(recording.scene)
     for frame, step in each_frame(line, recording):
         tally.take(step)
@@ -105,7 +107,7 @@ def track(
             watch.take(frame, line, step)
         steps.append(replace(step, sight=None))
         if line.checks is not None:
-            scales.append(line.checks.scale)
+            sigma_factors.append(line.checks.scale**0.5)
             for node, one in line.checks.checks.items():
                 checked.setdefault(node, []).append(one)
         advance(len(steps) / len(recording.exposures_s))
@@ -119,15 +121,19 @@ def track(
     if line.checks is not None:
         nees = [one.nees for own in checked.values() for one in own]
         counts["check_nees"] = float(np.mean(nees)) if nees else None
-        counts["check_scale"] = float(np.mean(scales))
+        counts["check_scale"] = float(np.mean(sigma_factors)) ** 2
     withheld = {node: withheld_of(checked[node]) for node in recording.scene.measured_nodes if node in checked}
     budget = error_budget(recording.scene, line.filter)
     last = next((step.estimates[FILTER] for step in reversed(steps)), None)
     shares = {} if last is None else variance_shares(budget, last)
-    if last is not None and shares:
+    placed = False
+    if last is not None and last.cov is not None and shares:
         variance = sum(target_variances(budget, last).values()) / len(last.mean)
         counts["sigma_advice_mm"] = 1e3 * math.sqrt(variance)
-    return Track(recording, tuple(steps), *target_truth(recording, steps), counts, withheld, tally.shares(), shares)
+        placed = bool(np.trace(line.filter.offset_cov) > 0.5 * np.trace(last.cov))
+    return Track(
+        recording, tuple(steps), *target_truth(recording, steps), counts, withheld, tally.shares(), shares, placed
+    )
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
@@ -273,11 +279,9 @@ def verdict_of(done: Track) -> str:
     refused = int(done.counts.get("marks_refused") or 0)
     frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None
     covered, nees = found.get("coverage95"), found.get("mean_nees")
-    sd_m, sigma = done.recording.scene.target.position_sd_m or 0.0, float(found.get("sigma_mm") or math.inf)
-    one_error = 1e3 * sd_m > math.sqrt(0.5) * sigma
     truth = None
     if covered is not None and nees is not None:
-        truth = TruthScore(covered, nees, done.recording.scene.network.dim, one_error)
+        truth = TruthScore(covered, nees, done.recording.scene.network.dim, done.one_error)
     by_status = frames_by_status(estimates)
     checked = bool(done.withheld)
     said = verdict(

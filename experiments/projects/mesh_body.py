@@ -116,9 +116,9 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
             for one in tissues.tissues
         ),
     )
-    lesion = _drawn(target, 1e-3 * (of.target_sd_mm or 0.0), mesh, rng)
-    points = [*marks.items(), (TARGET, lesion)]
-    truth = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
+    points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
+    exactly = replace(of, target_sd_mm=0.0)  # it is drawn: `insert` draws no other
+    truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     out /= reach
     entry = target + reach * out  # on the skin
     low, high = 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0)
@@ -292,22 +292,31 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
     else:
         place = _place(of.target_mm)
     try:
-        element, weights = locate(mesh, place[None])
+        weight = _free_weight(place, mesh, anchored)
     except MeshError:
         raise _outside(of, mesh.nodes) from None
-    if weights[~np.isin(mesh.elements[element], anchored)].sum() < LEAST_FREE:
+    if weight < LEAST_FREE:
         found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
         raise InputError.at("--target", "a place that moves", found)
     return place
 
 
-def _drawn(target: Floats, sd_m: float, mesh: TetMesh, rng: np.random.Generator) -> Floats:
-    """The lesion's place in the simulated tissue [m], (3,): off by the standard deviation [m] on each axis, inside."""
-    for place in target + sd_m * rng.normal(size=(N_DRAWS if sd_m else 0, 3)):
+def _drawn(
+    of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
+) -> Floats:
+    """The simulated lesion's place [m], (3,): off by the stated deviation on each axis, inside the body, not held."""
+    sd_m = 1e-3 * (of.target_sd_mm or 0.0)
+    for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):
-            locate(mesh, place[None])
-            return np.asarray(place)
-    return target
+            if _free_weight(place, mesh, anchored) >= LEAST_FREE:
+                return np.asarray(place)
+    raise InputError.at("--target-sd-mm", "a deviation that leaves the target inside the body", shown(of.target_sd_mm))
+
+
+def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:
+    """Weight of the nodes that are not held at a place [m], (3,); MeshError outside."""
+    element, weights = locate(mesh, place[None])
+    return float(weights[~np.isin(mesh.elements[element], anchored)].sum())
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:

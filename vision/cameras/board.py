@@ -6,7 +6,7 @@ corners. Image axes: u right, v down, the centre of the first pixel is (0, 0).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,6 +17,9 @@ from vision.sources.frames import quiet_opencv
 
 DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswith("DICT_") and name.isupper()))
 """Names of marker dictionaries, such as 4X4_50."""
+
+SMALL_SQUARE_PX = 20.0
+"""Least side of a square in a picture that is searched for a larger board [px]: corners are still found; a choice."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +104,27 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
         return None
     grid = _one_way_up(np.asarray(rough, dtype=np.float64).reshape(board.rows, board.columns, 2), grey, board)
     return Corners(board.corners_m, _refined(grey, grid.reshape(-1, 2), settings.corner_window * _least_distance(grid)))
+
+
+def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
+    """A chessboard with a column or a row more than stated that a picture shows around these corners, None for none.
+
+    image: (height, width) grey; searched around the corners only, in few pixels: a search in vain takes seconds in many
+    """
+    if board.dictionary is not None:
+        return None
+    px = corners.seen_px.reshape(board.rows, board.columns, 2)
+    apart = _least_distance(px)
+    (left, top), (right, bottom) = px.min(axis=(0, 1)) - 3.0 * apart, px.max(axis=(0, 1)) + 3.0 * apart
+    part = image[max(int(top), 0) : int(bottom) + 1, max(int(left), 0) : int(right) + 1]
+    scale = min(SMALL_SQUARE_PX / apart, 1.0)
+    small = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
+    with quiet_opencv():
+        for larger in (replace(board, columns=board.columns + 1), replace(board, rows=board.rows + 1)):
+            if cv2.findChessboardCorners(small, (larger.columns, larger.rows), flags=flags)[0]:
+                return larger
+    return None
 
 
 def _least_distance(grid: Floats) -> float:

@@ -50,8 +50,9 @@ def detect_marks(
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
     outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest is used; with it,
-    partly covered marks are found at their centre expected_px, expected_hues: expected positions, (n, 2), and hues of
-    marks; they help to separate touching marks and to select the outline of a mark
+        partly covered marks are found at their centre
+    expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
+        to select the outline of a mark
     rejected: receives what is not a mark, and why; None: not asked for
 
     Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.

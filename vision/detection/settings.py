@@ -116,8 +116,9 @@ class CenterSettings:
         source: chi-square, 2 dof, 99.9 %
     agree_sd_px: difference of two centres of one mark beyond their covariances [px]; choice
     min_area: least share of a mark's area for something without an outline, and of the least area of its colour class
-    before its edge is measured; its inverse is the most [1]; choice grain_noise, grain_gain: noise by contrast above
-    which errors of an outline are correlated, and the most that this adds to their variance [1]; choice
+        before its edge is measured; its inverse is the most [1]; choice
+    grain_noise, grain_gain: noise by contrast above which errors of an outline are correlated, and the most that this
+        adds to their variance [1]; choice
     blurred: spread of a mark at rest by that of its outline [1]; choice
     """
 

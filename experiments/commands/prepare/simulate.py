@@ -49,7 +49,8 @@ def simulate(
     def show() -> None:
         own = scenario_file(scenario)
         steps = None if own is None else own.with_name(STEPS)
-        if own is not None and steps is not None and steps.exists() and own.name in steps.read_text(encoding="utf-8"):
+        page = steps.read_text("utf-8", "replace") if steps is not None and steps.is_file() else ""
+        if own is not None and f"simulate {own.name} " in page:  # in a project each recording has its own next step
             print(f"Recording{'s' if runs else ''} in {out}; next: the following step in {steps}")
         elif runs is None:
             print(f"Recording in {out}; next: softaim track {out} --out {out}-track")

@@ -78,12 +78,12 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
         if k >= len(heads) or heads[k][0] != head:
             found = shown(heads[k][0]) if k < len(heads) else "none"
             raise InputError.at(f"{path}: row {k + 1}", f"the row {head} of DeepLabCut", found)
+    if len(heads[-1]) > 1 and not heads[-1][1].strip():
+        raise InputError.at(f"{path}: row {len(heads)}", "x, y, likelihood of analyze_videos", "a table of labels")
     chosen = _chosen(animals, individual)
     columns = [k for k in range(1, len(rows[0])) if not several or animals[k - 1] == chosen]
     parts, coords = ([row[k] for k in columns] for row in heads[-2:])
     names, last = parts[::3], len(heads)
-    if parts and not parts[0].strip():
-        raise InputError.at(f"{path}: row {last}", "x, y, likelihood of analyze_videos", "a table of labels")
     for k, (part, coord) in enumerate(zip(parts, coords, strict=True)):
         expected = (names[k // 3], COORDS[k % 3])
         if (part, coord) != expected:

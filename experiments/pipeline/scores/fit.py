@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import LeaveOneOutCheck, Status, TargetEstimate, mean_bounds
+from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_bounds, mean_bounds
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
@@ -20,6 +20,9 @@ SETTLED = (Status.TRACKING, Status.DIVERGED)
 COVERED = (0.9, 0.995)
 """Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
 [1]; choice."""
+
+ONE_ERROR = 0.999
+"""Region within which a single error is possible: beyond it the covariance is too small; a choice."""
 
 MOST_NEES = 2.0
 """Mean NEES by its dimension from which on some errors are too large, whatever is covered: a choice."""
@@ -96,23 +99,29 @@ class TruthScore:
     one_error: bool = False
 
     @property
-    def too_small(self) -> bool:
-        """Whether the covariance is too small."""
-        return self.coverage95 < COVERED[0] and not self.one_error
+    def result(self) -> str:
+        """What they say of the covariance."""
+        if self.one_error and self.mean_nees <= chi_square_bounds(self.dim, ONE_ERROR)[1]:
+            return "cannot be tested by one recording: most of it is the error of the target's position in the tissue"
+        if self.coverage95 < COVERED[0]:
+            return "is too small"
+        if self.coverage95 > COVERED[1] and self.mean_nees < self.dim:
+            return "is larger than the errors"
+        if self.coverage95 < COVERED[1] and self.mean_nees > MOST_NEES * self.dim:
+            return "is too small in some frames, whose errors are large"
+        return "holds"
+
+    @property
+    def is_wide_enough(self) -> bool:
+        """Whether no error contradicts the covariance: then lower noise may be advised."""
+        return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
     def words(self) -> str:
-        """The scores, and the verdict on the covariance."""
-        found = "is too small" if self.too_small else "holds"
-        if not self.too_small and self.mean_nees > MOST_NEES * self.dim:
-            found = "is too small in some frames, whose errors are large"
-        elif self.coverage95 > COVERED[1]:
-            found = "is larger than the errors"
-        if self.one_error:
-            found = "cannot be tested by one recording: most of it is the error of the target's position in the tissue"
+        """The scores, and the result."""
         return (
             f"the true target lies inside its 95 % region in {100.0 * self.coverage95:.0f} % of frames (NEES"
-            f" {self.mean_nees:.3g}, expected {self.dim}): its covariance {found}"
+            f" {self.mean_nees:.3g}, expected {self.dim}): its covariance {self.result}"
         )
 
 
@@ -138,8 +147,8 @@ def verdict(
         together = ", ".join([f"{n} of {frames} frames {word}", *(f"{n} {word}" for n, word in others)])
     else:
         together = f"none of {frames} frames coasting, lost or diverged"
-    too_small = truth is not None and truth.too_small
-    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, too_small)
+    wide = truth is None or truth.is_wide_enough
+    of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, wide)
     of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
         together,
@@ -149,8 +158,8 @@ def verdict(
     return "; ".join(part for part in (of_marks, of_target, *counts) if part)
 
 
-def _fit_words(fit: Fit, too_small: bool) -> str:
-    """The fit, and its cause unless the target's covariance is too small: lower noise levels would not help it."""
+def _fit_words(fit: Fit, wide: bool) -> str:
+    """The fit, and its cause where the target's covariance is wide enough for lower noise levels."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"
@@ -158,7 +167,7 @@ def _fit_words(fit: Fit, too_small: bool) -> str:
         less = (
             f"they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than predicted, NIS {fit.mean_nis:.2f} below {band}"
         )
-        cause = "" if too_small else ": noise is stated too high: the marks' sd, or strain (softaim tune)"
+        cause = ": noise is stated too high: the marks' sd, or strain (softaim tune)" if wide else ""
         return f"marks are predicted better than stated: {less}{cause}"
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (

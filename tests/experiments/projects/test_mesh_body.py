@@ -119,7 +119,9 @@ def test_marks_of_a_file_are_moved_onto_the_surface(tmp_path: Path, body: Path) 
     np.testing.assert_allclose(places["right"], [22.0, 15.0, 30.0], atol=1e-3)
     np.testing.assert_allclose(places["T"], [21.0, 14.0, 13.0], atol=1e-3)
     assert scene.target.position_sd_m == 0.002
-    actual = usable_scene(tmp_path / "made" / "truth" / "scene.toml").network
+    truth = usable_scene(tmp_path / "made" / "truth" / "scene.toml")
+    assert truth.target.position_sd_m == 0.0
+    actual = truth.network
     off = actual.positions[actual.index("T")] - 1e-3 * places["T"]
     assert 1e-3 < np.linalg.norm(off) < 8e-3  # drawn with 2 mm an axis
     for name in ("left", "right"):

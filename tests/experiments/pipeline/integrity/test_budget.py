@@ -164,6 +164,9 @@ def test_the_largest_source_is_named_first(scene, tissue):
     variances = target_variances(budget, estimate)
     assert variances["marks and disturbances"] == pytest.approx(1e-3 - sum(s.variance for s in budget if s.considered))
     assert variances["the target's position in the tissue"] == pytest.approx(2 * 20e-3**2)
+    fixed = target_variances(budget, replace(estimate, cov=1e-6 * np.eye(2)))
+    assert sum(fixed.values()) == pytest.approx(2e-6 + np.trace(unstated(budget)))
+    assert fixed["marks and disturbances"] == pytest.approx(0.0, abs=1e-12)
     assert next(iter(shares)) == "the target's position in the tissue"
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["marks and disturbances"] == pytest.approx(0.25 * shares["the target's position in the tissue"])
