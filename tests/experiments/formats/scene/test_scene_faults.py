@@ -75,6 +75,8 @@ name = "In1" | name = "" | network.node[2].name: expected a name, found ""
 [0.8, 0.0, 319.5] | [0.8, 319.5] | camera[0].plane_to_px[0]: expected 3 or more entries, found 2
 [0.0, 0.0, 1.0]] | [0.01, 0.0, 1.0]] | camera[0].plane_to_px: expected every node before the camera's horizon, found
     "M1" beyond
+[0.0, 0.0, 1.0]] | [0.0, 0.01, -1.0]] | camera[0].plane_to_px: expected every node before the camera's horizon, found
+    "In1" beyond
 calibration_sd_px = 0.2 | translation_mm = [0, 0, 900] | camera[0]: translation_mm: expected no such key beside
     plane_to_px, found one
 """
