@@ -73,6 +73,9 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path):
     assert ours["mean_nees"] == pytest.approx(nees.mean(), rel=1e-6)
     assert ours["coverage95"] == pytest.approx((nees <= chi2.ppf(0.95, 2)).mean())
     assert ours["frames"] == len(truth) == 45
+    # nothing is stated, so that advice adds each error but that of marks and disturbances
+    whole = 2.0 * ours["sigma_advice_mm"] ** 2
+    assert whole * ours["variance_shares"]["marks and disturbances"] == pytest.approx(np.trace(covs[-1]), rel=1e-6)
     assert ours["mae_mm"] < 0.5 * summary[OPEN_LOOP]["mae_mm"]  # the open loop starts from rest, the truth does not
     for name in ("path.png", "error.png", "sigma.png", "consistency.png"):
         picture = cv2.imread(str(tmp_path / "out" / name))

@@ -65,7 +65,7 @@ class Calls(RuleBasedStateMachine):
     def predict(self, gap_s: float) -> None:
         self.tissue.predict((self.tissue.time_s or 0.0) + gap_s)
 
-    @rule(seen=st.lists(marks(), max_size=4))
+    @rule(seen=st.lists(marks(), max_size=4, unique_by=lambda mark: mark.node))
     def update(self, seen: list[MarkMeasurement]) -> None:
         if self.tissue.time_s is None:
             self.refuses(lambda: self.tissue.update(seen))

@@ -218,3 +218,15 @@ def test_the_steps_lead_from_nothing_to_advice(tmp_path, monkeypatch, capsys) ->
     assert after < 0.5 * before
     assert [step.name for step in found.steps] == ["at-rest", "identify"]
     assert (folder / "advice" / "advice.csv").is_file()
+
+
+def test_a_simulated_recording_names_its_next_step(tmp_path, capsys) -> None:
+    """That of the project for its own scenarios, `track` for others beside them."""
+    folder = tmp_path / "made"
+    assert softaim("new", folder, "--kind", "breast", "--masses", 6) == 0
+    text = re.sub(r"duration_s = [\d.]+", "duration_s = 0.1", (folder / "still.toml").read_text(encoding="utf-8"))
+    for name, step in (("still.toml", "the following step in"), ("ill.toml", "softaim track")):
+        (folder / name).write_text(text, encoding="utf-8")
+        capsys.readouterr()
+        assert softaim("simulate", folder / name, "--out", tmp_path / name) == 0
+        assert f"next: {step}" in capsys.readouterr().out

@@ -109,6 +109,7 @@ def test_nothing_overflows(browser: Any, shown: Served, width: int, height: int)
 
 
 def test_a_stale_state_is_shown_over_the_body(browser: Any, shown: Served) -> None:
+    publish(shown, browser, 19)  # drawn at the present size of the window
     before = picture(browser)
     try:
         stop_clock(browser, 2.0 * STALE_S)
