@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/ready
-# By a path: the editable install of today is hidden by a folder named softaim where Python starts, such as this one
+# compat installs by a path: a folder named softaim where Python starts would hide the default, an import hook
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --config-settings editable_mode=compat -c constraints.txt
 # At some twenty states more threads of a linear algebra library only wait for each other
 export OPENBLAS_NUM_THREADS ?= 1

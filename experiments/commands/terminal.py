@@ -19,7 +19,7 @@ BEGUN = 0.005
 """Share done of a stage below which it shows as 0 %."""
 
 WAITS_S = 3.0
-"""Time from which the bar says so [s]: chosen."""
+"""Time at 0 % from which the bar reports it [s]: a choice."""
 
 Stage = Callable[[str], Callable[[float], None]]
 

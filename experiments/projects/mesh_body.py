@@ -56,7 +56,7 @@ LEAST_FREE = 1e-3
 """Weight of nodes that are not held below which a target does not move [1]; numerical."""
 
 N_DRAWS = 100
-"""Draws of the simulated lesion's place, until one is inside the body: chosen."""
+"""Most draws of the simulated lesion's place until one is inside the body: a choice."""
 
 SHALLOWEST_MM = 0.01
 """Least depth of a target below the surface: less has no direction to the skin."""
@@ -121,11 +121,9 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     out /= reach
     entry = target + reach * out  # on the skin
-    low, high = 1e3 * mesh.nodes.min(axis=0), 1e3 * mesh.nodes.max(axis=0)
-    box = ", ".join(f"{axis} {a:.4g} to {b:.4g}" for axis, a, b in zip("xyz", low, high, strict=True))
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
-        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {box} mm,"
+        f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"
     )
     return Template(
         f"A body of {counts} from {of.path.name}",

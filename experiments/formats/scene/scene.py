@@ -25,8 +25,8 @@ from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
 
-CALIBRATED = "; check --square-mm and --plane of softaim calibrate"
-"""Ends a message on a camera's pose."""
+POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
+"""End of a message on the pose of a camera with a lens."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +81,7 @@ class Scene:
                 except ValueError:
                     raise SceneError(
                         f"camera[{i}].plane_to_px: expected every node before the camera's horizon,"
-                        f" found {shown(name)} beyond{CALIBRATED if camera.lens else ''}"
+                        f" found {shown(name)} beyond{POSE_REMEDY if camera.lens else ''}"
                     ) from None
 
     def _check_marks(self) -> None:
