@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Polygon
 
 from experiments.arrays import Floats
 from experiments.formats.scene.outside import outside_of
@@ -100,8 +100,11 @@ def _network(ax: Axes, done: SceneCheck) -> None:
             line.set(**style, **({"mfc": colour} if measured else {"mec": colour}))
     _target(ax, done, at)
     _names(ax, done, at)
-    # both shapes are in the plot, with equal scales: a large sag is visible
+    # all are in the plot, with equal scales: a large sag is visible
     both = np.vstack([at, rest])
+    if scene.cameras and (view := scene.cameras[0].view_m) is not None:
+        ax.add_patch(Polygon(1e3 * view, fc="none", ec="0.6", lw=0.8, ls=":", label="edge of the picture"))
+        both = np.vstack([both, 1e3 * view])
     middle = 0.5 * (both.min(axis=0) + both.max(axis=0))
     reach = (0.5 + MARGIN) * float(np.ptp(both, axis=0).max())
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach))

@@ -15,6 +15,7 @@ from experiments.pipeline.integrity import USUAL, shares_words
 from experiments.pipeline.scores.marks import LOOK_AT, NO_ROW, lost_words
 from experiments.plain import counted
 from experiments.projects.check import SceneCheck
+from vision import Reason
 
 N_NAMED = 6
 """Number of marks or nodes that are named; the others are counted."""
@@ -232,7 +233,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
         why, look_at = _why_unfound(done)
         yield Missing(
             f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names([*done.unfound])}{why}",
-            f"check {look_at}",
+            f"check {look_at}{_view(done)}",
         )
     marked = {mark.node for mark in scene.marks}
     bare = [scene.network.names[i] for i in scene.network.free if scene.network.names[i] not in marked]
@@ -241,6 +242,16 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
             f"{counted(len(bare), 'free node')} without a mark, {_names(bare)}: rest lengths cannot be found there",
             "a [[mark]] with measured = false on each that is seen in the recording at rest",
         )
+
+
+def _view(done: SceneCheck) -> str:
+    """What the camera of a flat scene sees, for marks outside of its picture."""
+    outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
+    view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
+    if view is None:
+        return ""
+    (x0, y0), (x1, y1) = 1e3 * view.min(axis=0), 1e3 * view.max(axis=0)
+    return f"; it sees x {x0:.0f} to {x1:.0f} mm, y {y0:.0f} to {y1:.0f} mm; softaim register moves the body"
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:

@@ -143,6 +143,15 @@ class PlaneCamera:
         return np.asarray(middles - places[:, 0], dtype=np.float64)
 
     @property
+    def view_m(self) -> Floats | None:
+        """Corners of the picture on the plane, in order around it [m], (4, 2); None where one is beyond the horizon."""
+        right, down = (size - 1.0 for size in self.size_px)
+        try:
+            return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])
+        except ValueError:
+            return None
+
+    @property
     def pose(self) -> Pose:
         """Pose of a camera with a lens, from the plane's axes (z = 0) to its own; ValueError without a lens."""
         if self.lens is None:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.patches import Polygon
 from matplotlib.text import Annotation
 
 from experiments.formats.scene.scene import write_scene
@@ -13,6 +14,7 @@ from experiments.projects.check import checked
 from experiments.projects.project import Kind, project
 from tests.experiments.plots.printed import check_printed
 from tests.experiments.projects.test_check import hanging
+from vision import fronto_parallel_camera
 
 
 def names_in(ax) -> list[str]:
@@ -31,6 +33,15 @@ def test_a_flat_body_is_shown_with_its_names_and_both_shapes(tmp_path) -> None:
     assert high > 0.0
     assert "largest difference 7.4 mm (M)" in body.get_title(loc="left")
     assert [label.get_text() for label in shares.get_yticklabels()] == ["M"]
+
+
+def test_the_edge_of_the_picture_is_drawn_where_the_camera_sees(tmp_path) -> None:
+    camera = fronto_parallel_camera("front", (640, 480), (1.0, 1.0), (0.1, -0.1))
+    write_scene(replace(hanging(), cameras=(camera,)), tmp_path / "scene.toml")
+    body = check_figure(checked(tmp_path / "scene.toml")).axes[0]
+    (edge,) = [patch for patch in body.patches if isinstance(patch, Polygon)]
+    np.testing.assert_allclose(edge.get_xy()[:2], [[-219.5, 139.5], [419.5, 139.5]])
+    assert body.get_xlim()[1] > 419.5
 
 
 def test_a_body_in_space_is_seen_from_two_sides(tmp_path) -> None:

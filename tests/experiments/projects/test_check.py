@@ -189,6 +189,18 @@ def test_what_is_missing_is_said_alone(words: str, whole, tmp_path) -> None:
     assert len(found) == 1
 
 
+def test_marks_outside_of_the_picture_are_reported_with_what_the_camera_sees(whole) -> None:
+    """Pictures of 640x480 at 1.25 mm a pixel, whose middle sees a place 300 mm to the right of the body."""
+    scene = complete()
+    camera = fronto_parallel_camera("front", (640, 480), (1.25, 1.25), (0.3, 0.2))
+    aside = replace(scene, cameras=(camera,))
+    unfound = _seen(aside, rest_shape(scene.network), None, None)[2]
+    (line,) = [one.next for one in missing(replace(whole, scene=aside, unfound=unfound)) if "not found" in one.what]
+    assert line.endswith("it sees x -99 to 699 mm, y -99 to 499 mm; softaim register moves the body")
+    (near,) = [one.next for one in missing(replace(whole, unfound={"M3": None})) if "not found" in one.what]
+    assert "it sees" not in near
+
+
 def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
     """A long soft cord below a marked mass that is as good as fixed: what swings at its end is anybody's guess."""
     network = build_network(

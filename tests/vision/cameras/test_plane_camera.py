@@ -47,6 +47,19 @@ def test_projection_is_the_homography() -> None:
     np.testing.assert_allclose(tilted().project([[x, y]])[0], expected, rtol=1e-13)
 
 
+def test_the_view_is_what_the_corners_of_the_picture_see() -> None:
+    corners = [[0.0, 0.0], [639.0, 0.0], [639.0, 479.0], [0.0, 479.0]]
+    np.testing.assert_allclose(tilted().project(tilted().view_m), corners, atol=1e-8)
+    flat = fronto_parallel_camera("front", (640, 480), (1.0, 2.0), (0.1, 0.2)).view_m
+    np.testing.assert_allclose(flat, [[-0.2195, 0.679], [0.4195, 0.679], [0.4195, -0.279], [-0.2195, -0.279]])
+
+
+def test_a_picture_with_the_horizon_has_no_view() -> None:
+    # the plane's horizon is the line v = 100
+    raised = PlaneCamera("low", (640, 480), np.array([[900.0, 0.0, 320.0], [0.0, 100.0, 240.0], [0.0, 1.0, 1.0]]))
+    assert raised.view_m is None
+
+
 @given(st.floats(0.0, 639.0), st.floats(0.0, 479.0))
 def test_there_and_back(u: float, v: float) -> None:
     camera = tilted()
