@@ -13,13 +13,13 @@ FIRST_S = 10.0
 few lines; chosen."""
 
 COMPILES = "a first run compiles"
-"""Reported while a stage stands at 0 %: kernels compile in its first step."""
+"""Reported while a stage has hardly begun: kernels compile in its first steps."""
 
-BEGUN = 0.005
-"""Share done of a stage below which it shows as 0 %."""
+BEGUN = 0.01
+"""Share done of a stage below which it may still compile: the first few frames of hundreds; a choice."""
 
 WAITS_S = 3.0
-"""Time at 0 % from which the bar reports it [s]: a choice."""
+"""Time from which the bar reports it [s]: a choice."""
 
 Stage = Callable[[str], Callable[[float], None]]
 

@@ -21,5 +21,6 @@ def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force 
         print_table(demo_table(figures))
         for scenario in figures:
             print(f"Pictures: {out / scenario / 'path.png'}, error.png, sigma.png, consistency.png beside it")
+        print(f"All figures, with a verdict for each: {out / 'summary.json'}")
 
     return Answer({"out": out, "summary": figures}, show)

@@ -28,7 +28,11 @@ def test_a_run_that_takes_long_says_how_far_it_is_though_it_stands_still() -> No
     assert [line.split(" after")[0] for line in lines] == ["track: 25%", "track: 25%"]
 
 
-def test_a_stage_without_progress_names_the_reason() -> None:
+@pytest.mark.parametrize(
+    ("share", "line"),
+    [(0.0, "0% after 0 s; a first run compiles"), (0.005, "0% after 0 s; a first run compiles"), (0.02, "2% after 0 s")],
+)
+def test_a_stage_that_hardly_began_names_the_reason(share: float, line: str) -> None:
     said, heard = [], threading.Event()
 
     def say(line: str) -> None:
@@ -36,9 +40,9 @@ def test_a_stage_without_progress_names_the_reason() -> None:
         heard.set()
 
     with progress_lines(0.05, say) as stage:
-        stage("track")
+        stage("track")(share)
         assert heard.wait(SOON_S)
-    assert said[0] == "track: 0% after 0 s; a first run compiles"
+    assert said[0] == f"track: {line}"
 
 
 def test_a_run_that_ends_says_nothing_more() -> None:
