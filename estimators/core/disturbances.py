@@ -22,7 +22,8 @@ class Disturbances:
     Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning, are a
     smooth field over all of the nodes where forces may act, and one acceleration of all mass, as by a turn of gravity.
     Each has its own chain, and a mode is a pair of their states, of a continuum a slow state alone. Strengths but those
-    of calm and white noise are raised with the acceleration by which a stiff body returns when it is bent.
+    of calm and white noise are raised with the acceleration by which a stiff body returns when it is bent. Those of a
+    continuum are lowered, too: its forces bend all of it.
 
     Attributes
     ----------
@@ -74,9 +75,9 @@ class Disturbances:
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
 
-    def raised(self, returning_m_s2: float) -> float:
+    def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
         """Factor on the strengths for a body that returns with this acceleration when bent by its extent [m/s²]."""
-        return max(1.0, self.bent * returning_m_s2 / self.poke_m_s2)
+        return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
         """Correlation times of forces (n_f,) [s], by whether they are slow."""

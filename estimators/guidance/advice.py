@@ -100,6 +100,7 @@ class Prospect:
     turn_rad, turned_probability: after a turn towards the target's predicted position
     depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
     behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
+    target_sd_m, tip_sd_m: largest standard deviation in any direction, of the target at the arrival and of the tip [m]
     """
 
     probability: float
@@ -111,6 +112,8 @@ class Prospect:
     turned_probability: float = 0.0
     depth_m: float = 0.0
     behind: bool = False
+    target_sd_m: float = 0.0
+    tip_sd_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,8 +165,8 @@ RULES = (
         Advice.WAIT,
         lambda _it, _: True,
         lambda it: (
-            f"target and needle are too uncertain: even well aimed a hit is "
-            f"{_percent(max(it.probability, it.turned_probability))} probable"
+            f"even well aimed a hit is {_percent(max(it.probability, it.turned_probability))} probable: "
+            f"the target is uncertain by {1e3 * it.target_sd_m:.2g} mm, the tip by {1e3 * it.tip_sd_m:.2g} mm"
         ),
     ),
 )
@@ -277,6 +280,7 @@ def advise(
     turn = float(np.arctan2(np.linalg.norm(sine), cosine))
     deeper = float(depths[0] - insertion.depth_m)
     turned_probability = float(turned_p[0])
+    cov, depth_m = _cov_at(path, float(arrivals[0])), float(depths[0])
     prospect = Prospect(
         float(p[0]),
         True,
@@ -286,7 +290,9 @@ def advise(
         turn_rad=turn,
         turned_probability=turned_probability,
         depth_m=deeper,
-        behind=float(depths[0]) < needle.reach_m,
+        behind=depth_m < needle.reach_m,
+        target_sd_m=_largest_sd(cov),
+        tip_sd_m=_largest_sd(needle.tip_cov(insertion.axis, depth_m)),
     )
     what, reason = decide(prospect, settings)
     return Guidance(
@@ -295,7 +301,7 @@ def advise(
         arrival_s=float(arrivals[0]),
         probability=float(p[0]),
         aim=aims[0],
-        cov=_cov_at(path, float(arrivals[0])),
+        cov=cov,
         lateral_m=float(np.linalg.norm(across)),
         depth_m=deeper,
         turn_rad=turn,
@@ -310,6 +316,10 @@ def advise(
 def _percent(p: float) -> str:
     """Rounded down, so that only certainty is shown as 100 %."""
     return f"{int(100.0 * p)} %"
+
+
+def _largest_sd(cov: Floats) -> float:
+    return float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
 
 
 def _cov_at(path: TargetPath, time_s: float) -> Floats:

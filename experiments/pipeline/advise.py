@@ -28,6 +28,7 @@ from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.recording import Recording
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.line import FILTER, Line, Watcher
 from experiments.pipeline.track import each_frame
@@ -95,12 +96,17 @@ def advise(
     return Advised(recording, plan, tuple(times), tuple(guidance))
 
 
+def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
+    """The predicted push of the whole insertion on the target [m], (dim,)."""
+    return plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
+
+
 def observed_hits(done: Advised) -> Floats:
     """Observed hit rate for an insertion by each frame's advice, given the true target, (n_frames,).
 
-    It is the share of needles that hit, over the random error of the tip. NaN where no needle arrives, or where the
-    truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The truth has no needle:
-    its push is added as stated.
+    It is the share of needles that hit, over the random errors of tip and push. NaN where no needle arrives, or where
+    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The truth has no
+    needle: its push is added as stated.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -111,15 +117,17 @@ def observed_hits(done: Advised) -> Floats:
     arrivals = np.array([done.guidance[k].arrival_s for k in known], dtype=float)
     _, places = truth.at(arrivals, node)
     places = places + target_map(scene.network, scene.target.point).constant
-    places = places + plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
-    exactly = SURE_M**2 * np.eye(scene.network.dim)
+    pushed = push_m(scene, plan)
+    places = places + pushed
+    force_sd = plan.forces.planned(scene.network).force_sd
+    of_push = SURE_M**2 * np.eye(scene.network.dim) + force_sd**2 * np.outer(pushed, pushed)
     for k, place in zip(known, places, strict=True):
         if not np.isfinite(place).all():
             continue
         axis, depth_m = plan.insertion.axis, plan.insertion.depth_m + float(done.guidance[k].depth_m or 0.0)
         tip = plan.insertion.entry + depth_m * axis
         found[k] = hit_probability(
-            GaussianMixture.gaussian(place, exactly),
+            GaussianMixture.gaussian(place, of_push),
             GaussianMixture.gaussian(tip, plan.needle.tip_cov(axis, depth_m)),
             axis,
             plan.lesion,

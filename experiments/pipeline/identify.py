@@ -292,7 +292,8 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
-        lines += [f"Target without its mark: {before:.2f} mm median before, {after:.2f} mm after"]
+        with_noise = "Target without its mark, noise of the mark included"
+        lines += [f"{with_noise}: {before:.2f} mm median before, {after:.2f} mm after"]
     if not found.in_time:
         lines += [
             f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"

@@ -25,13 +25,13 @@ from experiments.formats.scene.target import Target
 from experiments.formats.tables import Table, read_table
 from experiments.log import LOG
 from experiments.projects.mesh_tissues import assigned, check_tissues
+from experiments.projects.needle import aimed, surest_entry
 from experiments.projects.template import (
     GROUP_SD,
     HUES_DEG,
     MARK_SIZE,
     RADIUS_MM,
     Template,
-    aimed,
 )
 
 FILE = "mesh.npz"
@@ -97,9 +97,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     marks = _marks(of.marks, mesh, faces)
     target = _target(of, mesh, anchored)
     corner, weights, _ = locate_on_surface(mesh, faces, target[None])
-    out = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]]) - target
-    reach = float(np.linalg.norm(out))
-    if reach < 1e-3 * SHALLOWEST_MM:
+    nearest = np.einsum("kc,kcd->d", weights, mesh.nodes[faces[corner]])
+    if np.linalg.norm(nearest - target) < 1e-3 * SHALLOWEST_MM:
         raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
@@ -119,8 +118,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # it is drawn: `insert` draws no other
     truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
-    out /= reach
-    entry = target + reach * out  # on the skin
+    entry = surest_entry(assumed.network, TARGET, mesh, faces, nearest)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
         f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"
@@ -130,7 +128,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         assumed,
         truth,
         entry,
-        aimed(assumed.network, TARGET, entry, -out),
+        aimed(assumed.network, TARGET, entry, target - entry),
     )
 
 

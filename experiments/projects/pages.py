@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dynamics import MassSpringNetwork
 from experiments.formats.scenario import NEAR_SD_MM
 from experiments.formats.scene.scene import Scene, scene_text
 from experiments.formats.toml_file import toml_text, toml_value
@@ -24,6 +23,9 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 FRAMES_PER_S = 30
 MOVED_M = 0.01
 """Displacement of a mesh's target by breathing, and of its marks by a lasting poke."""
+
+POKED_M = 0.02
+"""Displacement of the softest mark of a continuum under its strongest poke, if that lasted [m]: a probe's press."""
 
 WAVE = 2.5
 """From the lowest to the highest place in a breath, by the amplitude of its first wave; between 2 and 3 by phases."""
@@ -56,7 +58,7 @@ KEYS = {
     "position_sd_mm": "0 for the simulated lesion without --target-sd-mm; for a real one the accuracy of its position",
     "drift_sd_mm": "0 for the simulated camera; for a real one its possible unnoticed drift",
     "size_px": "of the picture",
-    "plane_to_px": 'plane mm to px; file = "camera.toml" of softaim calibrate replaces this table\'s keys',
+    "plane_to_px": 'plane mm to px; file = "camera.toml" of softaim calibrate replaces name, size_px and this key',
     "scale_sd": "0 for the simulated camera; for a real one the relative error of its scale",
     "calibration_sd_px": "error of each mark, independent of the others",
 }
@@ -125,7 +127,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
     network, strongest = of.assumed.network, POKE_M_S2[of.assumed.network.dim]
     breath: tuple[str, ...] = ()
     if network.continuum is not None:
-        strongest, breath = _soft_poke_m_s2(network), _breath(of)
+        strongest, breath = _soft_poke_m_s2(of.assumed), _breath(of)
     lines = [
         f"# {what}",
         "version = 1",
@@ -161,10 +163,13 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
     return "\n".join(lines) + "\n"
 
 
-def _soft_poke_m_s2(network: MassSpringNetwork) -> float:
-    """Acceleration of a poke that, if it lasted, would move the median point of a continuum by `MOVED_M`."""
-    compliance = np.linalg.inv(network.continuum.stiffness).diagonal()  # type: ignore[union-attr]
-    return float(MOVED_M / (np.median(compliance) * network.masses[network.free[0]]))
+def _soft_poke_m_s2(scene: Scene) -> float:
+    """Acceleration of a poke that, if it lasted, would move the softest mark of a continuum by `POKED_M`."""
+    network = scene.network
+    compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
+    own = [network.coordinates(node) for node in scene.measured_nodes]
+    softest = max(float(np.linalg.norm(compliance[at, at], 2)) for at in own)
+    return float(POKED_M / (softest * network.masses[network.free[0]]))
 
 
 def _breath(of: Template) -> tuple[str, ...]:

@@ -12,7 +12,6 @@ import numpy as np
 from dynamics import (
     KINDS,
     OF_SPRINGS,
-    MassSpringNetwork,
     NetworkError,
     Phantom,
     parameters,
@@ -20,14 +19,13 @@ from dynamics import (
     scale_parameters,
     to_outside,
 )
-from estimators import Insertion, NeedlePush
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.needle_file import FORCES
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.target import Target
+from experiments.projects.needle import aimed
 from vision import PlaneCamera, fronto_parallel_camera
 
 HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
@@ -50,9 +48,6 @@ FINEST_MM = 0.01
 
 CALIBRATION_SD_PX = 0.68
 """Error of marks in the scenarios' light, `paper`."""
-
-AIMING = 6
-"""Fixed-point iterations of the aim under the needle's own push; numerical: the last moves it by less than 0.01 mm."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
 """Relative standard deviation of the simulated tissue's constants, common to a group of springs."""
@@ -105,15 +100,6 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     return Template(
         title, assumed, replace(assumed, network=actual), entry, aimed(network, phantom.target, entry, -out)
     )
-
-
-def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """The direction from an entry [m], (dim,), to the target pushed by the needle, (dim,)."""
-    start, push = network.positions[network.index(target)], NeedlePush(network, target, FORCES.planned(network))
-    for _ in range(AIMING):
-        way = start + push.shift(Insertion(entry, direction, 1.0)) - entry
-        direction = way / np.linalg.norm(way)
-    return direction
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:

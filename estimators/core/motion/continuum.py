@@ -81,7 +81,7 @@ class ContinuumMotion:
         self.is_linear = True
         self.extent_m, self.span = solid.extent_m, ContinuumSpan.of(network)
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
-        self.raised = disturbances.raised(self.extent_m * float(held.min()))
+        self.raised = disturbances.raised(self.extent_m * float(held.min()), least=0.0)
         by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
         self._basis = _effective(solid.forces, by_force)
         n_forces = self._basis.shape[1]

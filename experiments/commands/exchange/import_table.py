@@ -74,7 +74,7 @@ def import_table(
         print(f"Left out: {done.unlikely} with a likelihood below {least:g}, {done.outside} outside the picture")
         if done.manual:
             print(f"Set manually, without a likelihood, and kept: {done.manual}")
-        print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
+        print(f"Recording in {out}; next: softaim identify if it shows the target, else softaim track")
 
     report = {
         "frames": len(done.exposures_s),

@@ -24,12 +24,14 @@ def advise(
     """Advise for each frame whether a needle should go in, wait or turn; write a table and a picture."""
     from contextlib import nullcontext
 
+    import numpy as np
+
     from experiments.commands.console import advice_line, reliability_line
     from experiments.film.film import Film
     from experiments.formats.needle_file import read_needle
     from experiments.formats.recording import read_recording
     from experiments.pipeline.advise import advise as advised
-    from experiments.pipeline.advise import reliability, write_advice
+    from experiments.pipeline.advise import push_m, reliability, write_advice
     from experiments.plots.advice import write_advice_plot
 
     opened = read_recording(recording, scene, run.stage("read"))
@@ -41,11 +43,16 @@ def advise(
         write_advice(done, folder)
         write_advice_plot(done, folder, vector)
     counts, reliable = done.counts(), reliability(done)
+    pushed_mm = 1e3 * float(np.linalg.norm(push_m(opened.scene, plan)))
 
     def show() -> None:
         print(advice_line(counts))
         if (line := reliability_line(reliable)) is not None:
             print(line)
+        if pushed_mm > 0.0:
+            print(f"The needle pushes the target by {pushed_mm:.2g} mm, predicted to {plan.forces.error:.0%}")
         print(f"Table and picture in {out}")
 
-    return Answer({"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable}, show)
+    return Answer(
+        {"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable, "push_mm": pushed_mm}, show
+    )

@@ -152,9 +152,12 @@ def test_a_notch_that_is_to_go_less_deep_than_it_is_long_is_before_the_needle():
 
 def test_wait_where_the_target_is_too_uncertain():
     """Sd 4 mm for a radius of 4 mm: at most 1 - exp(-1/2)."""
-    said = advise(path_of(at(0.0, 0.04), sd=4e-3), DOWN, DISC, needle=TIP)
+    said = advise(path_of(at(0.0, 0.04), sd=4e-3), DOWN, DISC, needle=replace(TIP, bending_sd=0.05))
     assert said.advice is Advice.WAIT
-    assert said.reason.startswith("target and needle are too uncertain")
+    # 5 % of a depth of 60 mm
+    assert said.reason.endswith(
+        f"the target is uncertain by 4 mm, the tip by {np.hypot(1e3 * TIP.tip_sd_m, 3.0):.2g} mm"
+    )
     assert said.probability < 0.4
 
 
@@ -240,12 +243,12 @@ BY_RULE = {
     "never sure": (
         replace(SURE, probability=0.3, best_probability=0.8, turn_rad=0.1, turned_probability=0.899),
         Advice.WAIT,
-        "target and needle are too uncertain: even well aimed a hit is 89 % probable",
+        "even well aimed a hit is 89 % probable",
     ),
     "never sure, worse turned": (
-        replace(SURE, probability=0.5, best_probability=0.8, turned_probability=0.1),
+        replace(SURE, probability=0.5, best_probability=0.8, turned_probability=0.1, target_sd_m=3e-3, tip_sd_m=0.5e-3),
         Advice.WAIT,
-        "target and needle are too uncertain: even well aimed a hit is 50 % probable",
+        "even well aimed a hit is 50 % probable: the target is uncertain by 3 mm, the tip by 0.5 mm",
     ),
 }
 

@@ -15,7 +15,7 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Mark, Scene, Target
-from experiments.pipeline.advise import advise, observed_hits, reliability, table
+from experiments.pipeline.advise import advise, observed_hits, push_m, reliability, table
 from experiments.pipeline.integrity import UNTESTED
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.tables import near, write_recording
@@ -156,8 +156,11 @@ def test_a_bad_needle_ends_the_command_with_one_line_and_no_folder(recording, pa
     assert not (tmp_path / "out").exists()
 
 
-def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, path):
+@pytest.mark.parametrize("cutting_N", [0.0, 4.0])
+def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, path, cutting_N):
     """The truth 3 mm beside the needle's line: of tips of 2 mm an axis, 20,000 drawn, so many lie within 5 mm of it.
+
+    The push is known to 30 % at most.
 
     Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of three seconds.
     """
@@ -167,12 +170,14 @@ def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, pa
     path.write_text(
         f"version = 1\nentry_mm = [{rest[0]}, {rest[1] + 55.0}]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
         "hit = 'TIP'\ntip_sd_mm = 2.0\nbending_sd_mm_per_mm = 0.0\n"
-        "[forces]\ncutting_N = 0.0\nfriction_N_m = 0.0\n[lesion]\nradius_mm = 5.0\n"
+        f"[forces]\ncutting_N = {cutting_N}\nfriction_N_m = 0.0\n[lesion]\nradius_mm = 5.0\n"
     )
-    done = advise(read_recording(recording), read_needle(path, 0.005, 2))
+    done = advise(read_recording(recording), plan := read_needle(path, 0.005, 2))
     true = observed_hits(done)
     rng = np.random.default_rng(0)
-    drawn = rng.normal([-3.0, 0.0], 2.0, (20_000, 2))
+    pushed_mm = 1e3 * push_m(done.recording.scene, plan)
+    assert np.linalg.norm(pushed_mm) == pytest.approx(0.0) if not cutting_N else np.linalg.norm(pushed_mm) > 10.0
+    drawn = rng.normal([-3.0, 0.0], 2.0, (20_000, 2)) - 0.3 / np.sqrt(3.0) * rng.normal(size=(20_000, 1)) * pushed_mm
     share = float((np.linalg.norm(drawn, axis=1) <= 5.0).mean())
     known = np.isfinite(true)
     np.testing.assert_allclose(true[known], share, atol=0.02)

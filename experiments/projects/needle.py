@@ -1,0 +1,70 @@
+"""Where the needle of a new project enters, and where it aims."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dynamics import MassSpringNetwork
+from dynamics.mesh import INSIDE, TetMesh, far_apart, nearest_elements
+from estimators import Insertion, Needle, NeedlePush
+from experiments.arrays import Floats
+from experiments.formats.needle_file import FORCES
+
+AIMING = 6
+"""Fixed-point iterations of the aim under the needle's own push; numerical: the last moves it by less than 0.01 mm."""
+
+N_ENTRIES = 200
+"""Number of entries that are compared: some every 15 mm of a breast's skin; a choice."""
+
+THROUGH = np.linspace(0.1, 1.0, 10)
+"""Where on the way from the entry to the target there has to be tissue [1]."""
+
+BEFORE = np.linspace(0.02, 1.0, 25)
+"""Where before the entry there has to be none, by the extent of the body [1]."""
+
+
+def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
+    """The direction from an entry [m], (dim,), to the target pushed by the needle, (dim,)."""
+    start = network.positions[network.index(target)]
+    return _aimed(NeedlePush(network, target, FORCES.planned(network)), start, entry, direction)[0]
+
+
+def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """The same with the push [m], (dim,), from the target's place at rest [m], (dim,)."""
+    shift = np.zeros_like(start)
+    for _ in range(AIMING):
+        shift = push.shift(Insertion(entry, direction, 1.0))
+        direction = (start + shift - entry) / np.linalg.norm(start + shift - entry)
+    return direction, shift
+
+
+def surest_entry(
+    network: MassSpringNetwork, target: str, mesh: TetMesh, faces: NDArray[np.int64], nearest: Floats
+) -> Floats:
+    """The point of the free surface [m], (3,), from which push and bending leave the least error at the target.
+
+    faces: of the surface, (k, 3); nearest: the point next to the target [m], (3,), taken if no straight needle enters
+    """
+    forces, bending_sd = FORCES.planned(network), Needle().bending_sd
+    push = NeedlePush(network, target, forces)
+    start = network.positions[network.index(target)]
+    centres = mesh.nodes[faces].mean(axis=1)
+    some = far_apart(centres, min(N_ENTRIES, len(centres)), [int(np.linalg.norm(centres - start, axis=1).argmin())])
+    entries = np.vstack([nearest, centres[some]])
+
+    def error_m(entry: Floats) -> float:
+        shift = _aimed(push, start, entry, start - entry)[1]
+        depth_m = np.linalg.norm(start + shift - entry)
+        return float(np.hypot(forces.force_sd * np.linalg.norm(shift), bending_sd * depth_m))
+
+    return next((entry for entry in sorted(entries, key=error_m) if _is_open(mesh, entry, start)), nearest)
+
+
+def _is_open(mesh: TetMesh, entry: Floats, target: Floats) -> bool:
+    """Whether a straight needle gets to an entry [m], (3,), from outside, and through tissue alone to the target."""
+    way, extent_m = target - entry, float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
+    through = entry + THROUGH[:, None] * way
+    before = entry - BEFORE[:, None] * extent_m * way / np.linalg.norm(way)
+    within = nearest_elements(mesh, np.vstack([through, before]))[1].min(axis=1) >= INSIDE
+    return bool(within[: len(through)].all() and not within[len(through) :].any())
