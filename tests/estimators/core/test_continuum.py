@@ -257,6 +257,17 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
     assert set(each[0].motion.driving) == {SOURCES.index("slow")}
 
 
+def test_unknown_forces_bend_a_floppy_body_as_far_as_a_stiff_one(process):
+    """Of a hundredth of the stiffness a hundredth of the force."""
+    mesh = block((8, 6, 4), SIZE)
+    floppy = continuum_network(
+        mesh, (replace(FAT, young_pa=0.01 * FAT.young_pa),), held(mesh), MARKS | {"target": TARGET}
+    )
+    soft = TissueProcess(floppy, list(MARKS)).motion.raised
+    assert soft < 1.0
+    assert soft == pytest.approx(0.01 * process.motion.raised, rel=2e-3)
+
+
 def test_a_force_is_smooth_in_time(process):
     """What is new in it after a short time grows as the cube of the time; of noise that fades, as the time."""
     k = len(process.motion.driving) // 2
