@@ -13,10 +13,16 @@ import numpy as np
 from estimators import (
     AbortWatch,
     Advice,
+    Breathing,
     GaussianMixture,
     Guidance,
+    Status,
+    TargetEstimate,
     TargetPath,
     TissueFilter,
+    breathing_ahead,
+    breathing_track,
+    either_path,
     guide,
     hit_probability,
     path_near_rest,
@@ -38,6 +44,35 @@ if TYPE_CHECKING:
 
 SURE_M = 1e-9
 """Standard deviation of a known position [m]; numerical: a zero covariance has no inverse."""
+
+
+SETTLED_S = 0.5
+"""The breathing model starts this time after the first tracked frame [s]: the first ones have large errors; chosen."""
+
+
+class BreathingPath:
+    """A breathing model of the target beside its filter.
+
+    State: the model, and from when on it is updated [s].
+    """
+
+    def __init__(self, dim: int) -> None:
+        self.model, self._from_s = Breathing(dim), np.inf
+
+    def learn(self, tissue: TissueFilter, estimate: TargetEstimate) -> None:
+        """Take in the estimate of the newest frame."""
+        if estimate.status is not Status.TRACKING or estimate.cov is None:
+            return
+        self._from_s = min(self._from_s, estimate.time_s + SETTLED_S)
+        if estimate.time_s >= self._from_s:
+            self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
+
+    def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
+        """The filter's path, mixed with the model's while there is a breath."""
+        if self.model.breath() is None:
+            return path
+        breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
+        return either_path(breath, path, self.model.holds(path.times_s))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,16 +109,18 @@ def advise(
     tables = path_tables(line.filter, reach_s(plan, line.filter))
     integrity = IntegrityMonitor(recording.scene, line.filter)
     push = plan.push_on(recording.scene.network, recording.scene.target.point)
+    breath = BreathingPath(recording.scene.network.dim)
 
     def path_at(times_s: Floats) -> TargetPath:
-        path = path_near_rest(tables, line.filter, times_s).widened(integrity.unstated)
-        return push.pushed(path, plan.insertion)
+        path = breath.mixed(line.filter, path_near_rest(tables, line.filter, times_s))
+        return push.pushed(path.widened(integrity.unstated), plan.insertion)
 
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
         used = [mark for mark in line.measured(step.marks) if mark.node not in step.refused]
         fault = integrity.take(estimate, used)
+        breath.learn(line.filter, estimate)
         if estimate.time_s >= due_s:
             times.append(estimate.time_s)
             none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)

@@ -22,7 +22,8 @@ N_MASSES = {"plane": 5, "breast": 10}
 UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Direction from the target to the needle's entry, in the plane and in space."""
 
-STILL_S, CALIBRATION_S, SCORED_S = 2.0, 20.0, 10.0
+STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
+"""Durations of the recordings [s]. One with a breath has five: the breathing model predicts after two of them."""
 
 
 class Kind(StrEnum):
@@ -94,10 +95,11 @@ def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
     for name, (scene, heading, after) in scenes.items():
         path = folder / name
         write_together({**mesh_beside(scene, path), path: scene_page(scene, heading, after=after)})
+    scored_s = SCORED_S if of.assumed.network.continuum is None else BREATHING_S
     recordings = {
         "still.toml": ("At rest, every mark seen", "truth/all_marks.toml", STILL_S, False),
         "calibration.toml": ("With pushes, every mark seen", "truth/all_marks.toml", CALIBRATION_S, True),
-        "scenario.toml": ("With pushes, the inside hidden", "truth/scene.toml", SCORED_S, True),
+        "scenario.toml": ("With pushes, the inside hidden", "truth/scene.toml", scored_s, True),
     }
     for k, (name, (what, tissue, seconds, pokes)) in enumerate(recordings.items(), start=1):
         text = scenario_page(of, what=what, scene=tissue, seed=seed + k, seconds=seconds, pokes=pokes)

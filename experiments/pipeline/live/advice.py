@@ -12,27 +12,19 @@ from estimators import (
     AbortWatch,
     Advice,
     AheadTables,
-    Breathing,
     Guidance,
-    Status,
     TargetEstimate,
     TargetPath,
     TissueFilter,
     advise,
-    breathing_ahead,
-    breathing_track,
-    either_path,
     health_fault,
     path_by_tables,
     path_tables,
 )
 from experiments.arrays import Floats
 from experiments.formats.needle_file import NeedlePlan
-from experiments.pipeline.advise import header, reach_s, row
+from experiments.pipeline.advise import BreathingPath, header, reach_s, row
 from experiments.pipeline.live.outputs import LiveTable
-
-SETTLED_S = 0.5
-"""The breathing model starts this time after the first tracked frame [s]: the first ones have large errors; chosen."""
 
 UNSEEN = "the needle's tracker does not see it"
 
@@ -44,9 +36,8 @@ class LiveAdvice:
     mixture of the filter's path, from tables, and the breathing model's, weighted by probability.
     unstated: covariance of the target by unstated errors [m²], (dim, dim); None: zero
     origin_s: zero of the source's own time, used in rows, on the clock [s]
-    State: the table; the last estimate from a frame; the breathing model, and since when it is updated; counts of each
-    advice; the plan, whose needle moves if it is tracked, and whether its tracker lost it; whether the needle has to
-    stop.
+    State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle
+    moves if it is tracked, and whether its tracker lost it; whether the needle has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
@@ -56,8 +47,7 @@ class LiveAdvice:
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.network.dim
         self._tables = path_tables(tissue, reach_s(plan, tissue))
-        self._breathing = Breathing(self._dim)
-        self._learn_s = np.inf
+        self._breath = BreathingPath(self._dim)
         self._last: TargetEstimate | None = None
         self.origin_s = 0.0
         self._compiled(self._tables)
@@ -65,7 +55,7 @@ class LiveAdvice:
 
     def forget(self) -> None:
         """Forget the breathing model and the last estimate: the filter restarts, and the needle stays."""
-        self._breathing, self._learn_s, self._last = Breathing(self._dim), np.inf, None
+        self._breath, self._last = BreathingPath(self._dim), None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """Set a tracked needle: tip [m], (dim,), and direction, (dim,), see `Insertion.tracked`. Raises ValueError."""
@@ -85,10 +75,7 @@ class LiveAdvice:
         fault: another reason than the estimate for no guidance
         """
         self._last = estimate
-        if estimate.status is Status.TRACKING and estimate.cov is not None:
-            self._learn_s = min(self._learn_s, estimate.time_s + SETTLED_S)
-            if estimate.time_s >= self._learn_s:
-                self._breathing.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
+        self._breath.learn(tissue, estimate)
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
@@ -116,19 +103,11 @@ class LiveAdvice:
         fault = health_fault(estimate, now_s, tissue.seen_s, plan.settings)
         if fault is not None:
             return Guidance(Advice.NO_GUIDANCE, fault)
-        path = self._path(tissue, self._tables)
+        path = self._breath.mixed(tissue, path_by_tables(self._tables, tissue))
         path = path if self._unstated is None else path.widened(self._unstated)
         path = self._push.pushed(path, plan.insertion)
         now_s = max(now_s, float(path.times_s[0]))  # exposure times are rounded to a nanosecond
         return advise(path, plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings, now_s=now_s)
-
-    def _path(self, tissue: TissueFilter, tables: AheadTables) -> TargetPath:
-        path = path_by_tables(tables, tissue)
-        if self._breathing.breath() is None:
-            return path
-        times = path.times_s
-        breath = TargetPath(times, *breathing_ahead(self._breathing, tissue, times))
-        return either_path(breath, path, self._breathing.holds(times))
 
     def _compiled(self, tables: AheadTables) -> None:
         """Load compiled code before the first frame."""

@@ -1,6 +1,6 @@
 """`softaim advise`: from a recording and a needle's file to a table and a picture; faults of the file in one line."""
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import cv2
@@ -188,6 +188,24 @@ def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, pa
     assert found["insertions"] == known.sum()
     assert found["observed"] == pytest.approx(share, abs=0.02)
     assert np.isfinite(table(done)["observed"]).sum() == known.sum()
+
+
+def test_a_breath_makes_the_target_ahead_surer(tmp_path, path):
+    """All marks move aside by 10 mm, to and fro in 4 s: the model has learnt it after 8 s, and had not after 4."""
+    marks = tuple(Mark(node, 0.0, 0.03) for node in OUTER)
+    scene = Scene(PHANTOM, marks, Target("M2", 0.005, position_sd_m=0.0), (), reference=Reference(drift_sd_m=0.0))
+    drawn, rng = scene.network.positions, np.random.default_rng(0)
+    frames = []
+    for t in np.arange(170) / 20:
+        shift = np.array([5e-3 * np.sin(0.5 * np.pi * t), 0.0])
+        aside = replace(scene, network=replace(scene.network, positions=drawn + shift))
+        frames.append((t, near(aside, OUTER, 1e-4, rng)))
+    path.write_text(LEAST)
+    done = advise(read_recording(write_recording(tmp_path / "rec", scene, frames, 1.0)), read_needle(path, 0.005, 2))
+    sds = {
+        round(t, 2): np.sqrt(np.trace(one.cov)) for t, one in zip(done.times_s, done.guidance, strict=True) if t >= 4
+    }
+    assert sds[8.4] < 0.7 * sds[4.0]
 
 
 def test_without_a_truth_nothing_is_observed(recording, path):

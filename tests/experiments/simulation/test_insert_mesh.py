@@ -152,12 +152,12 @@ def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> 
         live.seen(tissue, estimate, now, "not asked")
         state, _ = world.moved(state, away, (now, world.frame_s(k + 1)), False)
         if k == 125:
-            assert live._breathing.breath() is not None
+            assert live._breath.model.breath() is not None
             offset = tissue.offset_mean
             tissue.fix(estimate.mean + np.array([4e-3, 0.0, 0.0]), 1e-8 * np.eye(3))
             assert np.linalg.norm(tissue.offset_mean - offset) > 2.5e-3
     live.table.close()
-    model, times = live._breathing, tissue.time_s + np.array([0.0, 0.2])
+    model, times = live._breath.model, tissue.time_s + np.array([0.0, 0.2])
     assert (model.holds(times) > 0.9).all()
     np.testing.assert_allclose(breathing_ahead(model, tissue, times)[0][0], estimate.mean, atol=5e-4)
 
