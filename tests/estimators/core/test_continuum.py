@@ -258,7 +258,7 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
 
 
 def test_unknown_forces_bend_a_floppy_body_as_far_as_a_stiff_one(process):
-    """Of a hundredth of the stiffness a hundredth of the force."""
+    """A hundredth of the stiffness has a hundredth of the force."""
     mesh = block((8, 6, 4), SIZE)
     floppy = continuum_network(
         mesh, (replace(FAT, young_pa=0.01 * FAT.young_pa),), held(mesh), MARKS | {"target": TARGET}
