@@ -1,6 +1,6 @@
-"""Where a hidden target is inside soft tissue that moves, with a covariance, and advice for a needle on it.
+"""Estimates the place of a hidden target in moving soft tissue, with a covariance, and gives advice for a needle.
 
-The names to start with, of the four packages of Softaim; `dynamics`, `estimators` and `vision` have the others. Lengths
+These are the names to start with; the packages `dynamics`, `estimators` and `vision` have the others. Lengths
 are in metres, times in seconds, masses in kilograms, forces in newtons; arrays have a row for each node or frame.
 
     build_network         a network from names, positions and edges
@@ -10,8 +10,8 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     rest_shape            where a network rests
     integrate_adaptive    slow exact motion, for truths
     pack, unpack          state vectors to and from positions and velocities
-    TissueFilter         predict, update, and where the target is
-    AssociationFilter     the same where marks look alike
+    TissueFilter          predict, update, and where the target is
+    AssociationFilter     the same for marks that look alike
     FilterSettings        what is assumed about unknown forces
     MarkMeasurement       what goes in: a mark's position and covariance
     TargetEstimate        what comes out: mean, covariance, status
@@ -20,9 +20,9 @@ are in metres, times in seconds, masses in kilograms, forces in newtons; arrays 
     tune_strain           how far a tissue departs from its model
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
-    hit_probability       of a needle that stands still
-    GaussianMixture       what it takes: of TissueFilter.predict_modes
-    TargetPoint           a target whose place in the tissue is not exactly known
+    hit_probability       probability that a needle that stands still hits
+    GaussianMixture       the target for it, from TissueFilter.predict_modes
+    TargetPoint           a target whose place in the tissue is uncertain
     guide                 go, wait or realign
     open_source           frames from a camera, film, folder or stream
     MarkFinder            marks tracked and named, frame after frame

@@ -1,4 +1,4 @@
-"""The tissue: nodes, springs, forces, energy, time integration and rest shapes.
+"""Tissue: nodes, springs, forces, energy, time integration and rest shapes.
 
 Names to start with:
 
@@ -8,11 +8,11 @@ Names to start with:
     rest_shape            where a network rests
     fit_rest_lengths      rest lengths from a picture of the network at rest
     node_forces           forces on all nodes
-    potential_energy      of which forces are minus the gradient
+    potential_energy      energy whose negative gradient is the force
     stiffness_matrix      the tangent of the forces
     stable_step           the longest stable time step
     Stepper               fast fixed steps, for filters
-    integrate_adaptive    slow exact motion, for truths
+    integrate_adaptive    slow, accurate motion, for a simulated truth
     pack, unpack          state vectors to and from positions and velocities
 """
 

@@ -1,8 +1,8 @@
-"""Probability: filters that estimate where a hidden target is, with a covariance that is tested, and needle guidance.
+"""Estimation: filters for the place of a hidden target, with a tested covariance, and needle guidance.
 
 Names to start with:
 
-    TissueFilter         predict, update, and where the target is
+    TissueFilter          predict, update, and where the target is
     FilterSettings        what it assumes about unknown forces
     MarkMeasurement       what goes in: a mark's position and covariance
     TargetEstimate        what comes out: mean, covariance, status
@@ -12,9 +12,9 @@ Names to start with:
     Replay                marks that come late or out of order
     fixed_interval        smoothing
     Lesion, Needle, Insertion    what is to be hit, with what, from where
-    hit_probability       of a needle that stands still
+    hit_probability       probability that a needle that stands still hits
     guide                 go, wait or realign
-    anees, coverage       is the covariance consistent
+    anees, coverage       whether the covariance is consistent
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap

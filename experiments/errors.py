@@ -15,7 +15,7 @@ SOME_NAMES = 5
 
 
 class InputError(Exception):
-    """What a person gave cannot be used; the message is one line, `file: key: expected …, found …`."""
+    """Input that cannot be used; the message is one line, `file: key: expected …, found …`."""
 
     @classmethod
     def at(cls, place: object, expected: str, found: str) -> InputError:
@@ -24,7 +24,7 @@ class InputError(Exception):
 
     @classmethod
     def refused(cls, path: Path, expected: str, error: OSError) -> InputError:
-        """What the operating system would not do with a file."""
+        """The error for a file that the operating system refused."""
         return cls.at(path, expected, (error.strerror or type(error).__name__).lower())
 
 

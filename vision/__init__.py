@@ -1,4 +1,4 @@
-"""Light: cameras, marks detected by hue and tracked, frame sources, synthetic frames.
+"""Vision: cameras, detection of marks by hue and their tracking, frame sources, synthetic frames.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Names of lengths in a picture
 end in _px; the plane is in metres.
@@ -13,10 +13,10 @@ Names to start with:
     Expected              where a mark is expected
     Detection             a centre with its covariance
     LostMark, Reason      why a mark was not found
-    Distractor            what came into the picture in a mark's colour and is none
+    Distractor            a new thing in a mark's colour that is no mark
     PlaneCamera           between pixels and the plane
     Board, find_board, calibrate    camera calibration
-    synthetic_run         frames of known truth
+    synthetic_run         frames with known truth
 """
 
 from vision.cameras import (

@@ -44,8 +44,8 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
     force: a constant force on the free nodes [N], (n_free, dim), default none
     A network without anchors is `supported`, and rests where it is drawn, but for its own shape.
-    A mass-spring network has several rest shapes; the drawn one selects which. Raises NetworkError where
-    the energy has no stable minimum to be found there.
+    A mass-spring network has several rest shapes; the drawn shape selects one. Raises NetworkError where
+    no stable minimum of the energy is found there.
     """
     network = supported(network)
     if network.continuum is not None:
@@ -128,7 +128,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node. In a continuum in a straight line.
+    Without anchors: the largest distance from any other node. In a continuum distances are straight.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -148,9 +148,9 @@ def fit_rest_lengths(
     positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
     deviation of the rest lengths before.
 
-    Gauss-Newton on the real forces f at the shape x, so that force laws need not be linear in the rest lengths: for the
-    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest of all solutions; with
-    noise, the most probable one, where f has an error of K times the noise of x. With linear laws the first pass is
+    Gauss-Newton on the real forces f at the shape x, so that force laws need not be linear in the rest lengths: for
+    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest solution, with noise
+    the most probable one, as f then has an error of K times the noise of x. With linear laws the first pass is
     exact. Combinations of rest lengths without effect on the forces stay as they are. Raises NetworkError where a rest
     length would have to change by half, where passes do not converge, or where there is no stable rest near x.
     """

@@ -13,9 +13,9 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether in any state of a set a spring is reversed against the set's first state, (n_sets,).
+    """Whether in any state of a set a spring is reversed relative to the set's first state, (n_sets,).
 
-    states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states the
+    states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states a
     spring's length passes through zero or its direction through a right angle: no linearisation is valid there.
     """
     return _reversed(np.ascontiguousarray(states), network.positions, _first_coordinates(network), network.springs)

@@ -45,7 +45,7 @@ class ParameterUncertainty:
 
     parameters: which
     directions: [1], (n_directions, n_parameters): each row is the change of the log of every constant by one standard
-    deviation of one independent direction; their covariance is directions' directions
+    deviation of one independent direction; their covariance is directions.T @ directions
 
     Raises NetworkError for other shapes, for numbers that are not finite, and where one standard deviation of a
     constant is a factor that overflows.
@@ -82,7 +82,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Both of two independent uncertainties: the directions of each, over the constants of either."""
+        """Two independent uncertainties together: the directions of both, over the constants of both."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -101,7 +101,7 @@ def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> P
 def strain_uncertainty(
     network: MassSpringNetwork, sd: float, *, length: float = 1.0, n_directions: int = 12
 ) -> ParameterUncertainty:
-    """Rest lengths with an error by an unknown strain that varies smoothly over the body.
+    """Uncertainty of rest lengths by an unknown strain that varies smoothly over the body.
 
     A symmetric strain tensor E(X), its components independent Gaussian fields, changes the length of a spring along n
     by the share n' E n, so that two springs have the covariance sd² exp(-d² / 2 l²) (n · n')², d between their middles.
@@ -182,7 +182,7 @@ def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], cha
 def parameter_forces(
     network: MassSpringNetwork, which: Sequence[Parameter], positions: ArrayLike, velocities: ArrayLike
 ) -> Floats:
-    """What a change of the log of each constant adds to the force on the free coordinates [N], (n, n_free dim).
+    """Derivative of forces on free coordinates with respect to the log of each constant [N], (n, n_free dim).
 
     positions [m] and velocities [m/s] of all nodes, (n_nodes, dim).
     """

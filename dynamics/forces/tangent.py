@@ -26,7 +26,7 @@ monotone between them, as in every present law, has its maximum at one of the en
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
-    """Second derivative of the potential energy by the free coordinates [N/m], (n_free dim, n_free dim).
+    """Second derivative of potential energy with respect to free coordinates [N/m], (n_free dim, n_free dim).
 
     positions of all nodes [m], (n_nodes, dim). A spring of tension T gives dT/dl n n' + T / l (I - n n').
     """
@@ -41,7 +41,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 
 
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """Derivative of the resisting force by the free velocities, at rest [N s/m], (n_free dim, n_free dim).
+    """Derivative of resisting forces with respect to free velocities, at rest [N s/m], (n_free dim, n_free dim).
 
     speed_m_s: above 0, nodes have the secant resistance at this speed, force over speed, in place of the derivative
     """
@@ -72,7 +72,7 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes a spring's tangent stiffness is at most k in size in every direction, k the largest dT/dl or T / l;
-    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and the same with dashpots. (Linear
+    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Linear
     springs are no stiffer where they are longer.) With w² and d the largest eigenvalues by mass, every eigenvalue of
     the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """

@@ -21,7 +21,7 @@ ROUNDING = 1e-9
 """Stiffness by the largest that is rounding's."""
 
 DRIVEN = 1e12
-"""Times its mass, a node that keeps its velocity whatever the forces on it weighs [1]; numerical."""
+"""Factor on the mass of a node that keeps its velocity whatever the forces on it [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,12 +74,12 @@ class ImplicitStepper:
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
 
     def linearised(self, states: Floats, dt: float, *, driven: Sequence[int] = ()) -> Linearised:
-        """What `advance` over dt [s] does about these states (n_points, n_state), with the tangents there.
+        """`advance` over dt [s], linearised about these states (n_points, n_state).
 
         driven: as for `advance`
 
-        Where the tissue would buckle, springs under pressure count as none across themselves: what grows in a linear
-        motion ends, in the tissue, in the next rest.
+        Where the tissue would buckle, springs under compression have no stiffness across themselves: a linear motion
+        would grow without limit, but the tissue stops at the next rest.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)

@@ -150,7 +150,7 @@ def integrate_adaptive(
 
     force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is short, max_step_s must let
     the integrator see it. bends_s: times at which only its slope jumps [s]; a step across one would be rejected, so
-    that each step ends at the next at the latest. Raises RuntimeError where the integrator gives up.
+    no step goes beyond the next one. Raises RuntimeError where the integrator gives up.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

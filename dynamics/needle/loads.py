@@ -104,7 +104,7 @@ def straight_insertion(
     """The pose of a needle inserted along a line at a constant speed [m/s] from the entry on, to a depth [m].
 
     entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
-    Before, the needle approaches at the same speed; at the depth it stops. Raises ValueError where both points are one.
+    Before, the needle approaches at the same speed; at the depth it stops. Raises ValueError if both points are equal.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
     length = float(np.linalg.norm(to - from_))
@@ -121,10 +121,10 @@ def straight_insertion(
 
 
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
-    """Part that each node takes of a force at each point, (..., n_nodes), rows summing to one; points [m], (..., dim).
+    """Each node's share of a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
 
-    A Gaussian kernel of the distance to where the nodes stand in the drawn shape: the tissue moves by millimetres, the
-    nodes stand centimetres apart. Far from all nodes the nearest takes everything.
+    A Gaussian kernel of the distance to the nodes as drawn: the tissue moves by millimetres, and nodes are centimetres
+    apart. Far from all nodes the nearest takes everything.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
@@ -133,7 +133,7 @@ def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) 
 
 
 def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
-    """How far the tip is beyond the skin, which gives way with the nodes [m], (...); below 0 before they touch.
+    """Depth of the tip beyond the skin, which moves with the nodes [m], (...); below 0 before contact.
 
     positions: of all nodes [m], (..., n_nodes, dim)
     """
@@ -182,8 +182,8 @@ def distributed_force(
 ) -> Floats:
     """A measured axial force as forces on the free nodes [N], (n_free, dim), a known input for a filter.
 
-    push_N: on the tissue along the needle [N], as a sensor at the hub reads it with the other sign. Before the puncture
-    it acts at the entry. Then tip and shaft share it as cutting and full friction would.
+    push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative. Before the puncture it
+    acts at the entry, then on tip and shaft in proportion to cutting force and full friction.
     """
     pose = needle.pose(t)
     points, parts = needle.entry[None], np.ones(1)

@@ -72,7 +72,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State of free nodes held at these places [m], (n_free, dim): (n_state,), of a continuum with its modes behind."""
+    """State of free nodes held at these places [m], (n_free, dim): (n_state,), then modes for a continuum."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -91,7 +91,7 @@ def advance_steered(
     between_s: tuple[float, float],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State (n,) at the later of two times [s], as `steady_state` has it, and whether the skin is punctured by then.
+    """State (n,), ordered as in `steady_state`, at the later of two times [s], and whether the skin is punctured.
 
     state: at the earlier time, (n,); needle: for its constants; its pose and entry are not used
     Raises ValueError where time goes back.

@@ -1,4 +1,4 @@
-"""Checked nodes and springs, and the order of a state vector.
+"""Validated nodes and springs, and the order of a state vector.
 
 What may enter: parts of tissue, no forces.
 """

@@ -1,4 +1,4 @@
-"""Phantoms of the program, and bodies of given nodes.
+"""Built-in phantoms, and bodies from given nodes.
 
 What may enter: another network.
 """

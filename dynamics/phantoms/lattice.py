@@ -31,7 +31,7 @@ class Phantom:
     """A body to practise on: a network that rests where it is drawn.
 
     target: name of the hidden target node; outer: names of the free nodes on the outside, where marks can be
-    groups: what each spring is of, one name for all that are alike, (n_springs,)
+    groups: name of each spring's group, the same for all that are alike, (n_springs,)
     """
 
     network: MassSpringNetwork
@@ -58,12 +58,12 @@ def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.
 
 
 def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: float) -> float:
-    """One stiffness for all springs of a lattice, as stiff on the whole as an elastic body [N/m].
+    """One stiffness for all springs [N/m], with which a lattice is as stiff as an elastic body.
 
     positions: of the nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
     young: Young's modulus [Pa] of a body in space; of a sheet in the plane, that times its thickness [N/m]
-    By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. Summed over
-    springs, k l² is n E V of the whole body, n the edges of a simplex; equal stiffnesses share that out alike.
+    By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
+    k l² over springs is n E V, V the body's volume, n the edges of a simplex; equal stiffnesses have the same sum.
     Under uniform stretch it is as stiff as a body of that modulus and Poisson's ratio 1/4; a sheet, 1/3.
     """
     dim = positions.shape[1]
@@ -81,12 +81,12 @@ def elastic_body(
     damping: Floats | None = None,
     masses: Floats | None = None,
 ) -> MassSpringNetwork:
-    """A body, elastic on the whole, that rests under gravity, in -y, where its nodes are drawn [m], (n_nodes, dim).
+    """An elastic body that rests under gravity along -y with its nodes at these positions [m], (n_nodes, dim).
 
     young: Young's modulus [Pa], in the plane of a sheet of `SHEET_M`
     springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
         those of that modulus; masses [kg], (n_nodes,), None: that of water, the same on each free node
-    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, for nodes that make none.
+    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, for nodes that form none.
     """
     dim = positions.shape[1]
     thick = 1.0 if dim == 3 else SHEET_M

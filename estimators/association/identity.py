@@ -58,9 +58,9 @@ Hypotheses = dict[Names, Hypothesis]
 class AssociationFilter:
     """A filter that adopts other names for interchangeable marks once they are decisively more probable.
 
-    A hidden Markov model of the names. In each frame an exchange of two names that the frame alone does not rule out
-    makes an alternative: a copy of the filter that takes the marks by those names from then on. Of two paths to the
-    same names the more probable is kept (Viterbi's algorithm). The probability of an alternative is the product of the
+    This is a hidden Markov model of the names. Each frame adds an alternative for each exchange of two names that this
+    frame does not rule out: a copy of the filter that uses the exchanged names from then on. If two paths lead to the
+    same names, the more probable is kept (Viterbi's algorithm). The probability of an alternative is the product of the
     likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly
     worse. When it is clearly better, and TRACKING, the filter goes on as if it had been adopted from the start.
 
@@ -92,9 +92,9 @@ class AssociationFilter:
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Take in a sighting of the target [m], (dim,), of this covariance [m²], (dim, dim), as `TissueFilter.fix`.
+        """Update with a sighting of the target [m], (dim,), with covariance [m²], (dim, dim), as `TissueFilter.fix`.
 
-        It does not depend on the names.
+        A sighting does not depend on names.
         """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)

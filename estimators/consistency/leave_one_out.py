@@ -74,7 +74,7 @@ class LeaveOneOut:
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The same for marks that the filter of the target has already used, and its estimate after them.
+        """As `update`, for marks that the target's filter has already used, with its estimate after them.
 
         Marks that this filter rejected are not checked.
         """

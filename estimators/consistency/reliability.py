@@ -15,7 +15,7 @@ class ReliabilityBin:
     """Predicted probabilities from low to high, such as 0.3 to 0.4, and the observed hits.
 
     n: number of predictions; mean: of the predictions, None where n is 0; hits: number of observed hits
-    least, most: confidence interval of the true rate, Clopper and Pearson's [clopper1934]
+    least, most: confidence interval of the true rate, by Clopper and Pearson [clopper1934]
     inside: whether the mean lies in that interval; True where n is 0
     """
 
@@ -44,8 +44,8 @@ def reliability_bins(
 ) -> tuple[ReliabilityBin, ...]:
     """Ten bins of the predicted probabilities (n,), each with the rate of hits (n,) in it.
 
-    A bin holds what is at least its low and less than its high; the last holds 1, too. Raises ValueError for
-    probabilities beyond 0 and 1, and where the two differ in length.
+    A bin includes its lower limit but not its upper one; the last also includes 1. Raises ValueError for
+    probabilities outside of 0 to 1, and where the two arrays differ in length.
     """
     p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)
     if p.ndim != 1 or p.shape != came.shape:

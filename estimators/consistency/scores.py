@@ -28,7 +28,7 @@ def energy_score(
     """Energy score of Gaussian predictions of points, (n,), in their unit; lower is better.
 
     E ‖X - truth‖ - E ‖X - X'‖ / 2 by drawn X, X'; in one dimension it is the CRPS. means and truths (n, d), covs
-    (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for a covariance that is none.
+    (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for a matrix that is no covariance.
     """
     mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))

@@ -12,7 +12,7 @@ from estimators.arrays import Floats
 def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
     """Correlation matrices of a series (n, m) with itself 1 to n_lags steps later, (n_lags, m, m).
 
-    Of white series each entry is normal about 0 with a standard deviation of 1 / sqrt(n), nearly. Raises ValueError
+    For a white series each entry is normal about 0 with a standard deviation of nearly 1 / sqrt(n). Raises ValueError
     where there are not more steps than lags.
     """
     z = _standardised(series, n_lags)

@@ -19,7 +19,7 @@ from estimators.core.posterior import TissuePosterior
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AheadTables:
-    """What states now, and noise until then, make of the target at n_times times, cycle_s [s] apart from now on.
+    """Tables that predict the target from the state now and later noise, at n_times times, cycle_s [s] apart.
 
     Attributes
     ----------
@@ -28,13 +28,13 @@ class AheadTables:
     rest : (n,)
         State at rest.
     by_state : (n_times, dim, n)
-        Place of the target by the state now.
+        Effect of the state now on the target.
     by_noise : (n_times, n_sources, dim, dim)
-        Its covariance by noise of each source, at unit variance, so many steps before.
+        Its covariance by unit noise of each source, as many steps before.
     by_push : (n_times, dim, n_free dim)
-        Its shift by a force on each free coordinate in one step, so many steps later [m/N].
+        Its shift by a force on each free coordinate in one step, as many steps later [m/N].
     chain : (n_modes, n_modes)
-        Probability of each mode after a step by that before.
+        Probability of each mode after a step, given the mode before.
     """
 
     cycle_s: float

@@ -62,9 +62,9 @@ class FilterSnapshot:
 
 
 class TissueFilter(TissuePosterior):
-    """Where the target is, from marks on the tissue.
+    """Estimates the target from marks on the tissue.
 
-    The same filter for every body: no setting depends on its stiffness or size but by how strong forces may be.
+    It is the same filter for every body: apart from the strength of forces no setting depends on stiffness or size.
 
     Parameters
     ----------
@@ -72,14 +72,14 @@ class TissueFilter(TissuePosterior):
     target : str or TargetPoint
         A node, known exactly in the body, or a point whose `sd_m` says how well its place in the body is known.
     marked : sequence of str
-        Nodes whose marks are measured: those of others are rejected.
+        Nodes whose marks are measured; marks of other nodes are rejected.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
-        How well constants are known, considered; None: exactly.
+        Uncertainty of constants, which the filter considers; None: exact.
     n_calibration : int
-        Directions that the `shared` of marks has, if these errors of the calibration are the same in every frame.
+        Number of directions in `shared` of the marks, if these calibration errors are the same in every frame.
     disturbances, discrepancy
-        Priors of unknown forces, and of what the model leaves out; by the settings where not given.
+        Priors of unknown forces, and of what the model leaves out; default: from the settings.
     """
 
     def _restart(self, repair: str) -> None:
@@ -124,7 +124,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of frames, (time [s], marks) in order, one at a time; advance: gets the share done."""
+        """Estimates of frames, (time [s], marks) in order, one at a time; advance: called with the share done."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -133,7 +133,7 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Move the state to this exposure time [s]; raises ValueError where time goes back or is not finite.
+        """Predict the state at this exposure time [s]; raises ValueError where time goes back or is not finite.
 
         push: a known force, such as a needle's
         """
@@ -187,7 +187,7 @@ class TissueFilter(TissuePosterior):
             self.restore(now)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """The target at a later time [s] given the marks until now, such as when the needle arrives; the state stays.
+        """The target at a later time [s] given the marks until now, such as a needle's arrival; the state is kept.
 
         push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
         """
@@ -196,7 +196,7 @@ class TissueFilter(TissuePosterior):
             return self._estimate(time_s, 0, None)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
-        """As `predict_at`, of each mode of then by itself."""
+        """As `predict_at`, with a Gaussian for each mode at that time."""
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own = self.rows_of(self.target), self.filter
@@ -204,9 +204,9 @@ class TissueFilter(TissuePosterior):
             return GaussianMixture(own.weights, means, rows @ own.covs @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """The target at later times [s], (k,), that rise: means [m] (k, dim), covs [m²] (k, dim, dim); the state stays.
+        """The target at increasing later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
 
-        Raises ValueError as `predict_at` does, and for times that go back.
+        The state does not change. Raises ValueError as `predict_at` does, and for times that go back.
         """
         found = []
         with self._unchanged():
@@ -216,12 +216,12 @@ class TissueFilter(TissuePosterior):
         return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:
-        """Of the target's path at so many times, cycle_s [s] apart."""
+        """Tables of the target's path at n_times times, cycle_s [s] apart."""
         return AheadTables.of(self, n_times, cycle_s)
 
     @all_or_nothing
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Take in the marks seen at the state's time, any number of them, and estimate the target.
+        """Update with the marks seen at the state's time, any number of them, and estimate the target.
 
         Raises ValueError for a mark that is not on a marked node or has another dimension, CovarianceError where the
         marks leave no finite state.
@@ -290,10 +290,10 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Take in a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
+        """Update with a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
 
-        One beyond the gate is rejected, but the next one there is taken in. Raises ValueError for another dimension,
-        for numbers that are not finite, and for a covariance that is none.
+        A fix beyond the gate is rejected, but the next one there is used. Raises ValueError for another dimension,
+        for numbers that are not finite, and for a matrix that is no covariance.
         """
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) before, found no time")

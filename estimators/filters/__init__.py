@@ -1,4 +1,4 @@
-"""Generic filters built on filterpy: by sigma points; estimates of a factor on a variance.
+"""Generic filters built on filterpy: sigma points, estimates of a variance factor.
 
 What may enter: no springs, no marks.
 """

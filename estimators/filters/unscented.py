@@ -54,9 +54,9 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
-        """Take in a measurement z (m,) of noise R (m, m) through hx, (n_points, dim_x) to (n_points, m).
+        """Update by a measurement z (m,) of noise R (m, m) through hx, (n_points, dim_x) to (n_points, m).
 
-        None is no measurement: nothing changes. Raises CovarianceError.
+        Without a measurement (None) nothing changes. Raises CovarianceError.
         """
         if z is None:
             return
@@ -77,7 +77,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self._judge(float(w @ w), float(2.0 * np.log(np.diag(C)).sum()))
 
     def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
-        """Take in z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+        """Update by z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
 
         For a linear measurement the unscented update is the Kalman update.
         """

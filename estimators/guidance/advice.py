@@ -182,7 +182,7 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """What `guide` needs from a filter: the time of the last mark used, and the predicted path of the target."""
+    """The part of a filter that `guide` needs: the time of the last mark used, and the target's predicted path."""
 
     @property
     def seen_s(self) -> float | None:
@@ -215,8 +215,8 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
 
     The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns it at these
-    times [s], (n,), or at more; None: for a `TissueFilter` tables, which the first call makes and later ones use again,
-    as in `softaim advise`; for another source `PathSource.predict_path`
+    times [s], (n,), or at more. None: a `TissueFilter` uses tables, made by the first call and kept for later ones,
+    as in `softaim advise`; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

@@ -24,8 +24,8 @@ class ContradictionSettings:
     improbable: p-value of that frame's innovations below which it did not [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
     together: likelihood ratio, one mark left out against all marks shifted alike, below which all marks moved together;
-    0: not tested [1]; measured: 1e-4 at least of frames with pokes of 15 m/s², 1e-7 at most
-        where marks true to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
+    0: not tested [1]; measured: at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
+        if marks accurate to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
     """
 
     away_s: float = 0.2
@@ -38,7 +38,7 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Whether the marks contradicted the model since `forget`, and how: by estimates in order of time.
+    """Tests whether marks contradicted the model since `forget`, and how, by estimates in order of time.
 
     State: the reason, None while there is none; when each mark was last used [s].
     """

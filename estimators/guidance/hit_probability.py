@@ -35,7 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
 
-    target: of `TissueFilter.predict_modes`; a single Gaussian is too low near the aim and too high off it
+    target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim and too much off it
     axis: unit vector [1], (dim,), along the needle; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError where dimensions differ.
     """

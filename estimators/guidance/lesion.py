@@ -14,7 +14,7 @@ from estimators.arrays import Floats
 class Lesion:
     """All places x with ‖axes⁻¹ (x - target)‖ <= 1.
 
-    axes: columns are the semi-axes [m], (dim, dim); of a ball, its radius times the identity
+    axes: columns are the semi-axes [m], (dim, dim); for a ball, its radius times the identity
     Raises ValueError where they do not span the plane or space.
     """
 

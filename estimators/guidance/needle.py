@@ -14,7 +14,7 @@ STEEP = 0.5
 
 
 class Hit(StrEnum):
-    """What has to lie in the lesion."""
+    """The part that has to lie in the lesion."""
 
     TIP = "TIP"
     """The needle's tip."""
@@ -88,8 +88,8 @@ class Insertion:
 
     entry: where it enters the tissue [m], (dim,)
     axis: unit vector along it, (dim,); any length is taken and made 1
-    speed_m_s: at which it goes in
-    depth_m: of its tip beyond the entry, now; 0 before it is inserted
+    speed_m_s: of insertion
+    depth_m: present depth of its tip beyond the entry; 0 before it is inserted
     """
 
     entry: Floats

@@ -114,7 +114,7 @@ class NeedleTracker:
     def arrival(self, depth_m: float) -> Arrival | None:
         """Time at which the tip reaches this depth [m]; None if it does not, or is already deeper.
 
-        t = (depth - l) / s, and sd t = sd l(t) / s, where l(t) is the depth predicted for that time.
+        t = (depth - l) / s and sd t = sd l(t) / s, with the speed s, the depth l now and l(t) predicted for time t.
         """
         depth, _ = self.depth
         speed, _ = self.speed

@@ -15,7 +15,7 @@ from estimators.process.target import TargetPoint, target_map
 class NeedlePush:
     """The push of a needle on the target of a network, to first order about its rest [dimaio2003].
 
-    Where the needle is inside already, the marks show its push so far. A body without support moves as a whole, which a
+    If the needle is already inside, the marks show its push so far. A body without support moves as a whole, which a
     static response does not describe: no push is predicted for it.
 
     target: a node's name or a point of the tissue; needle: its forces [N, N/m], their width [m] and relative error [1]

@@ -65,8 +65,8 @@ class IdentificationResult:
     uncertainty: the few directions of it that matter for the target
     passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
     residuals: the unexplained part
-    log_likelihood: of the recording's hidden marks; before, with the constants given
-    target_error_m: median error of the target against its unused mark [m]; before; None: not measured
+    log_likelihood: of the recording's hidden marks; before: the same with the given constants
+    target_error_m: median error of the target against its unused mark [m]; before: the same; None: not measured
     n_starts, n_agreeing: number of starts, and how many of them led to these constants
     n_frames: of the recording that were used
     in_time: False where the time was too short for all frames, starts and passes
@@ -138,7 +138,7 @@ def identify_constants(
     spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
     workers: `map` of this process, or of a pool of processes that share the passes of the filter
     `advance` is called with the share done. Raises IdentificationError where the target is never seen or is the only
-    marked node, where the time is too short for any result, and where the filter is finite under no constants.
+    marked node, where the time is too short for any result, and where no constants give a finite filter.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
@@ -274,8 +274,8 @@ def principal_uncertainty(
 ) -> ParameterUncertainty:
     """The few directions of an uncertainty that explain its effect on the target without the target's mark.
 
-    The same covariance along the axes of the target's variance over the frames; the smallest axes, together below 1 -
-    `kept` of it, are left out.
+    The same covariance along the axes of the target's variance over the frames; the smallest axes, which have less than
+    1 - `kept` of it together, are left out.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target

@@ -33,7 +33,7 @@ SAME_DIGITS = 9
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind with one common factor: their indices among springs or nodes, and a name."""
+    """Constants of one kind that share one factor: their indices among springs or nodes, and a name."""
 
     kind: str
     places: tuple[int, ...]
@@ -51,8 +51,8 @@ def constant_groups(
     """The groups in which positive constants of these kinds are estimated, kind by kind.
 
     spring_groups: name of each spring's group, empty for a spring by itself, (n_springs,), or none at all
-    Without any name, springs of equal constants are one kind where the network has more than `MOST_SINGLE` springs,
-    and all are one where there are more kinds than that; nodes of equal drag or friction likewise.
+    Without names, springs of equal constants are one group where the network has more than `MOST_SINGLE` springs,
+    and all are one group where there would be more groups than that; nodes of equal drag or friction likewise.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")

@@ -89,7 +89,7 @@ def tune_strain(
 ) -> TuningResult:
     """Find the level of the discrepancy: the largest one that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the others of its frame: the joint likelihood hardly
+    Levels are compared by the likelihood of each mark given the others of its frame, as the joint likelihood hardly
     depends on how well marks predict a hidden position. The standard error is that of the level's logarithm if all
     levels are equally probable at first.
 

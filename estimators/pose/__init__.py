@@ -1,4 +1,4 @@
-"""Reference marks: pose error of a camera or tracker, marks corrected by it; registration of a drawn body.
+"""Pose error of a camera or tracker by reference marks, marks corrected by it; registration of a body.
 
 What may enter: another motion.
 """

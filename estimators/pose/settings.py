@@ -11,7 +11,7 @@ class PoseSettings:
 
     start_m, start_rad: standard deviation of the error at the start, along each axis [m] and about it [rad]; choice
     rate_m_s, rate_rad_s: of the speed of a drift [m/s], [rad/s]; lasting_s: its correlation time [s]; choice
-    moved_m, moved_rad: of the change where the camera is moved at once [m], [rad]; moved_each_s: mean time between two
+    moved_m, moved_rad: of the change when the camera is moved suddenly [m], [rad]; moved_each_s: mean time between two
         such moves [s]; choice
     wrong_share: share of reference marks that are confused with something else [1]; wrong_m: their distance from the
     true position [m]; choice

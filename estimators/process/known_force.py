@@ -20,7 +20,7 @@ step must not depend on the state, or it shakes.
 
 
 class KnownForce:
-    """A push walking along with a prediction.
+    """A known push, evaluated step by step during a prediction.
 
     State: time_s, at the end of the step under way; dt, its length [s].
     """

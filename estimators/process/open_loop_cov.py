@@ -20,7 +20,7 @@ KEPT = 64
 
 
 class OpenLoopCovariance:
-    """Covariance of the open loop's target, linearised about the rest shape, of large bodies in their slowest motions.
+    """Covariance of the open loop's target, linearised about the rest shape, for large bodies in their slowest motions.
 
     Between frames a marked mass moves straight from where it was seen to where it is seen next, each wrong by its
     mark's noise; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mark that
@@ -59,7 +59,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Go on by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
+        """Predict by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:

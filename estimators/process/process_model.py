@@ -53,7 +53,7 @@ QUIET = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
 
 @dataclass(frozen=True, slots=True)
 class FixBias:
-    """What fixes of the target are off by together: sd [m] an axis, slowly varying over lasting_s [s]."""
+    """Common error of all fixes of the target: sd [m] per axis, varying slowly over lasting_s [s]."""
 
     sd_m: float
     lasting_s: float = 60.0
@@ -95,7 +95,7 @@ class TissueModel:
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
 
     def resting_columns(self, shape: Floats) -> Floats:
-        """What constants off along each direction make of a rest shape, (dim_x, n_directions).
+        """Change of a rest shape by an error of the constants along each direction, (dim_x, n_directions).
 
         shape of all nodes [m], (n_nodes, dim)
         """
@@ -112,8 +112,8 @@ class TissueModel:
     def noise(self, dt: float, mode: ForceMode) -> Floats:
         """Covariance that a step of dt [s] adds, (dim_x, dim_x), by the exact discretisation of each free coordinate.
 
-        Springs and dashpots are left out of it: over a step of 1/240 s they change the phantom's by some 10 %, and the
-        predicted covariance by 2 %, the same at every frame rate since steps are.
+        Springs and dashpots are left out: over a step of 1/240 s they change the phantom's noise by some 10 %, and the
+        predicted covariance by 2 %, at every frame rate, since the step is the same.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
@@ -167,7 +167,7 @@ def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
-    """Covariance after so many seconds of dx/dt = A x + white noise of that density, from none; (n, n).
+    """Covariance from zero after a time [s] of dx/dt = A x + white noise of this density; (n, n).
 
     Source: [vanloan1978]. Unlike Lyapunov's equation it needs no damping.
     """

@@ -39,9 +39,9 @@ class TargetMap:
 
     point: what was asked for; matrix [1], (dim, n_free dim); constant [m], (dim,): the offset and the anchors' share
     error_rows: states that estimate the error of the offset; None where the offset is exact
-    reached_m2: variance of each coordinate of a target of which nothing is known but that its nodes are within reach of
-        their anchors, or, of a body without, of its farthest node [m²]; held: whether the body has anchors
-    Every state handed in begins with the free coordinates and may go on with anything, as a filter's does. A state of
+    reached_m2: variance of each coordinate of a target [m²] if only the reach of its nodes is known, from their anchors
+        or, without anchors, from the farthest node; held: whether the body has anchors
+    Every given state begins with the free coordinates; anything may follow, as in a filter's state. A state of
     the network alone has no error of the offset.
     """
 
@@ -54,7 +54,7 @@ class TargetMap:
 
     @property
     def anywhere_m2(self) -> float:
-        """The largest variance of a coordinate that can be [m²]: infinite of a body without anchors, which may fly."""
+        """Largest possible variance of a coordinate [m²]; infinite for a body without anchors, which may go far."""
         return self.reached_m2 if self.held else np.inf
 
     def position(self, states: Floats) -> Floats:
@@ -87,7 +87,7 @@ class TargetMap:
         return H
 
     def tissue_m2(self, cov: Floats, P: Floats) -> float:
-        """Trace of the target's covariance [m²], (dim, dim), less that of its offset's error in P, (dim_x, dim_x)."""
+        """Trace of the target's covariance [m²], (dim, dim), less the variance of its offset in P, (dim_x, dim_x)."""
         own = 0.0 if self.error_rows is None else float(np.trace(P[self.error_rows, self.error_rows]))
         return float(np.trace(cov)) - own
 
@@ -95,9 +95,9 @@ class TargetMap:
         return self.error_rows if self.error_rows is not None and n >= self.error_rows.stop else None
 
     def within_reach(self, covs: Floats) -> Floats:
-        """Covariances of the target [m²], (..., dim, dim), no larger in any direction than if it were anywhere.
+        """Covariances of the target [m²], (..., dim, dim), limited to `anywhere_m2` in each direction.
 
-        Linear motion knows nothing of how far links let a node go.
+        A linear motion does not limit how far links let a node go.
         """
         if not (np.trace(covs, axis1=-2, axis2=-1) > self.anywhere_m2).any():
             return covs

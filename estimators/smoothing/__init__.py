@@ -1,4 +1,4 @@
-"""Measurements out of sequence; fixed-interval and fixed-lag smoothing.
+"""Out-of-sequence measurements; fixed-interval and fixed-lag smoothing.
 
 What may enter: what uses later measurements.
 """

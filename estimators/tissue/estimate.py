@@ -99,7 +99,7 @@ class CommonShift:
     """How well one common shift of all marks of a frame, rejected ones included, explains their innovations.
 
     n_marks: number of marks; nis: normalised innovation squared left after the best such shift
-    nis_of_one: the same after the best shift of any one mark, which is to leave it out
+    nis_of_one: the same after the best shift of any one mark, which equals leaving it out
     """
 
     n_marks: int
@@ -122,7 +122,7 @@ class TargetEstimate:
     gain: share of the open loop's variance of the target that the filter removes, at most 1; below 0 where the filter,
     which allows for pokes and wrong constants, is more uncertain than the open loop
     information_share: by node, how much larger the target's variance would be without that mark in this frame
-    shift: how well one common shift of all marks explains them; None without marks, and for the marks of a start
+    shift: how well one common shift of all marks explains them; None without marks, and for marks at a start
     """
 
     time_s: float

@@ -1,6 +1,6 @@
-"""The command `softaim`: its subcommands, registered.
+"""The command `softaim`, with its subcommands registered.
 
-Each imports what it needs when it runs, so that help is instant.
+Each subcommand imports what it needs when it runs, so that help is instant.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ COMMANDS = (
 """The commands in the order of the help."""
 
 REFUSALS = frozenset({errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOTDIR})
-"""Errors of an operating system about a name that a person gave."""
+"""Errors of the operating system about a name that the user gave."""
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
@@ -133,7 +133,7 @@ def _end(text: str, code: int) -> NoReturn:
 
 
 def is_bad_input(fault: Exception) -> bool:
-    """Whether the input is at fault and not the program."""
+    """Whether the fault is in the input, not in the program."""
     from dynamics import NetworkError
     from experiments.errors import InputError
     from vision import CalibrationError, HueError, SourceError

@@ -28,7 +28,7 @@ def _table(title: str, *heads: str | list[str]) -> Table:
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """One row for each method: errors if the truth is known, else sigma and NIS; frames, speed."""
+    """One row for each method: errors if the truth is known, otherwise sigma and NIS; also frames and speed."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
     title = "Error of the hidden target" if known else "The hidden target; truth not known"
@@ -59,7 +59,7 @@ ERRORS: Mapping[str, Callable[[Row], str]] = {
     "mean NEES": lambda row: _number(row.get("mean_nees"), ".2f"),
 }
 SIGMAS: Mapping[str, Callable[[Row], str]] = {
-    "sigma an axis [mm]": lambda row: _number(row.get("sigma_mm"), ".2f"),
+    "sigma per axis [mm]": lambda row: _number(row.get("sigma_mm"), ".2f"),
     "at most [mm]": lambda row: _number(row.get("sigma_most_mm"), ".2f"),
     "mean NIS": lambda row: _number(row.get("mean_nis"), ".2f"),
     "95 % band of NIS": _band,
@@ -74,8 +74,8 @@ def fit_lines(ours: Row) -> list[str]:
     lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
     if ours.get("variance_shares"):
         lines.append(
-            f"With errors that the scene leaves out, advice has a sigma of {ours['sigma_advice_mm']:.2g} mm at the end;"
-            f" shares of its variance: {shares_words(ours['variance_shares'])}"
+            f"Advice adds errors that the scene does not state: sigma {ours['sigma_advice_mm']:.2g} mm at the end; "
+            f"shares of this variance: {shares_words(ours['variance_shares'])}"
         )
     return lines
 
@@ -96,7 +96,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks found least, from the filter's object in summary.json: frames found, refused, lost, and why."""
+    """The marks found least often, from the filter's object in summary.json: found, refused, lost, and why."""
     table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
     marks = ours["marks"]
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
@@ -111,8 +111,8 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """One row for each kind of mark: share of the picture that its keys select, by the marks' size; faulty frames."""
-    heads = ("of the picture", "least", "most", "by the marks' size", "too few", "flooded")
+    """One row for each kind of mark: share of the picture that its keys select, ratio to the marks' area; faults."""
+    heads = ("of the picture", "least", "most", "ratio to marks' area", "too few", "flooded")
     table = _table(f"Pixels that the keys select, in {counted(n_frames, 'frame')}", ["marks"], ["keys"], *heads)
     for row in kinds:
         shares = [f"{row[key]:.2%}" for key in ("share_median", "share_least", "share_most")]
@@ -202,7 +202,8 @@ def demo_table(figures: Figures) -> Table:
     table = _table("Mean absolute error ± SD of the hidden mass [mm]", ["method"], *heads())
     methods = list(next(iter(figures.values())))
     table.add_row(
-        "as published (1.09 s a frame, marks to 4.14 mm)", *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values())
+        "as published (1.09 s per frame, marks accurate to 4.14 mm)",
+        *(f"{m:.2f} ± {s:.2f}" for m, s in PAPER_MM.values()),
     )
     for method in methods:
         label = f"{method} (the paper's method, on these frames)" if method == "open-loop" else method
@@ -228,7 +229,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
     from experiments.studies.faults.study import HEADS
 
     heads = [[head] if head in ("fault", "shown") else head for head in HEADS]
-    table = _table("Faults: slowest over seeds", *heads)
+    table = _table("Faults: the slowest of all seeds", *heads)
     for row in cells:
         table.add_row(*row)
     return table
@@ -249,7 +250,7 @@ def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str,
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """One row for each constant: value and standard error; the caption has the number of undetermined ones."""
+    """One row for each constant: value and standard error; the caption counts undetermined combinations."""
     table = _table("Constants found", ["constant"], "value [SI]", "standard error", "change")
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
@@ -268,7 +269,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
     for name, row in report["levels"].items():
         table.add_row(name, f"{row['value']:.3g}", units[name], f"{row['relative_standard_error']:.0%}")
     gained = report["log_likelihood"] - report["log_likelihood_before"]
-    table.caption = f"Log likelihood of the recording: {gained:+z.1f} by the change of levels."
+    table.caption = f"The new levels change the log likelihood of the recording by {gained:+z.1f}."
     return table
 
 
@@ -285,19 +286,19 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """The fit of the pictures, which were left out, and the size of a pixel on the plane."""
+    """The fit, the pictures that were left out, and the size of a pixel on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [
         f"{len(done.images_used)} pictures used, rms {done.reprojection_rms_px:.3f} px; {out}",
         *(f"  {line}" for line in done.images_left_out),
-        f"The world lies on the board in {done.plane_image}; --plane chooses another picture",
-        f"On it a pixel at the centre is {across:.3f} x {down:.3f} mm",
+        f"World coordinates are those of the board in {done.plane_image}; --plane chooses another picture",
+        f"In that plane a pixel at the picture's centre covers {across:.3f} x {down:.3f} mm",
     ]
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """One row for each point: its residual, and its error where the others predict it."""
+    """One row for each point: its residual, and its distance from where the others predict it."""
     table = _table(
         f"Registration by {counted(len(report['points']), 'point')}", ["point"], "residual", "left out", "expected"
     )
@@ -305,7 +306,7 @@ def registration_table(report: Mapping[str, Any]) -> Table:
         table.add_row(
             row["name"], *(_number(row[key], ".2f") for key in ("residual_mm", "left_out_mm", "left_out_expected_mm"))
         )
-    table.caption = "Distances in mm; left out: from where the others predict the point."
+    table.caption = "Distances in mm; left out: from the place that the other points predict."
     return table
 
 

@@ -23,7 +23,7 @@ ScenarioName = Annotated[
     str,
     typer.Argument(help=f"A scenario file, or a shipped one: {', '.join(SHIPPED)}.", autocompletion=scenarios),
 ]
-Out = Annotated[Path, typer.Option("--out", help="Folder to write to; made if missing.", show_default=False)]
+Out = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.", show_default=False)]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
 RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
 Fps = Annotated[
@@ -32,7 +32,7 @@ Fps = Annotated[
         "--fps",
         min=0.001,
         max=1e5,
-        help="Frame rate [frames/s] of pictures, the phantom, or a film in place of its own.",
+        help="Frame rate [frames/s] of pictures or the phantom, or in place of a film's own.",
     ),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file in place of the recording's own.")]

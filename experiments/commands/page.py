@@ -20,17 +20,17 @@ from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 COMMON = {"--json", "--verbose", "--force", "--vector"}
-"""Options that the page describes at its top, in other words than their help."""
+"""Options that the top of the page describes, in other words than their help."""
 
 SEVERAL = 3
-"""Arguments and options that so many commands share are described once: a choice."""
+"""Arguments and options that this many commands share are described once: a choice."""
 
 TYPES = re.compile(r" <(path|str|list\[.*\])>")
-"""Types of which the text of an option says more."""
+"""Types that add nothing to the text of an option."""
 
 
 def sections() -> Iterator[str]:
-    """What several commands share; then for each command purpose, usage with these, its own arguments and options."""
+    """Shared arguments and options; then for each command its purpose, usage, and own arguments and options."""
     group: Any = typer.main.get_command(app)
     contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
     rows = {name: dict(_rows(group.commands[name], context)) for name, context in contexts.items()}
@@ -49,7 +49,7 @@ def sections() -> Iterator[str]:
 
 
 def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
-    """Each argument and option that the page's top does not describe: its row, and its place in the usage."""
+    """Row and usage of each argument and option that the top of the page does not describe."""
     for one in command.get_params(context):
         found = one.get_help_record(context)
         if found is None or one.name == "help" or set(one.opts) & COMMON:

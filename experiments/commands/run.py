@@ -49,10 +49,10 @@ class Answer:
 class Run:
     """A run of a subcommand.
 
-    arguments: of the command line, without passwords; log: all that was reported
-    given: values of the given options, by option; for a flag the flag itself
-    State: resources open until its end; the progress bar, once there is one; the scene, the steps left out on it and
-    their consequence, and whether that was reported.
+    arguments: of the command line, without passwords; log: everything reported
+    given: values of the given options, by option; for a flag, the flag itself
+    State: resources that stay open until the end; the progress bar, once there is one; the scene, the steps that were
+    left out on it with their consequences, and whether these were reported.
     """
 
     command: str
@@ -99,9 +99,9 @@ class Run:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and the steps that were not done on it before: see `begun`.
+        """Set the scene of this run, and the steps that it lacks before this command: see `begun`.
 
-        Raises InputError if a filter of its network would be too slow for this step.
+        Raises InputError if a filter of the scene's network would be too slow for this command.
         """
         from experiments.log import LOG
         from experiments.pipeline.events import scene_line, steps_left_out
@@ -116,7 +116,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that were left out, once; for bad input the error is the only line."""
+        """Report the steps that were left out, once; after bad input only the error is reported."""
         from experiments.log import LOG
 
         if not self._reported:
@@ -222,7 +222,7 @@ class Run:
 
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
-    """The function for typer: with a `run` argument, --json and --verbose added, and its answer printed."""
+    """The function for typer: it passes `run`, adds --json and --verbose, and prints the answer."""
     import typer
 
     name = command.__name__.replace("_", "-")

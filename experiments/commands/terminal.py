@@ -13,13 +13,13 @@ FIRST_S = 10.0
 few lines; chosen."""
 
 COMPILES = "a first run compiles"
-"""Reported while a stage has hardly begun: kernels compile in its first steps."""
+"""Text while a stage has hardly begun: kernels compile in its first steps."""
 
 BEGUN = 0.01
 """Share done of a stage below which it may still compile: the first few frames of hundreds; a choice."""
 
 WAITS_S = 3.0
-"""Time from which the bar reports it [s]: a choice."""
+"""Time after which the bar shows that text [s]: a choice."""
 
 Stage = Callable[[str], Callable[[float], None]]
 
@@ -60,7 +60,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """As `progress`, with lines after this time [s], twice the time, and so on, also while the work stalls."""
+    """As `progress`, with lines after this time [s], after twice this time, and so on, even while the work stalls."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 

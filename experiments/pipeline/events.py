@@ -17,10 +17,10 @@ from vision import Distractor, SourceOf
 DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
-"""Steps after which the constants are those of the tissue: the truth was made with them, or they were identified."""
+"""Steps after which the constants are those of the tissue: it was simulated with them, or they were identified."""
 
 SAGS = 1e-3
-"""Least difference of rest and drawing that is reported, by the network's size: drawings are no finer."""
+"""Least reported difference of rest and drawing, relative to the network's size: drawings are no finer."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -44,10 +44,10 @@ def _edited(scene: Scene) -> bool:
 
 
 def rest_line(scene: Scene) -> str | None:
-    """A message if the network does not rest as drawn, which moves the predicted target, too; else None.
+    """A message if the network does not rest as drawn, so that the predicted target is displaced, too; else None.
 
-    Then the rest lengths of a network drawn at rest are the drawn ones, without gravity. Also None if rest lengths were
-    identified since: then other constants may move the rest.
+    Usually its rest lengths are then the drawn lengths, which are right only without gravity. Also None if rest lengths
+    were identified since: then other constants may move the rest shape.
     """
     if rest_is_known(scene):
         return None
@@ -57,7 +57,7 @@ def rest_line(scene: Scene) -> str | None:
     node, target = network.names[int(offsets.argmax())], network.index(scene.target.node)
     return (
         f"scene: the network rests up to {1e3 * offsets.max():.1f} mm from its drawing (node {node}; "
-        f"the target's {1e3 * offsets[target]:.1f} mm). If it was drawn at rest: softaim identify RECORDING --at-rest"
+        f"target {1e3 * offsets[target]:.1f} mm). If it was drawn at rest: softaim identify RECORDING --at-rest"
     )
 
 
@@ -71,7 +71,7 @@ def scene_line(scene: Scene) -> str:
     return (
         f"scene: {len(network.free)} free nodes and {held} in {network.dim} dimensions, "
         f"marks measured on {', '.join(scene.measured_nodes)}, target {scene.target.node}; constants {known}; "
-        f"levels {'its own' if own else 'default'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
+        f"noise levels {'stated' if own else 'default'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
     )
 
 
@@ -84,8 +84,8 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
-            f"scene: the target {scene.target.node} has a measured mark, which its estimate follows: nothing is "
-            "hidden; measured = false keeps the mark for scoring"
+            f"scene: the target {scene.target.node} is not hidden: it has a measured mark, which its estimate follows; "
+            "measured = false keeps the mark for scoring"
         )
     if before in ("tune", "track"):
         lines["identify"] = _unidentified(scene)
@@ -95,7 +95,7 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 
 def is_identified(scene: Scene) -> bool:
-    """Whether the constants are those of the tissue: identified from it, or of the truth."""
+    """Whether the constants are those of the tissue: identified from it, or used to simulate it."""
     return any(step.name in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
@@ -118,7 +118,7 @@ def _untuned(scene: Scene) -> str | None:
         why = "tuned before softaim identify, for other constants"
     else:
         return None
-    return f"settings were {why} (softaim tune): covariances and probabilities may be wrong"
+    return f"noise levels were {why} (softaim tune): covariances and probabilities may be wrong"
 
 
 def report_swap(swap: IdentitySwap) -> None:
@@ -132,7 +132,7 @@ def report_swap(swap: IdentitySwap) -> None:
 
 
 def pose_line(scene: Scene) -> str | None:
-    """The message that a move of the camera or tracker cannot be detected; None with reference marks."""
+    """A message if no move of the camera or tracker can be detected; None with reference marks."""
     return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 

@@ -1,4 +1,4 @@
-"""Constants, noise levels and rest shape from recordings: what `softaim identify` and `softaim tune` do."""
+"""Constants, noise levels and rest shape from recordings, for `softaim identify` and `softaim tune`."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Ratio of the target's error without its mark, after to before, above which the scene is not written: recordings of a
-minute leave a tenth uncertain; chosen."""
+"""Ratio of the target's error without its mark, after to before, above which the scene is not written: from a minute's
+recording a tenth is uncertain; chosen."""
 
 MOST_SHARED = 0.5
 """Squared correlation of two constants above which they are reported as confounded; chosen."""
 
 NAMED = 4
-"""Number of constants named for a combination, by weight, and of pairs in a line, by correlation."""
+"""Number of constants named for a combination, largest weights first, and of pairs named in a line."""
 
 
-ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: young_kpa from a test"
+ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
 """Why a recording hardly determines the tissues of a mesh."""
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError for films in space if marks of these nodes are for scoring only: these are not searched."""
+    """Raise InputError for films in space if marks of these nodes are for scoring only: they are not searched for."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -67,7 +67,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 
 
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
-    """The scene with rest lengths corrected so that it rests as in the recording; raises InputError."""
+    """The scene, with corrected rest lengths, so that it rests as in the recording; raises InputError."""
     network = recording.scene.network
     if network.continuum is not None:
         raise InputError.at("--at-rest", "a network of springs", "a mesh, which rests as drawn")
@@ -123,7 +123,7 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
         raise InputError.at(
             recording.folder,
             "constants that fit better than the scene's",
-            f"a log likelihood of {found.log_likelihood:.1f} after {found.log_likelihood_before:.1f}",
+            f"a log likelihood of {found.log_likelihood:.1f}, with the scene's {found.log_likelihood_before:.1f}",
         )
     if found.target_error_m is None or found.target_error_before_m is None:
         return
@@ -131,7 +131,7 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
         raise InputError.at(
             recording.folder,
             f"constants that predict {recording.scene.target.node} without its mark as well as the scene's",
-            f"{1e3 * found.target_error_m:.2f} mm after {1e3 * found.target_error_before_m:.2f} mm",
+            f"{1e3 * found.target_error_m:.2f} mm, with the scene's {1e3 * found.target_error_before_m:.2f} mm",
         )
 
 
@@ -181,7 +181,7 @@ class Constant:
 
 
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[Constant]:
-    """The result, constant by constant; mesh: whose tissues they are of."""
+    """The result, constant by constant; mesh: the one whose tissues have them."""
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
         Constant(
@@ -198,7 +198,7 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations that the recording determines less than the prior does.
 
-    For each the share of the variance that is left, and the constants with the largest weights.
+    For each: the share of the variance that is left, and the constants with the largest weights.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -212,7 +212,7 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 
 @dataclass(frozen=True, slots=True)
 class Confounded:
-    """Two confounded constants, or means of whole kinds: names, correlation of errors."""
+    """Two confounded constants, or means of two kinds: their names, and the correlation of their errors."""
 
     constants: tuple[str, str]
     correlation: float
@@ -221,7 +221,7 @@ class Confounded:
 def confounded(found: IdentificationResult) -> list[Confounded]:
     """Confounded pairs, strongest correlation first: constants, and means of whole kinds.
 
-    A combination of such a pair is known better than either; an error of one enters the other.
+    A combination of such a pair is known better than either; an error in one causes one in the other.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -238,7 +238,7 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """By kind, the constants that the recording does not determine: they keep the given values."""
+    """By kind, the constants that keep the given values, because the recording does not determine them."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:
@@ -247,7 +247,7 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
 
 
 def identification_report(found: IdentificationResult, mesh: SceneMesh | None = None) -> dict[str, object]:
-    """The output of `softaim identify --json`; mesh: whose tissues the constants are of."""
+    """The output of `softaim identify --json`; mesh: the one whose tissues have the constants."""
     return {
         "passes": found.passes,
         "converged": found.converged,
@@ -281,22 +281,23 @@ def _mm(length_m: float | None) -> float | None:
 def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
     """The fit of the constants found, one line each."""
     residuals = found.residuals
-    why = "" if found.n_agreeing else ": all frames fit better from the scene's own"
+    why = "" if found.n_agreeing else ": the search from the scene's own fits all frames better"
     lines = [f"{found.n_agreeing} of {found.n_starts} preliminary searches led to these constants{why}"]
     if residuals.explained:
-        lines += [f"Residuals are explained: mean square {residuals.size:.2f} of what the filter expects"]
+        lines += [f"Residuals are explained: their mean square is {residuals.size:.2f} times the predicted one"]
     else:
-        worth = f"{residuals.n} of them effectively {residuals.n_effective:.0f}"
+        size = f"their mean square is {residuals.size:.2f} times the predicted one"
+        worth = f"{residuals.n} count as {residuals.n_effective:.0f} independent ones"
         larger = f"standard errors were multiplied by up to {residuals.inflation:.1f}"
-        lines += [f"Residuals are not explained: mean square {residuals.size:.2f} of that expected, {worth}; {larger}"]
+        lines += [f"Residuals are not explained: {size}; {worth}; {larger}"]
     lines += _known_badly(found)
     if found.target_error_m is not None and found.target_error_before_m is not None:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
-        with_noise = "Target without its mark, noise of the mark included"
-        lines += [f"{with_noise}: {before:.2f} mm median before, {after:.2f} mm after"]
+        with_noise = "Median error of the target predicted without its mark, mark noise included"
+        lines += [f"{with_noise}: {before:.2f} mm before, {after:.2f} mm after"]
     if not found.in_time:
         lines += [
-            f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"
+            f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
         ]
     return lines
 
@@ -308,11 +309,11 @@ def _known_badly(found: IdentificationResult) -> list[str]:
         kinds = [group.kind for group in found.groups]
         counts = ", ".join(f"{kind} ({len(names)} of {kinds.count(kind)})" for kind, names in kept.items())
         why = "" if found.network.continuum is None else f"; {ONLY_BY_FAST_MOTION}"
-        lines += [f"Not determined by this recording, kept as the scene has them: {counts}{why}"]
+        lines += [f"Not determined by this recording, so the scene's values were kept: {counts}{why}"]
     if pairs := confounded(found):
         named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
-        lines += [f"Confounded, with their correlation: {named}{more}"]
+        lines += [f"Confounded constants, with the correlation of their errors: {named}{more}"]
     return lines
 
 

@@ -30,16 +30,16 @@ MOST = 0.9
 """Share of the variance whose sources are listed [1]."""
 
 SEEN = "marks and disturbances"
-"""The source for the filter's covariance without considered errors."""
+"""Name of the source for the filter's covariance without considered errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
     """Default standard deviations for a scene that states none.
 
-    stiffness, mass: relative, of each spring and node for the target [1]; of all springs together for the balance of
-    forces, where independent ones would hide a cut spring; choice
-    scale: relative, of a camera's millimetres a pixel [1]; choice: half of the largest plausible error
+    stiffness, mass: relative, of each spring and node for the target [1]; for the balance of forces, of all springs
+    together, because independent ones would hide a cut spring; choice
+    scale: relative, of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
     position_m: of the target's position in the tissue on each axis [m]; choice: the error of a registration from
     another picture
     drift_m: of a camera or tracker without reference marks, on each axis [m]; choice
@@ -64,7 +64,7 @@ def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USU
 
 
 def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Floats], Floats] | None:
-    """Shift of marks at places by one sd along each direction of the calibration, stated or usual; None: no camera."""
+    """Shift of marks by one sd along each direction of the calibration, stated or default; None: no camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -79,8 +79,8 @@ def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Float
 def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
     """The sources of the target's error that marks do not show; the filter considers the stated ones.
 
-    Constants are stated in `[uncertainty]`, written by `softaim identify`, a camera's scale in `scale_sd` or the
-    `uncertainty` of its calibration, the target's position in `position_sd_mm`.
+    Errors of constants are stated in `[uncertainty]`, which `softaim identify` writes; of a camera's scale in
+    `scale_sd` or the `uncertainty` of its calibration; of the target's position in `position_sd_mm`.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -159,7 +159,7 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the errors of the scene's camera, in space of all cameras, are not stated."""
+    """Whether the errors of the scene's camera are not stated, or in space those of all cameras."""
     if scene.space_cameras:
         return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None

@@ -1,4 +1,4 @@
-"""Folders from a template, and checks of scenes.
+"""Project folders from a template, and checks of scenes.
 
 What may enter: help for a user's own phantom.
 """

@@ -22,13 +22,13 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
 MOVED_M = 0.01
-"""Displacement of a mesh's target by breathing, and of its marks by a lasting poke."""
+"""Displacement of a mesh's target by breathing, and of its marks by a lasting poke [m]."""
 
 POKED_M = 0.02
 """Displacement of the softest mark of a continuum under its strongest poke, if that lasted [m]: a probe's press."""
 
 WAVE = 2.5
-"""From the lowest to the highest place in a breath, by the amplitude of its first wave; between 2 and 3 by phases."""
+"""Range of a breath by the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
 """Strongest poke by dimension: a soft breast's masses are 40 g and well supported, 40 m/s² is a push of 1 to 2 N."""
@@ -140,13 +140,13 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
     if pokes:
         lines += [
             "",
-            _with("[tremor]", "of the table, on every mass"),
+            _with("[tremor]", "of the table, shakes every mass"),
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
             _with("[pokes]", "by a rod, on one of these outer nodes at a time"),
             f"nodes = [{', '.join(toml_text(node) for node in of.assumed.measured_nodes)}]",
-            _with(f"acceleration_m_s2 = {strongest:.1f}", "the strongest, over the mass of its node"),
-            _with("shortest_s = 0.1", "half a sine wave, shortest ..."),
+            _with(f"acceleration_m_s2 = {strongest:.1f}", "largest force by the mass of its node"),
+            _with("shortest_s = 0.1", "duration, half a sine wave, shortest ..."),
             _with("longest_s = 0.4", "... and longest"),
             _with("pause_s = 1.5", "between two, on average"),
             *breath,
@@ -155,7 +155,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
         lines += [
             "",
             _with("[marks]", "in space a tracker's marks.csv replaces a film"),
-            _with(f"sd_mm = {NEAR_SD_MM}", "of a mark, an axis"),
+            _with(f"sd_mm = {NEAR_SD_MM}", "of a mark on each axis"),
         ]
     else:
         wander = f"marks wander by {CALIBRATION_SD_PX} px: calibration_sd_px of the scene"
@@ -164,7 +164,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _soft_poke_m_s2(scene: Scene) -> float:
-    """Acceleration of a poke that, if it lasted, would move the softest mark of a continuum by `POKED_M`."""
+    """Acceleration of a poke that would move the softest mark of a continuum by `POKED_M` if it lasted."""
     network = scene.network
     compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
     own = [network.coordinates(node) for node in scene.measured_nodes]
@@ -182,7 +182,7 @@ def _breath(of: Template) -> tuple[str, ...]:
     return (
         "",
         _with("[breathing]", f"moves the target by some {1e3 * MOVED_M:.0f} mm"),
-        _with(f"acceleration_m_s2 = {MOVED_M / WAVE / sizes[0]:.3g}", "of all of the mass"),
+        _with(f"acceleration_m_s2 = {MOVED_M / WAVE / sizes[0]:.3g}", "of the whole body"),
         f"direction = {direction}",
         _with("shortest_s = 3.5", "period, shortest ..."),
         _with("longest_s = 4.5", "... and longest; constant in a run"),

@@ -1,4 +1,4 @@
-"""Output of `softaim check`: one line each for rest, motion, steps, marks and target, and for missing parts."""
+"""Output of `softaim check`: a line each for rest, motion, steps, marks and target, and for each missing part."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _scene(done: SceneCheck) -> str:
 def _rest(done: SceneCheck) -> str:
     offsets, network = 1e3 * done.offsets_m, done.scene.network
     if offsets.max() <= 1e3 * _drawn_to(done):
-        return f"it rests as drawn, to {offsets.max():.2f} mm"
+        return f"it rests as drawn, within {offsets.max():.2f} mm"
     node, target = network.names[int(offsets.argmax())], done.scene.target.node
     return (
         f"it rests up to {offsets.max():.1f} mm from its drawing (node {node});"
@@ -131,7 +131,7 @@ def _motion(done: SceneCheck) -> str:
     if not done.scene.network.fixed.any():
         parts.append("it has no anchors: it can drift and turn as a whole")
     if _has_friction(done):
-        parts.append("dry friction left out")
+        parts.append("dry friction is left out")
     return "; ".join(parts)
 
 
@@ -154,9 +154,9 @@ def _target(done: SceneCheck) -> str:
     if done.sigma_m < SURER * done.quiet_m and not _has_friction(done):
         own += ", because it also assumes that neighbours move alike, which the bound leaves out"
     return (
-        f"with marks to {_accuracy(done)} at {1.0 / done.interval_s:.3g} frames/s its sigma is at least"
-        f" {quiet} on each axis without pushes, {pushed} if all marks are always pushed, for exact constants;"
-        f" this scene's filter, at rest: {own}"
+        f"with marks accurate to {_accuracy(done)} at {1.0 / done.interval_s:.3g} frames/s and exact constants, its"
+        f" sigma on each axis is at least {quiet} without pushes, {pushed} if all marks are always pushed;"
+        f" this scene's filter has at rest {own}"
     )
 
 
@@ -207,8 +207,8 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
         )
     if (probability := best_hit(done)) < SURE:
         yield Missing(
-            f"the target cannot be known well enough: with the best aim a point lies within its"
-            f" {1e3 * scene.target.radius_m:g} mm with a probability of {probability:.0%} at most, without pushes",
+            f"the target cannot be known well enough: even without pushes, the best aim lies within"
+            f" {1e3 * scene.target.radius_m:g} mm of it with a probability of {probability:.0%} at most",
             "more or nearer marks, a finer camera, or a larger radius_mm",
         )
 
@@ -220,9 +220,9 @@ def _of_rest(done: SceneCheck) -> Iterator[Missing]:
     apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
     as_drawn = np.allclose(np.linalg.norm(apart, axis=1), network.rest_lengths, rtol=1e-6)
     yield Missing(
-        "rest lengths are the distances drawn, and gravity stretches them: it does not rest as drawn"
+        "rest lengths are the distances drawn, and gravity stretches springs: the network does not rest as drawn"
         if as_drawn
-        else "rest lengths do not fit the drawing: it does not rest as drawn",
+        else "rest lengths do not fit the drawing: the network does not rest as drawn",
         "softaim identify RECORDING --at-rest --out rest.toml, on a recording of the body at rest",
     )
 
@@ -232,7 +232,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     if done.unfound:
         why, look_at = _why_unfound(done)
         yield Missing(
-            f"{counted(len(done.unfound), 'mark')} not found in its picture or rows: {_names([*done.unfound])}{why}",
+            f"{counted(len(done.unfound), 'mark')} not found in the picture or table: {_names([*done.unfound])}{why}",
             f"check {look_at}{_view(done)}",
         )
     marked = {mark.node for mark in scene.marks}
@@ -283,7 +283,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Probability that a point aimed at the estimate lies in the target, for the lower bound without pushes."""
+    """Probability that the estimate lies in the target, for the lower bound without pushes."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))

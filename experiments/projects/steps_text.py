@@ -14,13 +14,13 @@ softaim record 0 --out rec --scene scene.toml --seconds 20
 
 REAL_MARKS = """\
 With a real body, recordings of a tracker replace step 2: folders with `scene.toml` and `marks.csv`
-(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `rec` only the marks on the outside are seen, in the others also those
-inside, by CT or ultrasound.
+(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `rec` only marks on the outside are seen; the others also
+have marks inside, by CT or ultrasound.
 """
 
 TRUTH_OF_SPRINGS = """\
 The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
-some 20 %, and each spring by a few per cent more. So it does not rest as drawn, like real tissue.
+some 20 %, and each spring by a few per cent more. So, like real tissue, it rests elsewhere than drawn.
 """
 
 TRUTH_OF_MESH = """\
@@ -36,7 +36,7 @@ measured marks are: a push on any other node would look like a wrong constant.
 CONSTANTS_OF_MESH = """\
 The stiffness of each tissue has a standard error of 30 % at first. The target has to be seen in the recording. Forces
 are unknown, so only fast motion shows the stiffness, and weakly: expect a large standard error. Where the recording
-does not determine it, `identified.toml` keeps the value of `scene.toml`. The next steps consider the error. No
+does not determine it, `identified.toml` keeps the value of `scene.toml`. The next steps include this error. No
 recording states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
 """
 
@@ -60,11 +60,11 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 softaim check scene.toml --out check
 ```
 
-Look at `check/check.png`. `missing` names what the next steps bring, and reference marks for a camera that moves.
+Look at `check/check.png`. `missing` lists what the next steps add, and reference marks for a camera that may move.
 
 ## 2. Simulate recordings
 
-Each is <recorded>, with its truth for scoring.
+Each recording is <recorded>, with the truth for scoring.
 
 ```sh
 softaim simulate still.toml --out still
@@ -90,8 +90,8 @@ softaim identify calibration --scene rest.toml --out identified.toml
 
 ## 5. Tune the noise levels
 
-Tune before advice, by the prediction of each mark from the others: with too high levels advice waits, with too low
-levels it gives GO too early.
+Tune before advice: if levels are too high, advice waits; if too low, it gives GO too early. Levels are compared by how
+well they predict each mark from the others.
 
 ```sh
 softaim tune rec --scene identified.toml --out tuned.toml
@@ -114,6 +114,6 @@ softaim advise rec --scene tuned.toml --needle needle.toml --out advice
 `advice/advice.png` shows when to go, when to wait and when to realign.
 
 Live, on this recording or a camera (`--source 0`):
-`softaim live --source rec --scene tuned.toml --needle needle.toml --out live`. Insertions into other draws of the
+`softaim live --source rec --scene tuned.toml --needle needle.toml --out live`. Insertions in other runs of the
 scenario: `softaim insert scenario.toml --scene tuned.toml --needle needle.toml --runs 20 --out insert`.
 """

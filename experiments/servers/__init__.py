@@ -1,4 +1,4 @@
-"""A page for viewers and OpenIGTLink for programs, in processes of their own.
+"""A page for viewers and OpenIGTLink for programs, in separate processes.
 
 What may enter: another protocol.
 """

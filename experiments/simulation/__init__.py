@@ -1,4 +1,4 @@
-"""Truth and films of scenarios, a camera before the phantom, closed-loop insertion.
+"""Truth and films of scenarios, a camera in front of the phantom, closed-loop insertion.
 
 What may enter: sources of truth, no scores.
 """

@@ -138,7 +138,7 @@ def test_marks_predicted_as_if_hidden_are_reported_one_by_one(recording, tmp_pat
     nees = np.array([one["mean_nees"] for one in ours["check_marks"].values()])
     assert ours["check_nees"] == pytest.approx(nees @ frames / frames.sum())
     worst = max(one["ratio"] for one in ours["check_marks"].values())
-    assert f"are up to {worst:.2f} times the predicted" in reported
+    assert f"are up to {worst:.2f} times as large as predicted" in reported
 
 
 @pytest.mark.slow

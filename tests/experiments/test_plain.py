@@ -52,7 +52,7 @@ def test_what_a_recording_determines_is_one_sentence(unknown: int, words: str) -
 
 def test_the_gain_of_tuning_is_a_difference_of_log_likelihoods() -> None:
     table = levels_table({"levels": {}, "log_likelihood": 1395.7, "log_likelihood_before": 1000.0})
-    assert table.caption == "Log likelihood of the recording: +395.7 by the change of levels."
+    assert table.caption == "The new levels change the log likelihood of the recording by +395.7."
 
 
 def test_of_many_marks_those_found_least_are_shown() -> None:

@@ -1,4 +1,4 @@
-"""Lenses, poses, cameras before a plane and in space, triangulation, calibration from boards.
+"""Lenses, poses, cameras for a plane and in space, triangulation, calibration from boards.
 
 What may enter: another camera, lens or board.
 """

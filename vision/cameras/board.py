@@ -60,7 +60,7 @@ class Board:
 
     @property
     def has_one_way_up(self) -> bool:
-        """Whether a turn by 180 degrees shows in the print."""
+        """Whether the print looks different after a turn by 180 degrees."""
         return self.dictionary is not None or (self.columns + self.rows) % 2 == 1
 
     @property

@@ -121,7 +121,7 @@ class PlaneCamera:
         """The picture of a ball about that point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
 
         A ball is not foreshortened like a disc on the plane: its scale is that along the direction without
-        foreshortening, the greater singular value of the Jacobian. Differs from a pinhole's picture, which is wider
+        foreshortening, the greater singular value of the Jacobian. It differs from a pinhole's picture, which is wider
         away from mid-picture by 1 / cos of the angle off the axis: a homography does not contain that angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]

@@ -66,7 +66,7 @@ class SpaceCamera:
     def project(self, points_m: ArrayLike) -> Floats:
         """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point not before the camera.
 
-        Far beside the picture a lens may fold: `in_view` tells where the projection is what the camera sees.
+        Far beside the picture a lens may fold: only points `in_view` are projected as the camera sees them.
         """
         return self.seen(points_m)[0]
 

@@ -101,9 +101,9 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
     """All points at once by Gauss-Newton.
 
     start_m: where to begin [m], (n, 3)
-    start_sd_m: standard deviation of that, an axis, as a further measurement of each point [m]. One that is as large as
-        the body says nothing of points that two cameras see. A point that one camera sees is then a place on its ray,
-        with the pixel's covariance across and this one along.
+    start_sd_m: standard deviation of start_m per axis, used as a further measurement of each point [m]. One as large as
+        the body does not affect points that two cameras see. A point that one camera sees is then a place on its ray,
+        with the pixel's covariance across the ray and this one along it.
 
     A point that would leave the space before one of its cameras has the misfit inf.
     Raises ValueError for points that fewer than two cameras see where start_sd_m is infinite.

@@ -13,7 +13,7 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """The kind of mark at this position, learned from the surrounding pixels of the same colour, bright or dark.
+    """The kind of mark at this position, learned from surrounding pixels of the same colour, bright or dark.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
 

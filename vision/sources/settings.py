@@ -25,7 +25,7 @@ class SourceSettings:
     clock_error_s: how far a device's times may drift from the times of arrival [s]; choice
     uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or as a share of it
     [1], whichever is more, at which times of arrival determine exposure times; choice
-    even_s: how long pictures have to come evenly for that again, and without a gap to end sparse [s]; choice
+    even_s: uneven times end after even ones for this long, sparse pictures after no gap for this long [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: frames of a device that may wait where every frame is kept [1]; choice
     sharp_frames: frames taken from a film for a calibration, the sharpest of each of this many equal parts [1]; choice

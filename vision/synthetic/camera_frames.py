@@ -26,7 +26,7 @@ class Highlight:
     """The lamp's mirror image on each mark.
 
     size: its radius as a share of the mark's
-    strength: 0 to 1, the share of the mark's colour that white takes the place of
+    strength: 0 to 1, the share of the mark's colour that white replaces
     offset: where on the plane it lies from the mark's centre, as shares of the mark's radius along x and y
     """
 
@@ -151,7 +151,7 @@ def draw_synthetic_frame(
 ) -> SyntheticFrame:
     """The frame of marks on a surface; the later mark covers the earlier, and occluders cover all.
 
-    surface_bgr: the share of light that the empty plane sends back at each pixel, linear, (height, width, 3)
+    surface_bgr: the share of light that the empty plane reflects at each pixel, linear, (height, width, 3)
     """
     width, height = camera.view.size_px
     if surface_bgr.shape != (height, width, 3):

@@ -155,7 +155,7 @@ def blood_layer(
 
 
 def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator, *, texture: float = 0.0) -> Picture:
-    """What an empty plane of this colour sends back, linear BGR, (height, width, 3), uneven by a share of itself."""
+    """Light that an empty plane of this colour reflects, linear BGR, (height, width, 3), uneven by a share."""
     surface = np.ones((size_px[1], size_px[0], 3)) * light_of(srgb)[::-1]
     if texture:
         uneven = 0.7 * _clouds(size_px, 40.0, rng) + 0.5 * _clouds(size_px, 5.0, rng) + 0.5 * _clouds(size_px, 1.0, rng)

@@ -34,7 +34,7 @@ class Disc:
     axes_px: semi-axes along u and v [px]; they differ where pixels are not square
     lean: shift along u of each of its rows by the row's distance below the centre [1], as of a disc seen obliquely
     hue_deg, saturation, value: its colour
-    smear_px: how far it moves along u and v while the shutter is open [px]; center_px is the middle of that way
+    smear_px: how far it moves along u and v while the shutter is open [px]; center_px is the middle of that path
     """
 
     center_px: Floats
@@ -137,10 +137,10 @@ def distractors(
 def paper_camera() -> Lighting:
     """Lighting under which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm a pixel.
 
-    For films of MJPG quality 60. The paper gives the result only; every value here is chosen. Sensor noise alone of 4.1
-    mm would make a twentieth of the marks and more unrecognisable and colour the empty scene like marks. So the greater
-    part is errors that no picture shows: the paper's own reference was marked manually. A scene filmed like this must
-    state it in calibration_sd_px.
+    For films of MJPG quality 60. The paper gives only the resulting error; every value here is chosen. If sensor noise
+    alone made 4.1 mm, a twentieth of the marks or more could not be recognised, and the empty scene would have colours
+    of marks. So most of the error is one that no picture shows: the paper's own reference was marked manually. A scene
+    filmed like this must state it in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # chosen: a cheap lens

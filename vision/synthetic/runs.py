@@ -46,7 +46,7 @@ FASTEST_PX = 20.0
 class RunFrame:
     """One frame of a run: its number, the time of mid-exposure [s], the camera as it was, the marks, picture and truth.
 
-    The camera changes from frame to frame where lamps and exposure drift; its view stays the same record.
+    The camera changes from frame to frame if lamps and exposure drift; its view stays the same object.
     """
 
     index: int

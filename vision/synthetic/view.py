@@ -92,7 +92,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """How far one pixel reaches on the plane at that point, (2,) [m]: the root of the plane's area in a pixel."""
+        """Width of a pixel on the plane at that point, (2,) [m]: the root of the area that it covers."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]

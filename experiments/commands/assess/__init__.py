@@ -1,1 +1,1 @@
-"""What it is worth: the demonstration and the benchmark. A file for each subcommand."""
+"""Assessment: demonstration, benchmark, sweeps and faults. A file for each subcommand."""

@@ -26,7 +26,7 @@ def faults(
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
-    page: Annotated[bool, typer.Option("--page", help="Rewrite the list of docs/faults.md in this folder.")] = False,
+    page: Annotated[bool, typer.Option("--page", help="Rewrite the list in docs/faults.md of this folder.")] = False,
 ) -> Answer:
     """Test a live run under faults of camera, tissue, needle and system; run again to continue."""
     from experiments.extras import require

@@ -1,4 +1,4 @@
-"""From marks to the target: recordings and live sources tracked, constants and noise levels identified.
+"""From marks to the target: tracking recordings and live sources, identifying constants and noise levels.
 
 A file for each subcommand.
 """

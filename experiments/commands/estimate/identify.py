@@ -14,11 +14,11 @@ from experiments.commands.terminal import print_table
 
 def identify(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Calibration recording in which the hidden mark is seen, too.")],
+    recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the hidden mark.")],
     out: SceneOut,
     scene: SceneFile = None,
     at_rest: Annotated[
-        bool, typer.Option("--at-rest", help="The tissue rests: correct its rest lengths only.")
+        bool, typer.Option("--at-rest", help="The tissue rests in the recording: correct only rest lengths.")
     ] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,

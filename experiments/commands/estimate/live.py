@@ -27,12 +27,12 @@ def live(
         list[str] | None,
         typer.Option(
             "--source",
-            help="Camera index, device, film, folder, stream, recording, phantom; marks: udp://:PORT, - or marks.csv; "
-            "NAME=SOURCE of each camera in space. Default: phantom.",
+            help="Camera index, device, film, folder, stream, recording, phantom; of marks: udp://:PORT, - or "
+            "marks.csv; NAME=SOURCE for each camera in space. Default: phantom.",
         ),
     ] = None,
     scene: SceneFile = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Folder to write to; default: live-DATE-TIME.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
         typer.Option("--duration", min=0.0, help="Stop this many seconds after the first used frame."),
@@ -46,14 +46,14 @@ def live(
     page: Annotated[
         str | None, typer.Option("--page", help="Address of the page, HOST:PORT; default: 127.0.0.1:8765.")
     ] = None,
-    no_page: Annotated[bool, typer.Option("--no-page", help="No page.")] = False,
+    no_page: Annotated[bool, typer.Option("--no-page", help="Serve no page.")] = False,
     openigtlink: Annotated[
         str | None,
         typer.Option("--openigtlink", help="Address of the OpenIGTLink server, HOST:PORT, such as 127.0.0.1:18944."),
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Track the target in live frames, newest first, until Ctrl-C."""
+    """Track the target in live frames, always the newest, until Ctrl-C."""
     run.not_with("--no-page", "--page")
     run.only_with("--out", "--force")
     from experiments.servers.opening import served
@@ -114,7 +114,7 @@ def live(
         print(
             f"{counted(done.frames, 'frame')} and {counted(done.without_frame, 'moment')} without one ({by_status}), "
             f"{done.dropped} dropped, {done.not_used} not used{refused}; "
-            f"latency median {done.p50_ms:.1f} ms, 99 of 100 {done.p99_ms:.1f} ms, "
+            f"latency median {done.p50_ms:.1f} ms, 99th percentile {done.p99_ms:.1f} ms, "
             f"worst {done.worst_ms:.1f} ms, {counted(done.deadlines_missed, 'deadline')} missed"
         )
         print(f"Estimates in {path / 'estimates.csv'}")

@@ -21,10 +21,11 @@ def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False)
     fault = None
     if done.begun and done.different:
         name, row = next(iter(done.different.items()))
-        fault = InputError.at(recording / name, "the same rows again", f"another row {row}: was it another version?")
+        found = f"another row {row}: was another version used?"
+        fault = InputError.at(recording / name, "the same rows again", found)
 
     def show() -> None:
-        print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} without a picture on the disk")
+        print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} of them without a recorded picture")
         for name, n in done.rows.items():
             same = "the same, bit for bit" if name not in done.different else f"row {done.different[name]} differs"
             print(f"{n} rows of {name}: {same}")

@@ -26,6 +26,6 @@ def smooth(
 
     def show() -> None:
         print_table(track_table(figures))
-        print(f"Tables and a picture in {out}; estimates.csv has the smoother's")
+        print(f"Tables and a picture in {out}; estimates.csv has the smoother's estimates")
 
     return Answer({"out": out, "summary": figures}, show)

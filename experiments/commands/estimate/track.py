@@ -17,7 +17,7 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark as if hidden; widen the covariance if wrong.")
+        bool, typer.Option("--check", help="Predict each mark as if hidden; if wrong, widen the covariance.")
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,

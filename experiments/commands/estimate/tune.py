@@ -36,7 +36,7 @@ def tune(
         print_table(levels_table(report))
         if not found.in_time:
             print(
-                f"Best result within {minutes:g} minutes, with {counted(found.n_frames, 'frame')}: --minutes for more"
+                f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
             )
         print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
 

@@ -1,1 +1,1 @@
-"""To and from other programs: recordings exported, tables of other trackers imported. A file for each subcommand."""
+"""Exchange with other programs: exporting recordings, importing tables of trackers. A file for each subcommand."""

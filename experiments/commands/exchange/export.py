@@ -22,13 +22,13 @@ def export(
         Literal["mcap", "plus"],
         typer.Option("--to", help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap; .igs.mha or .seq.mha.", show_default=False)],
+    out: Annotated[Path, typer.Option("--out", help="File to write: .mcap, .igs.mha or .seq.mha.", show_default=False)],
     estimates: Annotated[
-        Path | None, typer.Option("--estimates", help="Folder of its estimates, by `track` or `live`.")
+        Path | None, typer.Option("--estimates", help="Folder of estimates written by `track` or `live`.")
     ] = None,
     start: Annotated[
         str | None,
-        typer.Option("--start", help="Time of the first frame, 2026-01-31T09:00:00Z; default: its time after 1970."),
+        typer.Option("--start", help="Time of the first frame, 2026-01-31T09:00:00Z; default: counted from 1970."),
     ] = None,
     scene: SceneFile = None,
     force: Replace = False,
@@ -53,9 +53,9 @@ def export(
             from experiments.pipeline.exchange.plus import export_plus, picture_off_mm
 
             found["placed"] = export_plus(opened, file, run.stage("export"))
-            lines = [f"{counted(found['frames'], 'frame')}; the target is in {found['placed']} of them"]
+            lines = [f"{counted(found['frames'], 'frame')}; {found['placed']} of them with the target"]
             if opened.recording.source is not None:
                 off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
-                lines.append(f"The pictures fit the plane to {off_mm:.2f} mm at the marks, as drawn")
+                lines.append(f"The pictures are off the plane by up to {off_mm:.2f} mm at the marks as drawn")
     lines.append(f"Written to {out}")
     return Answer(found, lambda: print(*lines, sep="\n"))

@@ -32,7 +32,8 @@ def import_table(
         typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one standard deviation for each axis."),
     ] = 1.0,
     rename: Annotated[
-        list[str] | None, typer.Option("--rename", help="PART=NODE where names differ; PART= leaves it out; repeat.")
+        list[str] | None,
+        typer.Option("--rename", help="PART=NODE where names differ; PART= leaves the part out; repeat."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
@@ -44,11 +45,11 @@ def import_table(
         str | None, typer.Option("--origin-px", help="With --mm-per-px, U,V: the pixel at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="Animal in a table of several; track in SLEAP.")
+        str | None, typer.Option("--individual", help="Animal, if the table has several; track in SLEAP.")
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Make a recording from marks of DeepLabCut or SLEAP: marks.csv, through the scene's camera."""
+    """Make a recording from marks of DeepLabCut or SLEAP through the scene's camera: marks.csv."""
     from experiments.errors import InputError
     from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
@@ -73,7 +74,7 @@ def import_table(
         print(f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}")
         print(f"Left out: {done.unlikely} with a likelihood below {least:g}, {done.outside} outside the picture")
         if done.manual:
-            print(f"Set manually, without a likelihood, and kept: {done.manual}")
+            print(f"Set manually, kept without a likelihood: {done.manual}")
         print(f"Recording in {out}; next: softaim identify if it shows the target, else softaim track")
 
     report = {

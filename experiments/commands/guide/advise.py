@@ -50,7 +50,7 @@ def advise(
         if (line := reliability_line(reliable)) is not None:
             print(line)
         if pushed_mm > 0.0:
-            print(f"The needle pushes the target by {pushed_mm:.2g} mm, predicted to {plan.forces.error:.0%}")
+            print(f"Predicted push of the needle on the target: {pushed_mm:.2g} mm ± {plan.forces.error:.0%}")
         print(f"Table and picture in {out}")
 
     return Answer(

@@ -29,7 +29,9 @@ def insert(
     ] = None,
     advice: Annotated[
         bool,
-        typer.Option("--advice/--no-advice", help="Also evaluate `softaim advise`; without it a third of the time."),
+        typer.Option(
+            "--advice/--no-advice", help="Also evaluate `softaim advise`; --no-advice takes a third of the time."
+        ),
     ] = True,
     strength: Annotated[
         float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on pokes and breathing.")
@@ -39,7 +41,7 @@ def insert(
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Insert a simulated needle into moving tissue by five policies: hit rates, misses, predicted and observed hits."""
+    """Insert a simulated needle into moving tissue by five policies; report misses, predicted and observed hits."""
     run.not_with("--scheduler", "--processes")
     from dataclasses import replace
 

@@ -14,9 +14,9 @@ from experiments.commands.terminal import print_table
 
 def plan(
     run: Run,
-    source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file: the tissue at rest.")],
+    source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file for tissue at rest.")],
     out: Out,
-    plan_file: Annotated[Path, typer.Option("--plan", help="plan.toml: the needle, the skin, obstacles.")],
+    plan_file: Annotated[Path, typer.Option("--plan", help="File plan.toml: needle, skin and obstacles.")],
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:

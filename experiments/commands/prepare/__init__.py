@@ -1,4 +1,4 @@
-"""Before anything is estimated: recordings simulated or filmed, cameras calibrated, hues learned.
+"""Preparation: making projects, simulating or filming recordings, calibrating cameras, learning hues.
 
 A file for each subcommand.
 """

@@ -15,13 +15,13 @@ from experiments.commands.terminal import print_table
 
 def calibrate(
     run: Run,
-    board: Annotated[str, typer.Option("--board", help="Inner corners, 9x6; squares of a ChArUco board.")],
-    square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square.")],
-    out: Annotated[Path, typer.Option("--out", help="camera.toml; a folder for several cameras.")],
+    board: Annotated[str, typer.Option("--board", help="Number of inner corners, 9x6; for ChArUco, of squares.")],
+    square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
+    out: Annotated[Path, typer.Option("--out", help="Camera file; for several cameras a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
     camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER, once for each camera.")] = None,
-    charuco: Annotated[str | None, typer.Option("--charuco", help="Dictionary of the markers, 4X4_50.")] = None,
-    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a marker.")] = None,
+    charuco: Annotated[str | None, typer.Option("--charuco", help="Dictionary of ChArUco markers, 4X4_50.")] = None,
+    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a marker [mm].")] = None,
     plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board on the phantom's plane.")] = None,
     opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Also write the lens for OpenCV.")] = None,
     ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Also write the lens for ROS.")] = None,

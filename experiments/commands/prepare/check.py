@@ -22,7 +22,7 @@ def check(
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark for each axis; default: by the camera."),
+        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark on each axis; default: the camera's."),
     ] = None,
     vector: Vector = None,
     force: Force = False,

@@ -14,7 +14,9 @@ from experiments.commands.run import Answer, Run
 def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
-    at: Annotated[str | None, typer.Option("--at", help="U,V: a position on a mark [px]; learn its keys.")] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", help="U,V: a position on a mark [px]; learn the mark's keys.")
+    ] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene whose keys are tested.")] = None,

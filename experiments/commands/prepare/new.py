@@ -28,47 +28,51 @@ def new(
     ] = None,
     nodes: Annotated[
         Path | None,
-        typer.Option("--nodes", help="Nodes of a mesh of springs: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."),
+        typer.Option(
+            "--nodes", help="File of a spring mesh's nodes: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."
+        ),
     ] = None,
     springs: Annotated[
-        Path | None, typer.Option("--springs", help="Springs of a mesh: from,to[,stiffness_N_m,damping_N_s_m,group].")
+        Path | None, typer.Option("--springs", help="File of its springs: from,to[,stiffness_N_m,damping_N_s_m,group].")
     ] = None,
     mesh: Annotated[
         Path | None,
         typer.Option(
-            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; by the extra mesh."
+            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; needs the extra mesh."
         ),
     ] = None,
     unit: Annotated[
         Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: unit of the file; required.")
     ] = None,
     size_mm: Annotated[
-        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edges of the elements, a coarser body.")
+        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of a coarser mesh.")
     ] = None,
     fixed: Annotated[
         str | None,
-        typer.Option("--fixed", help='With --mesh: where it is held, "y<6" [mm], "faces 2", "region 1"; required.'),
+        typer.Option("--fixed", help='With --mesh: held nodes, "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
     marks: Annotated[
         str | None,
-        typer.Option("--marks", help="With --mesh: number of marks, or name,x_mm,y_mm,z_mm in a file; default 40."),
+        typer.Option("--marks", help="With --mesh: number of marks, or a file: name,x_mm,y_mm,z_mm; default 40."),
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="With --mesh, x,y,z: the target [mm]; default: in the middle.")
+        str | None, typer.Option("--target", help="With --mesh: the target's x,y,z [mm]; default: the middle.")
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: error of the target's place, an axis; default 0."),
+        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: position error of the target per axis; default 0."),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: share of gland, 0 to 1; with --region the labels of tissues."),
+        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1, or with --region of tissue labels."),
     ] = None,
     region: Annotated[
         list[str] | None,
         typer.Option("--region", help="With --mesh, LABEL=TISSUE: fat, gland, fibrous, skin, fascia, muscle; repeat."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the differences of the simulated tissue.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's differences from the scene.")
+    ] = 0,
     force: Force = False,
 ) -> Answer:
     """Make a project: a scene to adapt, simulated tissue for practice, a needle, and a page of steps."""

@@ -17,11 +17,11 @@ def record(
     source: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Camera index, device, film, folder, stream, recording, or phantom; NAME=SOURCE of several cameras."
+            help="Camera index, device, film, folder, stream, recording or phantom; NAME=SOURCE for each of several."
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
-    scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into it.")] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into the recording.")] = None,
     codec: Annotated[str, typer.Option("--codec", help="FFV1 is lossless; MJPG is small.")] = "FFV1",
     seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this many seconds.")] = None,
     fps: Fps = None,

@@ -15,14 +15,16 @@ from experiments.commands.terminal import print_table
 def register(
     run: Run,
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
-    points: Annotated[Path, typer.Option("--points", help="Table of points as marks.csv, or a recording with one.")],
-    out: Annotated[Path, typer.Option("--out", help="Scene file to write, its mesh beside it.", show_default=False)],
+    points: Annotated[Path, typer.Option("--points", help="Table of points like marks.csv, or a recording with one.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Scene file to write; its mesh goes beside it.", show_default=False)
+    ],
     seconds: Annotated[
         float, typer.Option("--seconds", min=0.0, help="Time from the start over which points are averaged [s].")
     ] = 1.0,
     force: Replace = False,
 ) -> Answer:
-    """Move a scene's body to points measured on it, rigidly, and state the error at the target."""
+    """Move a scene's body rigidly to points measured on it, and state the error at the target."""
     from experiments.commands.console import registration_table
     from experiments.formats.outputs import check_new
     from experiments.formats.scene.scene import usable_scene

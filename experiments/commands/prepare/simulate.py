@@ -18,12 +18,10 @@ def simulate(
     runs: Annotated[
         int | None, typer.Option("--runs", min=1, help="Number of recordings with successive seeds, in OUT/seed-N.")
     ] = None,
-    film: Annotated[
-        bool, typer.Option("--film/--no-film", help="With --no-film marks.csv is written in place of a film.")
-    ] = True,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film, or with --no-film marks.csv.")] = True,
     force: Force = False,
 ) -> Answer:
-    """Simulate and film a scenario's tissue, or its marks only: write a recording with its truth."""
+    """Simulate and film a scenario's tissue, or only its marks; write a recording with its truth."""
     from experiments.errors import InputError
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of

@@ -24,11 +24,11 @@ TIME = "time_s"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """What `softaim track` wrote of a recording; the index of each table is `time_s`, the exposure times [s].
+    """Output of `softaim track` for a recording; the index of each table is `time_s`, the exposure times [s].
 
     estimates: a row for each frame, columns as in estimates.csv: places in mm, covariances in mm², NaN where there is
         no number
-    open_loop: the same of the paper's method; None without estimates.open-loop.csv
+    open_loop: the same by the paper's method; None without estimates.open-loop.csv
     marks: a row for each mark, columns as in marks.csv; None without that file
     summary: the figures of summary.json, by method; empty without that file
     """

@@ -15,8 +15,8 @@ class Mark:
     """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False for scoring only.
 
     half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
-    even: has one colour, unlike a ball with its shading
-    ball: a ball, seen as a circle from all sides; else a disc on the plane, seen obliquely as an ellipse
+    even: whether it has one colour, unlike a shaded ball
+    ball: whether it is a ball, seen as a circle from all sides; else a disc on the plane, seen obliquely as an ellipse
     """
 
     node: str

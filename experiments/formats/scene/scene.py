@@ -40,8 +40,8 @@ class Scene:
     steps: what was done on it, in order
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose: their pictures cannot be used
-    mesh: that the network is of, None for springs
-    space_cameras: those of a scene in space; `cameras` are of a flat one
+    mesh: the mesh of the network, None for springs
+    space_cameras: cameras of a scene in space; `cameras`: those of a flat scene
     """
 
     network: MassSpringNetwork
@@ -113,7 +113,7 @@ class Scene:
 
     @property
     def n_cameras(self) -> str:
-        """The number of cameras for a message, with what lenses lack."""
+        """Text for a message: the number of cameras, and what lenses lack."""
         lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
         return f"{len(self.cameras) + len(self.space_cameras)}{lacking}"
 
@@ -121,7 +121,7 @@ class Scene:
     def n_calibration(self) -> int:
         """Number of directions in which the calibration is uncertain, of the first camera or of all in space.
 
-        Those of the pose by reference marks are the last; with them only given marks are possible in space.
+        Those of the pose by reference marks come last; in space these need given marks, not pictures.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0

@@ -1,4 +1,4 @@
-"""What can be said of estimates without any truth: innovations, statuses, withheld marks.
+"""Scores of estimates without any truth: innovations, statuses, withheld marks.
 
 What may enter: figures and words on a run that need no truth.
 """

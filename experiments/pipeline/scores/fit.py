@@ -1,7 +1,7 @@
 """Consistency of predicted marks: innovations against the band of a consistent filter, and a verdict.
 
-Innovations test the filter where there are marks. They do not test a hidden target: a truth does, a fix, or withheld
-marks, predicted as if they were hidden.
+Innovations test the filter where there are marks. They do not test a hidden target: a truth, a fix, or withheld marks,
+predicted as if hidden, do.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested: at a start the prior is wide on purpose."""
+"""Statuses of frames whose innovations are tested: at a start the prior is intentionally wide."""
 
 COVERED = (0.9, 0.995)
 """Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
 [1]; choice."""
 
 ONE_ERROR = 0.999
-"""Region within which a single error is possible: beyond it the covariance is too small; a choice."""
+"""Probability of the region of a single error: if the error is outside, the covariance is too small; a choice."""
 
 MOST_NEES = 2.0
-"""Mean NEES by its dimension from which on some errors are too large, whatever is covered: a choice."""
+"""Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage: a choice."""
 
-UNTESTED = "this does not test the hidden target (track --check, a fix, or a recording with the target in view does)"
+UNTESTED = "this does not test the hidden target: track --check, a fix, or a recording with the target in view does"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
 """Statuses of frames whose estimate was not based on fitting marks, in the order of a verdict."""
@@ -90,7 +90,7 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 class TruthScore:
     """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension.
 
-    one_error: whether most of the variance is one error, the same in all frames: they show no more than one frame does
+    one_error: whether most of the variance is one error, the same in all frames, so that one frame shows as much as all
     """
 
     coverage95: float
@@ -100,9 +100,9 @@ class TruthScore:
 
     @property
     def result(self) -> str:
-        """What they say of the covariance."""
+        """The scores' verdict on the covariance."""
         if self.one_error and self.mean_nees <= chi_square_bounds(self.dim, ONE_ERROR)[1]:
-            return "cannot be tested by one recording: most of it is the error of the target's position in the tissue"
+            return "cannot be tested by one recording: it is mostly the error of the target's position in the tissue"
         if self.coverage95 < COVERED[0]:
             return "is too small"
         if self.coverage95 > COVERED[1] and self.mean_nees < self.dim:
@@ -113,15 +113,15 @@ class TruthScore:
 
     @property
     def is_wide_enough(self) -> bool:
-        """Whether no error contradicts the covariance: then lower noise may be advised."""
+        """Whether no error shows that the covariance is too small: then lower noise may be advised."""
         return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
     def words(self) -> str:
         """The scores, and the result."""
         return (
-            f"the true target lies inside its 95 % region in {100.0 * self.coverage95:.0f} % of frames (NEES"
-            f" {self.mean_nees:.3g}, expected {self.dim}): its covariance {self.result}"
+            f"the true target lies inside the 95 % region in {100.0 * self.coverage95:.0f} % of frames (NEES"
+            f" {self.mean_nees:.3g}, expected {self.dim}): the target's covariance {self.result}"
         )
 
 
@@ -159,19 +159,17 @@ def verdict(
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:
-    """The fit, and its cause where the target's covariance is wide enough for lower noise levels."""
+    """The fit, and the cause of a bad one; wide: whether the target's covariance allows lower noise levels."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
-        return f"marks are predicted as well as stated: NIS {fit.mean_nis:.2f} in {band}"
+        return f"marks scatter as predicted: NIS {fit.mean_nis:.2f} in {band}"
     if fit.ratio < 1.0:
-        less = (
-            f"they scatter {100.0 * (1.0 - fit.ratio):.0f} % less than predicted, NIS {fit.mean_nis:.2f} below {band}"
-        )
-        cause = ": noise is stated too high: the marks' sd, or strain (softaim tune)" if wide else ""
-        return f"marks are predicted better than stated: {less}{cause}"
+        less = f"{100.0 * (1.0 - fit.ratio):.0f} % less than predicted, NIS {fit.mean_nis:.2f} below {band}"
+        cause = ": the marks' sd or strain (softaim tune) is stated too high" if wide else ""
+        return f"marks scatter {less}{cause}"
     more = f"{100.0 * (fit.ratio - 1.0):.0f} % more than" if fit.ratio < 2.0 else f"{fit.ratio:.3g} times as much as"
     return (
-        f"marks are predicted worse than stated: they scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
+        f"marks scatter {more} predicted, NIS {fit.mean_nis:.2f} above {band}: "
         "the marks' sd, constants (softaim identify) or strain (softaim tune) are wrong"
     )
 
@@ -180,8 +178,8 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by the filter without it.
 
-    frames: in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: equals the
-    dimension if right; ratio: observed by predicted rms error, 1 is right
+    frames: number in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: its
+    dimension if right; ratio: observed to predicted rms error, 1 if right
     """
 
     frames: int
@@ -204,9 +202,9 @@ def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)
     ratio = withheld[worst].ratio
-    meant = "the error of the hidden target may be as large" if ratio > 1.0 else "so the target's sigma is plausible"
-    widened = f"was multiplied by {scale**0.5:.2f} in the mean" if scale > 1.0 else "is unchanged"
+    meant = "the hidden target's error may be so, too" if ratio > 1.0 else "the target's sigma is plausible"
+    widened = f"was multiplied by {scale**0.5:.2f} on average" if scale > 1.0 else "is unchanged"
     return (
-        f"errors of marks predicted as if hidden, with their own noise, are up to {ratio:.2f} times the predicted"
-        f" ({worst}): {meant}; sigma of the target {widened}"
+        f"errors of marks predicted as if hidden are up to {ratio:.2f} times as large as predicted, mark noise included"
+        f" ({worst}): {meant}; the target's sigma {widened}"
     )

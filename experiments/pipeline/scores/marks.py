@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames above which an unused mark is reported: the share outside 95 % regions; chosen."""
+"""Share of frames above which an unused mark is reported: that outside of 95 % regions; chosen."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -22,7 +22,7 @@ LOOK_AT: Mapping[str, str] = {
     Reason.SMALL: "diameter_mm, size_px and the distance of the camera",
     Reason.SIZE: "diameter_mm and the scale of the camera",
     Reason.SHAPE: "motion blur, and even = false for a ball",
-    Reason.CONTRAST: "the ground behind it",
+    Reason.CONTRAST: "the background",
     Reason.STAIN: "light and noise, and even = false for a ball",
     Reason.COLOUR: "softaim hue, and lamps that change",
     Reason.UNLIKE: "what covers it",
@@ -102,7 +102,7 @@ def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
     what = "refused" if one.reason == REFUSED else "not found"
     reason = one.reason or ""
     others = [node for node, share in missed.items() if share > MANY and node != worst]
-    more = f" ({', '.join(others)} missed, too)" if others else ""
+    more = f" (also missed: {', '.join(others)})" if others else ""
     where = f"{what} in {100.0 * one.reason_share:.0f} % of frames"
     return f"mark {worst}{more}: {where}: {reason_words(scene, worst, reason)}: check {LOOK_AT[reason]}"
 

@@ -48,7 +48,7 @@ def test_an_output_folder_says_where_it_comes_from() -> None:
     assert found["scene"]["left_out"] == ["identify", "tune"]
     log = Path("out/softaim.log").read_text(encoding="utf-8")
     assert "read film: 3 frames of video.avi" in log
-    assert "WARNING settings were not tuned (softaim tune)" in log
+    assert "WARNING noise levels were not tuned (softaim tune)" in log
     assert "advise: " in log.splitlines()[-1]
 
 

@@ -39,7 +39,7 @@ def test_one_that_does_not_is_said_by_how_much(scene):
     assert np.delete(offsets, scene.network.index("M1")).max() < 1e-9
     said = rest_line(off(scene))
     assert said is not None
-    assert "up to 5.0 mm from its drawing (node M1; the target's 0.0 mm)" in said
+    assert "up to 5.0 mm from its drawing (node M1; target 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
     assert said.isprintable()
 
@@ -98,7 +98,7 @@ def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
     assert (
         lines["identify"] == "constants were not identified (softaim identify): covariances do not include their errors"
     )
-    assert lines["tune"] == "settings were not tuned (softaim tune): covariances and probabilities may be wrong"
+    assert lines["tune"] == "noise levels were not tuned (softaim tune): covariances and probabilities may be wrong"
     changed = steps_left_out(damped(tuned(found(scene))), "track")["identify"]
     assert "not identified since the network was changed after softaim tune" in changed
     assert "tuned before softaim identify, for other constants" in steps_left_out(found(tuned(scene)), "track")["tune"]
@@ -108,14 +108,14 @@ def test_what_is_assumed_is_one_line(scene):
     """Of the phantom: four free nodes, three of them measured."""
     assert scene_line(scene) == (
         f"scene: 4 free nodes and {len(scene.network.springs)} springs in 2 dimensions, marks measured on M1, M3, M4, "
-        "target M2; constants exact; levels default; done: nothing"
+        "target M2; constants exact; noise levels default; done: nothing"
     )
     done = with_step(tuned(with_step(scene, "at-rest", "1")), "identify", "1")
-    assert scene_line(done).endswith("levels its own; done: at-rest, tune, identify")
+    assert scene_line(done).endswith("noise levels stated; done: at-rest, tune, identify")
 
 
 def test_a_target_that_is_measured_is_said(scene):
     seen = replace(scene, marks=tuple(replace(mark, measured=True) for mark in scene.marks))
     line = steps_left_out(with_step(seen, "identify", "1"), "identify")["hidden target"]
-    assert "the target M2 has a measured mark" in line
+    assert "the target M2 is not hidden" in line
     assert "hidden target" not in steps_left_out(scene, "track")

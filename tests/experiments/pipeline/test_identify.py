@@ -150,13 +150,15 @@ def test_what_is_confounded_is_reported():
     assert pair.correlation == pytest.approx(-0.9)
     assert not_determined(found) == {"drag": ["drag M1"]}
     lines = fit_lines(found, 5.0)
-    assert "Not determined by this recording, kept as the scene has them: drag (1 of 1)" in lines
+    assert "Not determined by this recording, so the scene's values were kept: drag (1 of 1)" in lines
     assert lines[0] == "1 of 1 preliminary searches led to these constants"
-    assert fit_lines(replace(found, n_agreeing=0), 5.0)[0].endswith(": all frames fit better from the scene's own")
+    assert fit_lines(replace(found, n_agreeing=0), 5.0)[0].endswith(
+        ": the search from the scene's own fits all frames better"
+    )
     of_mesh = replace(found, network=SimpleNamespace(continuum=SimpleNamespace()))
     (line,) = [line for line in fit_lines(of_mesh, 5.0) if line.startswith("Not determined")]
     assert "only fast motion shows the stiffness of a mesh" in line
-    assert "Confounded, with their correlation: drag M1 and friction M1 (-0.90)" in lines
+    assert "Confounded constants, with the correlation of their errors: drag M1 and friction M1 (-0.90)" in lines
 
 
 def test_whole_kinds_that_are_confounded_are_reported():

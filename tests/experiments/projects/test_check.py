@@ -152,7 +152,7 @@ def test_a_complete_scene_lacks_nothing(whole) -> None:
 LACKS = {
     "a move of the camera or tracker cannot be detected": lambda s: replace(s, reference=Reference()),
     "constants were not identified": lambda s: replace(s, uncertainty=None),
-    "settings were not tuned": lambda s: replace(s, settings=FilterSettings()),
+    "noise levels were not tuned": lambda s: replace(s, settings=FilterSettings()),
     "no camera: films cannot be simulated or read": lambda s: replace(s, cameras=()),
     "the accuracy of the target's position in the tissue is not stated": lambda s: replace(
         s, target=Target("M2", 0.005)
@@ -160,7 +160,7 @@ LACKS = {
     "the target M2 has a measured mark": lambda s: replace(s, marks=tuple(replace(m, measured=True) for m in s.marks)),
     "the target M2 has no mark": lambda s: replace(s, marks=tuple(m for m in s.marks if m.node != "M2")),
     "1 free node without a mark, M4": lambda s: replace(s, marks=s.marks[:3]),
-    "1 mark not found in its picture or rows: M3; M3: too small in the picture (0.1 px across": lambda s: replace(
+    "1 mark not found in the picture or table: M3; M3: too small in the picture (0.1 px across": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
     "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),

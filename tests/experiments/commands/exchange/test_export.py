@@ -30,8 +30,8 @@ def test_it_says_what_is_in_the_file(capfd: pytest.CaptureFixture[str]) -> None:
     assert said["topics"]["/camera/image/compressed"] == said["frames"] == 3
     assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha", "--estimates", "results") == 0
     assert capfd.readouterr().out == (
-        "3 frames; the target is in 1 of them\n"
-        "The pictures fit the plane to 0.00 mm at the marks, as drawn\n"
+        "3 frames; 1 of them with the target\n"
+        "The pictures are off the plane by up to 0.00 mm at the marks as drawn\n"
         "Written to film.igs.mha\n"
     )
 

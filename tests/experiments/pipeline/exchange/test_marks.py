@@ -54,7 +54,7 @@ def test_marks_set_manually_are_reported(capsys: pytest.CaptureFixture[str]) -> 
     assert softaim("import", "poses.csv", "--scene", "scene.toml", "--out", "rec", "--fps", "30", "--least", "1") == 0
     shown = capsys.readouterr().out
     assert "Left out: 1 with a likelihood below 1" in shown
-    assert "Set manually, without a likelihood, and kept: 1" in shown
+    assert "Set manually, kept without a likelihood: 1" in shown
 
 
 def test_a_lens_and_a_tilt_are_undone() -> None:

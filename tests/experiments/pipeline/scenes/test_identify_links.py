@@ -83,8 +83,8 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(run):
     large = replace(run[1], residuals=ResidualTest(4.0, 1.6, 240, 90.0, explained=False))
     (line,) = [line for line in identify.fit_lines(large, 5.0) if "not explained" in line]
     assert (
-        "mean square 4.00 of that expected, 240 of them effectively 90; standard errors were multiplied by up to 1.6"
-        in line
+        "their mean square is 4.00 times the predicted one; 240 count as 90 independent ones; "
+        "standard errors were multiplied by up to 1.6" in line
     )
 
 
@@ -95,7 +95,7 @@ def test_residuals_that_are_not_explained_are_said_in_one_line(run):
             {"log_likelihood": -5.0, "log_likelihood_before": 10.0},
             "expected constants that fit better than the scene's",
         ),
-        ({"target_error_m": 3e-3, "target_error_before_m": 2e-3}, "found 3.00 mm after 2.00 mm"),
+        ({"target_error_m": 3e-3, "target_error_before_m": 2e-3}, "found 3.00 mm, with the scene's 2.00 mm"),
     ],
 )
 def test_a_scene_that_fits_worse_is_not_written(recording, run, monkeypatch, capsys, tmp_path, worse, message):
@@ -127,5 +127,5 @@ def test_tune_ends_with_the_best_that_its_time_allows(recording, identified, mon
     monkeypatch.setattr(identify, "Budget", lambda limit: Budget(limit, lambda: float(next(seconds))))
     out = tmp_path / "scene.toml"
     assert softaim("tune", recording, "--scene", identified, "--minutes", "2", "--out", out) == 0
-    assert "Best result within 2 minutes, with " in capsys.readouterr().out
+    assert "Best result within 2 minutes, from " in capsys.readouterr().out
     assert read_scene(out).settings != FilterSettings()

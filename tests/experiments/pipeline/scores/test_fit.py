@@ -64,11 +64,11 @@ def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
     [
         (
             6.0,
-            "marks are predicted as well as stated: NIS 6.00 in its band 5.61 to 6.40; this does not test",
+            "marks scatter as predicted: NIS 6.00 in its band 5.61 to 6.40; this does not test",
         ),
-        (24.0, "marks are predicted worse than stated: they scatter 2 times as much as predicted, NIS 24.00 above its"),
-        (8.64, "marks are predicted worse than stated: they scatter 20 % more than predicted, NIS 8.64 above"),
-        (1.5, "marks are predicted better than stated: they scatter 50 % less than predicted, NIS 1.50 below"),
+        (24.0, "marks scatter 2 times as much as predicted, NIS 24.00 above its"),
+        (8.64, "marks scatter 20 % more than predicted, NIS 8.64 above"),
+        (1.5, "marks scatter 50 % less than predicted, NIS 1.50 below"),
     ],
 )
 def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
@@ -84,10 +84,10 @@ def test_a_verdict_says_whether_the_marks_fit_and_what_to_do(mean, words):
 @pytest.mark.parametrize(
     ("coverage95", "nees", "words"),
     [
-        (0.85, 4.2, "inside its 95 % region in 85 % of frames (NEES 4.2, expected 2): its covariance is too small"),
-        (0.95, 2.1, "in 95 % of frames (NEES 2.1, expected 2): its covariance holds"),
-        (0.99, 11.2, "in 99 % of frames (NEES 11.2, expected 2): its covariance is too small in some frames"),
-        (1.0, 0.1, "in 100 % of frames (NEES 0.1, expected 2): its covariance is larger than the errors"),
+        (0.85, 4.2, "the 95 % region in 85 % of frames (NEES 4.2, expected 2): the target's covariance is too small"),
+        (0.95, 2.1, "in 95 % of frames (NEES 2.1, expected 2): the target's covariance holds"),
+        (0.99, 11.2, "in 99 % of frames (NEES 11.2, expected 2): the target's covariance is too small in some frames"),
+        (1.0, 0.1, "in 100 % of frames (NEES 0.1, expected 2): the target's covariance is larger than the errors"),
     ],
 )
 def test_a_verdict_never_contradicts_the_truth(mean, coverage95, nees, words):
@@ -101,7 +101,7 @@ def test_a_verdict_never_contradicts_the_truth(mean, coverage95, nees, words):
 
 def test_one_error_of_all_frames_is_no_proof_against_the_covariance():
     assert "cannot be tested by one recording" in TruthScore(0.0, 9.6, 3, one_error=True).words
-    assert TruthScore(0.0, 98.6, 3, one_error=True).words.endswith("its covariance is too small")
+    assert TruthScore(0.0, 98.6, 3, one_error=True).words.endswith("the target's covariance is too small")
 
 
 def test_a_verdict_names_a_test_of_the_target_unless_it_was_made():

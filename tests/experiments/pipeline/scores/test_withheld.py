@@ -22,12 +22,12 @@ def test_errors_of_one_mark():
         (
             (0.9, 0.8),
             1.0,
-            "0.90 times the predicted (A): so the target's sigma is plausible; sigma of the target is",
+            "0.90 times as large as predicted, mark noise included (A): the target's sigma is plausible; the target's",
         ),
         (
             (0.9, 1.5),
             2.25,
-            "1.50 times the predicted (B): the error of the hidden target may be as large; sigma of",
+            "1.50 times as large as predicted, mark noise included (B): the hidden target's error may be so, too; the",
         ),
     ],
 )
@@ -35,7 +35,7 @@ def test_the_worst_mark_speaks_for_the_target(ratios, scale, words):
     withheld = {name: Withheld(5, 1.0, 2.0 * ratio**2, ratio) for name, ratio in zip("AB", ratios, strict=True)}
     reported = withheld_words(withheld, scale)
     assert words in reported
-    assert reported.endswith("is unchanged" if scale == 1.0 else "was multiplied by 1.50 in the mean")
+    assert reported.endswith("is unchanged" if scale == 1.0 else "was multiplied by 1.50 on average")
 
 
 def test_no_predictions_say_nothing():
