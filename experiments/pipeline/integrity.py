@@ -118,7 +118,7 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
 
 
 def _source(name: str, directions: Floats, *, stated: bool) -> ErrorSource:
-    return ErrorSource.of(name if stated else f"{name} (supposed)", directions, considered=stated)
+    return ErrorSource.of(name if stated else f"{name} (default)", directions, considered=stated)
 
 
 def unstated(budget: Sequence[ErrorSource]) -> Floats:

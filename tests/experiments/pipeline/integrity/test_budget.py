@@ -202,7 +202,7 @@ def test_the_calibration_of_cameras_in_space_is_in_the_budget() -> None:
     step[0, 14] = 1e-3
     exact = breast()
     stated = replace(exact, space_cameras=tuple(replace(one, calibration=step) for one in exact.space_cameras))
-    for scene, name in ((stated, "the camera's calibration"), (exact, "the camera's calibration (supposed)")):
+    for scene, name in ((stated, "the camera's calibration"), (exact, "the camera's calibration (default)")):
         filters = Line(scene, baseline=False).filter
         (source,) = [one for one in error_budget(scene, filters) if one.name.startswith("the camera's")]
         assert source.name == name
