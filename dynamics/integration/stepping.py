@@ -148,9 +148,9 @@ def integrate_adaptive(
 
     method: explicit, or Radau's implicit one for networks that are stiff; its results agree to the tolerances
 
-    force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is short, max_step_s must let
-    the integrator see it. bends_s: times at which only its slope jumps [s]; a step across one would be rejected, so
-    no step goes beyond the next one. Raises RuntimeError where the integrator gives up.
+    force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is brief, max_step_s must be
+    small enough not to miss it. bends_s: times at which only the force's slope jumps [s]; no step crosses one, as it
+    would be rejected. Raises RuntimeError where the integrator gives up.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

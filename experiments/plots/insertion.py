@@ -108,7 +108,7 @@ def reliability_figure(done: Trials) -> Figure:
 
 
 def advised_figure(done: Trials) -> Figure:
-    """Hit rates against the predicted probabilities of advice, for immediate insertions."""
+    """Hit rates of immediate insertions against the probabilities that advice predicted."""
     return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
 
 

@@ -19,7 +19,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Pause the use and recording of frames: the target is predicted, without advice; or resume it."""
+    """Pause or resume the use and recording of frames; paused, the target is predicted, without advice."""
 
     command: Literal["pause"]
     on: bool

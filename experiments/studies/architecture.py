@@ -3,7 +3,7 @@
     python -m experiments.studies.architecture          # rewrites both, from the code
     python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
 
-A room is a sub-package. The first line of its docstring is its content.
+A room is a sub-package. The first line of its docstring states its content.
 """
 
 from __future__ import annotations

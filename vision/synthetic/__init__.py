@@ -1,6 +1,6 @@
 """Synthetic frames of known truth, plain or of a modelled camera.
 
-What may enter: what no detector imports.
+What may enter: code that no detector imports.
 """
 
 from vision.synthetic.camera_frames import (
