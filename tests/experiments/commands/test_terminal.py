@@ -30,7 +30,11 @@ def test_a_run_that_takes_long_says_how_far_it_is_though_it_stands_still() -> No
 
 @pytest.mark.parametrize(
     ("share", "line"),
-    [(0.0, "0% after 0 s; a first run compiles"), (0.005, "0% after 0 s; a first run compiles"), (0.02, "2% after 0 s")],
+    [
+        (0.0, "0% after 0 s; a first run compiles"),
+        (0.005, "0% after 0 s; a first run compiles"),
+        (0.02, "2% after 0 s"),
+    ],
 )
 def test_a_stage_that_hardly_began_names_the_reason(share: float, line: str) -> None:
     said, heard = [], threading.Event()
