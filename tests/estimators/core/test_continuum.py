@@ -172,7 +172,7 @@ def test_few_modes_find_it_where_many_do(network, truth, monkeypatch):
     assert len(every.continuum.rates) > 1.8 * len(network.continuum.rates)
     rng = np.random.default_rng(3)
     both = [TissueFilter(body, "target", list(MARKS), disturbances=Disturbances()) for body in (network, every)]
-    for k, now in enumerate(truth[:46]):
+    for k, now in enumerate(truth[:48]):
         marks = [
             MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
             for name, place in zip(MARKS, now, strict=False)
