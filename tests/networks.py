@@ -40,9 +40,9 @@ def held_masses(n=1, **changes) -> MassSpringNetwork:
     return build_network(positions, [(k - k % 5, k) for k in anchors], anchors, names, **constants)
 
 
-def slab() -> MassSpringNetwork:
-    """Eighty nodes of unequal masses on a grid, 30 mm apart, the first layer held; springs to all neighbours."""
-    grid = 0.03 * np.stack(np.meshgrid(range(5), range(4), range(4), indexing="ij"), axis=-1).reshape(-1, 3)
+def slab(shape=(5, 4, 4)) -> MassSpringNetwork:
+    """Nodes of unequal masses on a grid, 30 mm apart, the first layer held; springs to all neighbours."""
+    grid = 0.03 * np.stack(np.meshgrid(*map(range, shape), indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(grid[:, None] - grid, axis=2)
     springs = np.argwhere(np.triu((apart > 0.0) & (apart < 0.053)))
     held, masses = np.flatnonzero(grid[:, 0] == 0.0), np.random.default_rng(0).uniform(0.005, 0.015, len(grid))

@@ -53,7 +53,7 @@ def test_of_a_linear_motion_it_is_the_kalman_covariance(taut):
 
 def test_with_marks_all_the_time_it_settles_where_riccati_says(taut):
     """Marks each dt of variance r are white noise of density r dt: continuous Riccati equation. 8 %, as dt is not 0."""
-    n, dt = 1200, 1.0 / 960.0
+    n, dt = 240, 1.0 / 960.0
     found = posterior_bound(taut, np.zeros((n, 4)), dt * np.arange(n), [{"mass": R}] * n, WHITE, np.eye(4))[-1]
     expected = solve_continuous_are(A.T, np.eye(4)[:2].T, DENSITY, R * dt)
     np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.08)

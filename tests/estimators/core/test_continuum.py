@@ -99,10 +99,11 @@ def test_columns_of_constants_are_derivatives_of_the_motion_by_them(network):
         assert np.linalg.norm(column[part] - exact[part]) < 0.1 * np.linalg.norm(exact[part])
 
 
-def truth(seconds):
-    """Places of marks and target [m] by finite elements: another mesh, pressed by a plate for a time, and breathing.
+@pytest.fixture(scope="module")
+def truth():
+    """Places of marks and target [m] by finite elements: another mesh, pressed by a plate after 1 s, and breathing.
 
-    By the trapezoidal rule on all nodes, in steps of an eighth of a frame.
+    3 s, by the trapezoidal rule on all nodes, in steps of an eighth of a frame.
     """
     mesh = block((11, 9, 6), SIZE, jitter=0.2)
     free = np.setdiff1d(np.arange(len(mesh.nodes)), held(mesh))
@@ -121,7 +122,7 @@ def truth(seconds):
     h = HZ / 8.0
     factor = splu(csc_array(M + 0.5 * h * C + 0.25 * h**2 * K))
     x, v, found = np.zeros(len(masses)), np.zeros(len(masses)), []
-    for step in range(int(seconds / h)):
+    for step in range(round(3.0 / h)):
         t = (step + 0.5) * h
         force = 4.0 * np.sin(2.0 * np.pi * 0.3 * t) * breath
         force = force + 1500.0 * np.clip((t - 1.0) / 0.3, 0.0, 1.0) * plate[free].ravel()
@@ -133,13 +134,13 @@ def truth(seconds):
 
 
 @pytest.fixture(scope="module")
-def tracked(network):
+def tracked(network, truth):
     """Errors of filter and open loop [m], covariances, and how far the target moves."""
-    rng, places = np.random.default_rng(3), truth(3.0)
+    rng = np.random.default_rng(3)
     which = parameters(network)
     tissue = TissueFilter(network, "target", list(MARKS), uncertainty=ParameterUncertainty(which, [[0.4]]))
     loop, errors, loops, covs = OpenLoop(network, "target"), [], [], []
-    for k, now in enumerate(places):
+    for k, now in enumerate(truth):
         time_s = (k + 1) * HZ
         marks = [
             MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
@@ -150,7 +151,7 @@ def tracked(network):
         errors.append(found.mean - now[-1])
         covs.append(found.cov)
         loops.append(loop.update(time_s, marks).mean - now[-1])
-    return np.array(errors), np.array(covs), np.array(loops), np.linalg.norm(places[:, -1] - TARGET, axis=1)
+    return np.array(errors), np.array(covs), np.array(loops), np.linalg.norm(truth[:, -1] - TARGET, axis=1)
 
 
 def test_the_target_is_found_in_tissue_of_another_mesh_and_stiffness(tracked):
@@ -161,7 +162,7 @@ def test_the_target_is_found_in_tissue_of_another_mesh_and_stiffness(tracked):
     assert normalised_error_squared(errors, covs).mean() < 3.0 * 3.0
 
 
-def test_few_modes_find_it_where_many_do(network, monkeypatch):
+def test_few_modes_find_it_where_many_do(network, truth, monkeypatch):
     """To 0.1 mm while the body breathes; to half a millimetre, and surer, where a small plate presses it."""
     chosen = continuum._modes
     # Not at points: anywhere
@@ -169,9 +170,9 @@ def test_few_modes_find_it_where_many_do(network, monkeypatch):
     mesh = block((8, 6, 4), SIZE)
     every = continuum_network(mesh, (FAT,), held(mesh), MARKS | {"target": TARGET})
     assert len(every.continuum.rates) > 1.8 * len(network.continuum.rates)
-    rng, places = np.random.default_rng(3), truth(1.6)
+    rng = np.random.default_rng(3)
     both = [TissueFilter(body, "target", list(MARKS), disturbances=Disturbances()) for body in (network, every)]
-    for k, now in enumerate(places):
+    for k, now in enumerate(truth[:48]):
         marks = [
             MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
             for name, place in zip(MARKS, now, strict=False)

@@ -39,10 +39,10 @@ def same(one: pd.DataFrame, other: pd.DataFrame) -> None:
 
 
 def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two):
-    one = run_study(small_runs.drawn, cases(30), tmp_path / "one", OWN_PROCESS)
-    other = run_study(small_runs.drawn, cases(30), tmp_path / "two", two)
+    one = run_study(small_runs.drawn, cases(16), tmp_path / "one", OWN_PROCESS)
+    other = run_study(small_runs.drawn, cases(16), tmp_path / "two", two)
     same(one.table, other.table)
-    assert list(other.table["seed"]) == list(range(30))
+    assert list(other.table["seed"]) == list(range(16))
     assert len(set(other.table["pid"])) > 1
     assert os.getpid() not in set(other.table["pid"])
     pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "two" / "runs.parquet"), other.table)

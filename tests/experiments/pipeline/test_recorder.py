@@ -104,7 +104,7 @@ def check_frames(folder: Path, n: int) -> None:
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
 def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """SIGKILL at frame 75, which is 2.5 s: lost are a second's frames, and the one that ends a piece."""
+    """SIGKILL at frame 45, which is 1.5 s: lost are a second's frames, and the one that ends a piece."""
     folder, scene = tmp_path / "rec", tmp_path / "scene.toml"
     write_scene(small_scene(), scene)
     program = subprocess.Popen(
@@ -115,11 +115,11 @@ def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capf
     )
     try:
         assert program.stdout is not None
-        next(line for line in program.stdout if int(line) == 75)
+        next(line for line in program.stdout if int(line) == 45)
     finally:
         os.kill(program.pid, signal.SIGKILL)
         rest, _ = program.communicate()
-    n_delivered = 76 + rest.count("\n")
+    n_delivered = 46 + rest.count("\n")
     times = read_frames(folder / "frames.csv", torn=True)
     assert n_delivered - 32 <= len(times) < n_delivered
     np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between

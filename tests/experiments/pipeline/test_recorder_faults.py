@@ -2,9 +2,11 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
@@ -125,49 +127,36 @@ def test_a_film_cut_short_anywhere_is_not_named(tmp_path: Path, codec: Codec) ->
     assert not list(tmp_path.glob(".*"))
 
 
-FULL = """
-import resource, signal, sys
-from pathlib import Path
-import numpy as np
-from experiments.errors import InputError
-from experiments.pipeline.recorder import record
-from vision import EveryFrame, Frame
+@contextmanager
+def room(n_bytes: int) -> Iterator[None]:
+    """No file grows beyond this meanwhile: a write fails, as on a full disk."""
+    import resource
 
-class Frames(list):
-    def close(self): pass
-
-rng = np.random.default_rng(0)
-noise = [Frame(k, k / 30, rng.integers(0, 256, (48, 64, 3), dtype=np.uint8)) for k in range(40)]
-signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # then a write beyond the limit fails, as on a full disk
-for case in sys.argv[2:]:
-    codec, limit = case.split("-")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (int(limit), resource.RLIM_INFINITY))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ended = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, before[1]))
     try:
-        record(EveryFrame(Frames(noise)), Path(sys.argv[1], case), codec=codec, clock=lambda: 0.0)
-    except InputError as error:
-        print(error)
-"""
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ended)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
-def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_path: Path) -> None:
-    """Limits on the size of files: of each an error in one line, and no piece, for the first one does not fit."""
-    cases = [f"{codec}-{limit}" for codec in ("FFV1", "MJPG") for limit in (700, 60_000)]
-    done = subprocess.run(
-        [sys.executable, "-c", FULL, tmp_path, *cases],
-        cwd=Path(__file__).parents[3],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
-    assert len(lines) == len(cases)
-    for line, case in zip(lines, cases, strict=True):
-        assert "expected room" in line
-        assert str(tmp_path / case) in line
-        assert list((tmp_path / case / "segments").iterdir()) == []
-        assert (tmp_path / case / "frames.csv").read_bytes() == b"frame,exposure_s\n"
+@pytest.mark.parametrize("n_bytes", [700, 60_000])
+@pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
+def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(
+    tmp_path: Path, codec: Codec, n_bytes: int
+) -> None:
+    """An error in one line, and no piece, for the first one does not fit."""
+    folder = tmp_path / "rec"
+    with room(n_bytes), pytest.raises(InputError) as error:
+        record(EveryFrame(Frames(*noise(40))), folder, codec=codec, clock=lambda: 0.0)
+    (line,) = str(error.value).splitlines()
+    assert "expected room" in line
+    assert str(folder) in line
+    assert list((folder / "segments").iterdir()) == []
+    assert (folder / "frames.csv").read_bytes() == b"frame,exposure_s\n"
 
 
 @pytest.fixture

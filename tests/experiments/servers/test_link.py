@@ -50,7 +50,7 @@ def linked() -> Iterator[tuple[Link, int]]:
 
 @pytest.mark.slow
 def test_a_client_is_sent_what_the_loop_publishes_and_the_loop_gets_what_it_asks(capfd):
-    """A moment is published until it came; then a sighting of the target goes the other way."""
+    """A moment is published until it came; then a sighting of the target goes the other way. The process ends, too."""
     with linked() as (link, port):
         link.begin(SCENE)
         link.tell()
@@ -69,6 +69,7 @@ def test_a_client_is_sent_what_the_loop_publishes_and_the_loop_gets_what_it_asks
             client.sendall(PointMessage(positions=[(1.0, 2.0, 0.0)], names=["lesion"], device_name="F").pack())
             asked: list[object] = []
             assert until(lambda: asked.extend(link.requests()) or asked)
+    assert link._process.exitcode == 0
     assert asked[0]["command"] == "fix"  # type: ignore[index]
     assert asked[0]["place_mm"] == [1.0, 2.0]  # type: ignore[index]
     assert capfd.readouterr().err == "served\n"
@@ -91,14 +92,6 @@ def test_the_loop_goes_on_when_the_process_is_killed(capfd):
         with pytest.raises(OSError, match="refused"):
             socket.create_connection((LOOPBACK, port), 1.0)
     assert capfd.readouterr().err.count("page and network: their process ended") == 1
-
-
-@pytest.mark.slow
-def test_the_process_ends_with_the_link():
-    with linked() as (link, _port):
-        link.begin(SCENE)
-        assert until(lambda: link._ready)
-    assert link._process.exitcode == 0
 
 
 def test_numbers_that_json_cannot_hold_are_null():

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.scene.scene import read_scene
+from experiments.simulation.simulate import simulate
 from experiments.studies.own_phantom import __main__ as study
 from experiments.studies.own_phantom.steps import insertions, reliability_table, steps_of, times_table
 from tests.experiments.command import softaim
@@ -41,12 +43,13 @@ def shorten(name: str, seconds: float) -> None:
 def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     """All commands of the page, 0.8 s and 1 s in place of 20: the target is followed no worse than by the open loop.
 
-    And advice on another recording of the project, of 3.5 s: frames four times a second, whose truth is known.
+    And advice on marks of the project, of 3.5 s, without a film: frames four times a second, whose truth is known.
     """
     monkeypatch.chdir(tmp_path)
     new, *steps = typed_in_the_tutorial()
     assert softaim(*new) == 0
     monkeypatch.chdir(tmp_path / "mine")
+    shorten("still.toml", 0.5)
     shorten("calibration.toml", 0.8)
     shorten("scenario.toml", 1.0)
     for step in steps:
@@ -61,6 +64,7 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     assert figures["filter"]["mae_mm"] < min(figures["open-loop"]["mae_mm"], 1.0)
     assert figures["filter"]["coverage95"] > 0.8
     shorten("scenario.toml", 3.5)
+    monkeypatch.setattr("experiments.studies.own_phantom.steps.simulate", partial(simulate, filmed=False))
     rows = pd.DataFrame(insertions({"phantom": "plane", "project": str(tmp_path / "mine"), "seed": 7}))
     np.testing.assert_allclose(np.diff(rows["time_s"]), 0.25, atol=0.035)  # in whole frames
     assert 2 <= len(rows) <= 15

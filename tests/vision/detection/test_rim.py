@@ -27,7 +27,7 @@ def ball(center: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndar
 def test_a_ball_is_found_by_its_rim_within_its_covariance() -> None:
     rng = np.random.default_rng(1)
     errors, covs, by_color = [], [], []
-    for _ in range(40):
+    for _ in range(20):
         center, radius = rng.uniform(46.0, 50.0, 2), rng.uniform(18.0, 26.0)
         image = ball(center, radius, rng)
         (found,) = detect_marks(

@@ -83,14 +83,14 @@ def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read
 
 
 def test_unread_and_watched_by_many_it_notifies_those_beyond_goes_on_and_lacks_nothing(tmp_path, monkeypatch):
-    """Closed outputs, 100 warnings, of which the first once ended the loop, and 25 viewers at once.
+    """Closed outputs, 100 warnings, of which the first once ended the loop, and 18 viewers at once, for a second.
 
     A busy machine may show STALE for a moment meanwhile, as it should: asked for is what was said, and what came.
     """
     monkeypatch.setattr(system, "N_WARNINGS", 100)
-    monkeypatch.setattr(system, "N_VIEWERS", 25)
+    monkeypatch.setattr(system, "N_VIEWERS", 18)
     closed, watched = FAULTS["stdout closed"], FAULTS["50 viewers"]
-    both = replace(watched, begins=lambda run: (closed.begins(run), watched.begins(run)))
+    both = replace(watched, lasts_s=1.0, begins=lambda run: (closed.begins(run), watched.begins(run)))
     monkeypatch.setitem(FAULTS, "both", both)
     said, shown, moments, tell = [], [], system._moments, Viewer.tell
     monkeypatch.setattr(system, "_moments", lambda *given: shown.append(moments(*given)) or shown[-1])
