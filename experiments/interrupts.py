@@ -1,9 +1,12 @@
-"""Ctrl-C while compiled code is called."""
+"""Ctrl-C while compiled code is called, and SIGTERM."""
 
 from __future__ import annotations
 
+import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from types import FrameType
 
 
 @contextmanager
@@ -22,3 +25,20 @@ def as_interrupts() -> Iterator[None]:
                 raise KeyboardInterrupt from fault
             arose = arose.__cause__ or arose.__context__
         raise
+
+
+@contextmanager
+def terminations() -> Iterator[None]:
+    """SIGTERM, by which scripts and service managers end a program, acts in here as Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread can hear it
+        return
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -36,7 +36,7 @@ from experiments.commands.prepare.record import record
 from experiments.commands.prepare.register import register
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
-from experiments.interrupts import as_interrupts
+from experiments.interrupts import as_interrupts, terminations
 from experiments.kernel_cache import keep_kernels
 from experiments.threads import one_thread_each
 
@@ -105,7 +105,7 @@ def main() -> None:
     one_thread_each()
     keep_kernels()
     try:
-        with as_interrupts():
+        with terminations(), as_interrupts():
             code = app(prog_name="softaim", standalone_mode=False)
     except typer.TyperException as fault:
         _end(one_line(fault, _words(), sys.argv[1:]), 2)

@@ -26,11 +26,11 @@ def copied(x, P):  # type: ignore[no-untyped-def]
     return x.copy(), P.copy()
 
 
-def called_until_interrupted() -> None:
-    """Call a kernel again and again, for a minute at most; Ctrl-C comes after a moment."""
+def called_until_interrupted(by: signal.Signals = signal.SIGINT) -> None:
+    """Call a kernel again and again, for a minute at most; the signal comes after a moment."""
     x, P = np.zeros(10), np.eye(10)
     copied(x, P)
-    threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    threading.Timer(0.05, os.kill, (os.getpid(), by)).start()
     until_s = time.monotonic() + 60.0
     while time.monotonic() < until_s:
         copied(x, P)
@@ -65,9 +65,12 @@ def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
 
 
 @POSIX
-def test_any_command_says_that_it_was_interrupted(monkeypatch, capsys):
-    monkeypatch.setattr(app, "app", lambda **_kwargs: called_until_interrupted())
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_any_command_says_that_it_was_interrupted(monkeypatch, capsys, by):
+    monkeypatch.setattr(app, "app", lambda **_kwargs: called_until_interrupted(by))
+    before = signal.getsignal(signal.SIGTERM)
     with pytest.raises(SystemExit) as ended:
         app.main()
+    assert signal.getsignal(signal.SIGTERM) is before
     assert ended.value.code == app.INTERRUPTED == 130
     assert capsys.readouterr().err == "softaim: interrupted\n"

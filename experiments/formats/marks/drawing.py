@@ -34,6 +34,10 @@ LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
 """Units that lengths may have, in place of mm."""
 
 
+RESIZED = 8.0
+"""Largest factor on the spread of marks by a deformation of the tissue [1]; choice: another unit is ten or more."""
+
+
 class FirstMarks:
     """Tests the first marks, once. State: first positions by node [m], (dim,); number of frames with marks."""
 
@@ -55,6 +59,21 @@ class FirstMarks:
         """The same now, if it was not done yet."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
+
+
+def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
+    """One line if marks, by node [m], (dim,), are spread so little or so far that no tissue deforms like that.
+
+    Tested for three marks of the body or more: a cord's two may come close to each other.
+    """
+    nodes = [name for name in seen_m if name in scene.network.names]
+    if len(nodes) < 3:
+        return None
+    drawn = scene.network.positions[[scene.network.index(node) for node in nodes]]
+    expected, found = (_rms(places - places.mean(axis=0)) for places in (drawn, np.array([seen_m[n] for n in nodes])))
+    if expected / RESIZED <= found <= RESIZED * expected:
+        return None
+    return f"marks: expected them some {1e3 * expected:.3g} mm about their middle, found {1e3 * found:.3g} mm"
 
 
 def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:

@@ -156,7 +156,7 @@ def test_wait_where_the_target_is_too_uncertain():
     assert said.advice is Advice.WAIT
     # 5 % of a depth of 60 mm
     assert said.reason.endswith(
-        f"the target is uncertain by 4 mm, the tip by {np.hypot(1e3 * TIP.tip_sd_m, 3.0):.2g} mm"
+        f"on arrival the target is uncertain by 4 mm, the tip by {np.hypot(1e3 * TIP.tip_sd_m, 3.0):.2g} mm"
     )
     assert said.probability < 0.4
 
@@ -248,7 +248,7 @@ BY_RULE = {
     "never sure, worse turned": (
         replace(SURE, probability=0.5, best_probability=0.8, turned_probability=0.1, target_sd_m=3e-3, tip_sd_m=0.5e-3),
         Advice.WAIT,
-        "even well aimed a hit is 50 % probable: the target is uncertain by 3 mm, the tip by 0.5 mm",
+        "even well aimed a hit is 50 % probable: on arrival the target is uncertain by 3 mm, the tip by 0.5 mm",
     ),
 }
 

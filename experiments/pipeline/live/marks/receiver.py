@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from estimators import MarkMeasurement
-from experiments.formats.marks.drawing import FirstMarks
+from experiments.formats.marks.drawing import FirstMarks, of_another_size
 from experiments.formats.marks.repeats import values_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.marks.lines import LineError, SentFrame, read_line
@@ -85,7 +85,7 @@ class LiveMarks(Closing):
         self._waiting: MarksFrame | None = None
         self._n_frames = 0
         self._events: list[SourceEvent] = []
-        self._unreported: Counter[str] = Counter()
+        self._unreported: dict[str, tuple[int, str]] = {}
         self._reported_s = -float("inf")
         self._error: Exception | None = None
         self._finished = self._ended = False
@@ -130,9 +130,14 @@ class LiveMarks(Closing):
                 text = f"the sender's clock was set to {frame.time_s:.3f} s"
                 self._events.append(SourceEvent(arrival_s, EventKind.RESUMED, text))
             self._events += self._watch.saw_new(arrival_s, (0, 0))
-            line = self._first.take({mark.node: mark.position_m for mark in frame.marks})
+            self._report()
+            places = {mark.node: mark.position_m for mark in frame.marks}
+            line = self._first.take(places)
             if line is not None:
                 self._events.append(SourceEvent(arrival_s, EventKind.ASIDE, line))
+            if (size := of_another_size(self._scene, places)) is not None:
+                self._refuse("of another size", size)
+                return
             repeats, events = self._frozen.saw(exposure_s, values_of(frame.marks))
             self._events += events
             if repeats and not self._frozen.frozen:
@@ -150,13 +155,18 @@ class LiveMarks(Closing):
 
     def _refuse(self, kind: str, text: str) -> None:
         self.refused[kind] += 1
-        self._unreported[kind] += 1
+        n, first = self._unreported.get(kind, (0, text))
+        self._unreported[kind] = n + 1, first
+        self._report()
+
+    def _report(self) -> None:
+        """Report what was refused, if it is due: of each kind the number and the first."""
         now = self.clock()
-        if now - self._reported_s < SETTINGS.hung_s:
+        if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
         self._reported_s = now
-        counts = ", ".join(f"{n} {each}" for each, n in self._unreported.items())
-        self._events.append(SourceEvent(now, EventKind.REFUSED, f"{counts}: {text}"))
+        counts = [f"{n} {kind}{', first' if n > 1 else ''}: {text}" for kind, (n, text) in self._unreported.items()]
+        self._events.append(SourceEvent(now, EventKind.REFUSED, "; ".join(counts)))
         self._unreported.clear()
         self._changed.notify_all()
 

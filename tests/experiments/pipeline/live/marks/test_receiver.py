@@ -3,6 +3,8 @@
 By a clock of the test's own; the feed is the test.
 """
 
+import json
+import re
 import threading
 
 import numpy as np
@@ -83,8 +85,32 @@ def test_refusals_are_counted_all_and_reported_now_and_then(bench) -> None:
     assert bench.marks.refused == {"malformed": 200, "out of order": 100}
     assert len(events) == 5
     assert events[0].text == "1 out of order: time_s: expected more than 1.000000, found 1.000000"
-    assert events[1].text == "40 malformed, 20 out of order: time_s: expected more than 1.000000, found 1.000000"
+    nonsense = '40 malformed, first: expected a line of JSON, found "nonsense"'
+    assert events[1].text == f"{nonsense}; 20 out of order, first: time_s: expected more than 1.000000, found 1.000000"
     assert np.diff([event.time_s for event in events]).min() > SETTINGS.hung_s - 1e-9
+
+
+def test_what_was_refused_is_reported_though_nothing_else_is(bench) -> None:
+    for now_s, line in ((100.0, b"one"), (100.1, b"two"), (102.2, None)):
+        bench.now = now_s
+        bench.send(now_s) if line is None else bench.marks.take_line(line)
+    texts = [event.text for event in bench.marks.take_events() if event.kind is EventKind.REFUSED]
+    assert texts == [f'1 malformed: expected a line of JSON, found "{word}"' for word in ("one", "two")]
+
+
+def test_marks_in_another_unit_are_refused_in_every_frame(bench) -> None:
+    """In metres after some in mm: the body would have shrunk to a point."""
+    network = SCENE.network
+    places = {mark.node: 1e3 * network.positions[network.index(mark.node)] for mark in SCENE.marks}
+    for k in range(3):
+        bench.now = 100.0 + k
+        size = 1e-3 if k == 1 else 1.0
+        marks = [{"node": n, "x_mm": size * (x + k), "y_mm": size * y, "sd_mm": 1.0} for n, (x, y) in places.items()]
+        bench.marks.take_line(json.dumps({"time_s": float(k), "marks": marks}).encode())
+        frame = bench.marks.next(0.0)
+        assert (frame is None) == (k == 1)
+    (text,) = [event.text for event in bench.marks.take_events() if event.kind is EventKind.REFUSED]
+    assert re.fullmatch(r"1 of another size: marks: expected them some \d+ mm about their middle, found 0.\d+ mm", text)
 
 
 def test_a_sender_that_falls_silent_is_blocked_and_resumes(bench) -> None:
