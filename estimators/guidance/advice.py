@@ -165,8 +165,8 @@ RULES = (
         Advice.WAIT,
         lambda _it, _: True,
         lambda it: (
-            f"even well aimed a hit is {_percent(max(it.probability, it.turned_probability))} probable: "
-            f"on arrival the target is uncertain by {1e3 * it.target_sd_m:.2g} mm, the tip by {1e3 * it.tip_sd_m:.2g} mm"
+            f"even well aimed a hit is {_percent(max(it.probability, it.turned_probability))} probable: on arrival "
+            f"the target is uncertain by {1e3 * it.target_sd_m:.2g} mm, the tip by {1e3 * it.tip_sd_m:.2g} mm"
         ),
     ),
 )

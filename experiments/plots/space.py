@@ -96,7 +96,7 @@ def two_views(scene: Scene) -> tuple[View, View]:
 
 def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
     """Which marks of a scene are on the side towards the viewer, (n_marks,)."""
-    return np.asarray(outward(scene.network, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
+    return np.asarray(outward(scene, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
 
 
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:

@@ -48,7 +48,7 @@ def draw_in_space(
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]
     nodes = [mark.node for mark in marks]
     places = positions[[network.index(node) for node in nodes]].reshape(-1, 3)
-    normals = outward(network, nodes)
+    normals = outward(scene, nodes)
     inside, places_px, J = camera.viewed(places)
     shapes_px = mark_shapes_px(marks, camera, places, across(normals), J)
     shown = np.flatnonzero(inside & facing(camera, places, normals, 0.0))

@@ -3,19 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from dynamics import MassSpringNetwork
+from dynamics.mesh import locate_on_surface, surface
 from experiments.arrays import Floats
+from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
 from vision import SpaceCamera
 
 
-def outward(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
-    """Which way the marks of nodes face, unit vectors, (n, 3): across the convex hull of the body as drawn.
+def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
+    """Which way the marks of nodes face, unit vectors, (n, 3): out of the mesh as drawn, or of its network."""
+    network = scene.network
+    if scene.mesh is None:
+        return _out_of_hull(network, nodes)
+    places = network.positions[[network.index(node) for node in nodes]]
+    return _out_of_mesh(scene.mesh.content, scene.mesh.file, tuple(map(tuple, places.tolist())))
+
+
+@lru_cache(maxsize=8)
+def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], ...]) -> Floats:
+    """Across the surface of a mesh next to these places, (n, 3): the normals of nodes, by the weights of a face."""
+    mesh = mesh_of(content, Path(file)).mesh
+    skin, normals = surface(mesh), np.zeros((len(mesh.nodes), 3))
+    normals[skin.nodes] = skin.normals
+    face, weights, _ = locate_on_surface(mesh, skin.faces, np.array(places_m).reshape(-1, 3))
+    found = np.einsum("nc,ncd->nd", weights, normals[skin.faces[face]])
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
+    """Across the convex hull of the body as drawn.
 
     At a corner of the hull the mean of its facets by their area, inside the hull as the nearest facet.
     """

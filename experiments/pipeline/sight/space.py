@@ -85,7 +85,7 @@ class SpaceSight:
         self.marks = {mark.node: mark for mark in scene.marks if mark.measured}
         self._marks = list(self.marks.values())
         self._numbers = {node: i for i, node in enumerate(self.marks)}
-        self._normals = outward(scene.network, list(self.marks))
+        self._normals = outward(scene, list(self.marks))
         self._discs = across(self._normals)
         self._extent_m = float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
         self._steps = dict(zip((c.name for c in scene.space_cameras), scene.calibration_steps, strict=True))

@@ -14,6 +14,7 @@ from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.needle_file import read_needle
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene, usable_scene
+from experiments.formats.scene.space_marks import outward
 from experiments.projects.mesh_body import SHALLOWEST_MM
 from experiments.projects.template import GROUP_SD
 from tests.experiments.command import softaim
@@ -125,6 +126,14 @@ def test_marks_of_a_file_are_moved_onto_the_surface(tmp_path: Path, body: Path) 
     assert 1e-3 < np.linalg.norm(off) < 8e-3  # drawn with 2 mm an axis
     for name in ("left", "right"):
         np.testing.assert_allclose(actual.positions[actual.index(name)], 1e-3 * places[name], atol=1e-9)
+
+
+def test_marks_face_across_the_surface_of_the_mesh(tmp_path: Path, body: Path) -> None:
+    """Four on the upper face: the hull of them and the target is a pyramid, whose corners would face aside."""
+    rows = [f"{x}{y},{x},{y},30" for x in (10, 30) for y in (10, 20)]
+    (tmp_path / "marks.csv").write_text("\n".join(["name,x_mm,y_mm,z_mm", *(f"S{row}" for row in rows), ""]))
+    scene = made(tmp_path / "made", body, "--marks", tmp_path / "marks.csv")
+    np.testing.assert_allclose(outward(scene, scene.measured_nodes), np.tile([0.0, 0.0, 1.0], (4, 1)), atol=1e-9)
 
 
 @pytest.fixture(scope="module")
