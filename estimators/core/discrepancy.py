@@ -72,8 +72,11 @@ class Discrepancy:
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
-    def field(self, places: Floats, held: Floats) -> Floats:
-        """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim); held: where there are none."""
+    def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
+        """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim), and the variance left out, (n,).
+
+        held: where there are none
+        """
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -86,7 +89,8 @@ class Discrepancy:
         if len(held):
             fixed = cov[n:, n:] + JITTER * np.eye(len(held))  # type: ignore[index]
             own = own - cov[:n, n:] @ np.linalg.solve(fixed, cov[n:, :n])  # type: ignore[index]
-        return extent * factor(own, self.rank, self.least)
+        found = factor(own, self.rank, self.least)
+        return extent * found, extent**2 * np.maximum(own.diagonal() - (found**2).sum(axis=1), 0.0)
 
 
 class LevelPosterior:

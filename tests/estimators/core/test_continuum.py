@@ -11,8 +11,8 @@ from scipy.sparse.linalg import splu
 from dynamics import ParameterUncertainty, parameters
 from dynamics.elements import continuum, continuum_network
 from dynamics.mesh import Tissue, lumped_masses, rest_stiffness, surface
-from estimators import FilterSettings, MarkMeasurement, OpenLoop, TissueFilter, normalised_error_squared
-from estimators.core import Disturbances, TissueProcess
+from estimators import FilterSettings, MarkMeasurement, OpenLoop, Status, TissueFilter, normalised_error_squared
+from estimators.core import Discrepancy, Disturbances, TissueProcess
 from estimators.core.motion import SOURCES
 from estimators.core.statics import Statics
 from estimators.process.process_model import accumulated_noise
@@ -256,6 +256,24 @@ def test_strengths_of_forces_follow_the_stated_poke(network):
     np.testing.assert_allclose(each[0].rates, np.array([[-1.0, 1.0], [1.0, -1.0]]) / 30.0)
     assert each[0].disturbances.calm_modes.all()
     assert set(each[0].motion.driving) == {SOURCES.index("slow")}
+
+
+def test_what_the_field_of_the_discrepancy_leaves_out_is_no_contradiction():
+    """A displacement drawn from the whole prior, 40 marks to 0.01 mm: the functions that are no states move by more."""
+    mesh, rng, level = block((8, 6, 4), SIZE), np.random.default_rng(4), 0.005
+    close = marks_at([[x, y, 0.05] for x in np.linspace(0.005, 0.095, 8) for y in np.linspace(0.005, 0.075, 5)])
+    network = continuum_network(mesh, (FAT,), held(mesh), close | {"target": TARGET})
+    x, prior = network.positions, Discrepancy(levels=(level,), least=1e-9, rank=1000)
+    whole = prior.field(x[network.free], x[network.fixed])[0]
+    moved = x.copy()
+    moved[network.free] += level * whole @ rng.normal(size=(whole.shape[1], 3))
+    tissue, estimates = TissueFilter(network, "target", list(close), FilterSettings(discrepancy=level)), []
+    for k in range(20):
+        tissue.predict(k * HZ)
+        places = {n: moved[network.index(n)] + rng.normal(0.0, 1e-5, 3) for n in close}
+        estimates.append(tissue.update([MarkMeasurement(n, at, 1e-10 * np.eye(3)) for n, at in places.items()]))
+    assert {estimate.status for estimate in estimates[5:]} == {Status.TRACKING}
+    assert np.mean([estimate.nis for estimate in estimates[5:]]) < 120.0  # its degrees of freedom
 
 
 def test_unknown_forces_bend_a_floppy_body_as_far_as_a_stiff_one(process):

@@ -24,9 +24,9 @@ def test_a_factor_keeps_the_most_of_the_variance() -> None:
 def test_the_field_is_zero_where_the_body_is_held_and_whole_far_from_there() -> None:
     x = np.linspace(0.0, 1.0, 11)[:, None] * [1.0, 0.0]
     prior = Discrepancy()
-    functions = prior.field(x[1:], x[:1])
+    functions, _ = prior.field(x[1:], x[:1])
     sd = np.sqrt((functions**2).sum(axis=1))
-    free = prior.field(x, np.empty((0, 2)))
+    free, _ = prior.field(x, np.empty((0, 2)))
     np.testing.assert_allclose((free**2).sum(axis=1), 1.0 + prior.short**2, rtol=5e-3)
     assert np.all(np.diff(sd) > 0.0)
     assert sd[0] < 0.3 * sd[-1]
@@ -40,10 +40,11 @@ def test_functions_of_little_variance_are_kept_where_the_prior_asks_for_them() -
     largest = np.linalg.eigvalsh(cov)[-1]
     errors, kept = {}, {}
     for least in (1e-3, 1e-5):
-        functions = Discrepancy(least=least).field(x, np.empty((0, 1)))
+        functions, left_out = Discrepancy(least=least).field(x, np.empty((0, 1)))
         errors[least] = np.linalg.norm(cov - functions @ functions.T, 2) / largest
         kept[least] = functions.shape[1]
         assert errors[least] <= least
+        np.testing.assert_allclose(left_out, (cov - functions @ functions.T).diagonal(), atol=1e-12)
     assert kept[1e-3] < kept[1e-5] <= 40
     assert errors[1e-3] > 1e-5
 
@@ -91,7 +92,7 @@ def test_the_level_that_drew_the_field_is_found(true: float) -> None:
     """40 frames of 12 marks on a body of 0.1 m, seen to 0.1 mm."""
     rng, prior = np.random.default_rng(5), Discrepancy()
     places = rng.uniform(0.0, 0.1, (12, 1))
-    functions = prior.field(places, np.empty((0, 1)))
+    functions, _ = prior.field(places, np.empty((0, 1)))
     posterior = LevelPosterior(prior)
     groups = [np.array([[k]]) for k in range(12)]
     for _ in range(40):
