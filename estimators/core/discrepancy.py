@@ -73,10 +73,7 @@ class Discrepancy:
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Displacements [m] of unit functions at level 1, (n, r), at places (n, dim), and the variance left out, (n,).
-
-        held: where there are none
-        """
+        """Unit functions at level 1 [m], (n, r), at places (n, dim), zero where held; variance left out [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)

@@ -21,8 +21,6 @@ class Places:
         Place of each point by the state.
     calibration : slice, optional
         States of the errors that marks share, where these are the same in every frame; else they are new in each.
-    left_out : mapping of str to (dim, dim), optional
-        Covariance of each point beside the state [m²].
 
     Attributes
     ----------
@@ -31,11 +29,7 @@ class Places:
     """
 
     def __init__(
-        self,
-        marks: Sequence[MarkMeasurement],
-        maps: Mapping[str, Floats],
-        calibration: slice | None = None,
-        left_out: Mapping[str, Floats] | None = None,
+        self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats], calibration: slice | None = None
     ) -> None:
         dim = len(marks[0].position)
         self.names = tuple(mark.node for mark in marks)
@@ -49,7 +43,7 @@ class Places:
         elif shared.shape[1]:
             self._rows[:, calibration] = shared
         for mark, own in zip(marks, self.blocks, strict=True):
-            self.cov[own, own] += mark.cov if left_out is None else mark.cov + left_out[mark.node]
+            self.cov[own, own] += mark.cov
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted places (m,) at a state (n,), and their derivative (m, n)."""

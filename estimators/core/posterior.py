@@ -81,8 +81,7 @@ class TissuePosterior:
         self.flexibility = None if solid is None else solid.residual
         self.residual_m = np.zeros(self.target.matrix.shape[1])
         self._maps = {name: self.process.node(name) for name in (network.names[i] for i in network.free)}
-        each = np.eye(len(network.free) * network.dim).reshape(len(network.free), network.dim, -1)
-        self._left_out = {name: self.process.left_out(one) for name, one in zip(self._maps, each, strict=True)}
+        self._left_out_m2 = dict(zip(self._maps, self.process.left_out_m2, strict=True))
         self._groups = WithheldGroups.of(network, marked, self.target.point)
         self._reach_m = float(np.ptp(self.rest, axis=0).max())
         self._outliers = Outliers(frozenset(self._maps), self.settings.outlier_odds, self._reach_m)
@@ -148,8 +147,8 @@ class TissuePosterior:
         """Mean (dim,) [m] and covariance (dim, dim) [m²] of a point of the tissue."""
         mean, cov = self.filter.moments(self.rows_of(point))
         own = 0.0 if point is self.target else point.point.sd_m
-        cov = cov + self.level.level**2 * self.process.left_out(point.matrix)
-        return mean + self.constant_of(point), cov + own**2 * np.eye(len(mean))
+        left_out = point.matrix * np.repeat(self.process.left_out_m2, len(mean)) @ point.matrix.T
+        return mean + self.constant_of(point), cov + self.level.level**2 * left_out + own**2 * np.eye(len(mean))
 
     def constant_of(self, point: TargetMap) -> Floats:
         """What places a point beside the state [m], (dim,)."""
@@ -198,8 +197,10 @@ class TissuePosterior:
         """The marks, one or more, as one observation."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
-        left_out = {mark.node: self.level.level**2 * self._left_out[mark.node] for mark in marks}
-        return Places(marks, self._maps, self.process.parts.get("calibration"), left_out)
+        found = Places(marks, self._maps, self.process.parts.get("calibration"))
+        left_out_m2 = self.level.level**2 * np.array([self._left_out_m2[mark.node] for mark in marks])
+        found.cov += np.diag(np.repeat(left_out_m2, self.network.dim))
+        return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
         """Log of the density [m^-d] of marks given the prediction; 0 of none, and at a start."""

@@ -85,9 +85,8 @@ class TissueProcess:
             )
         self._by_points = self.motion if sigma_points and isinstance(self.motion, NetworkMotion) else None
         self.extent_m = self.motion.extent_m
-        x, fixed = network.positions, network.fixed
-        field, self._left_out = self.discrepancy.field(x[network.free], x[fixed])
-        self._field = np.kron(field, np.eye(network.dim))
+        field = self.discrepancy.field(network.positions[network.free], network.positions[network.fixed])
+        self._field, self.left_out_m2 = np.kron(field[0], np.eye(network.dim)), field[1]
         n, n_f, n_d = self.span.matrix.shape[1], len(self.motion.driving), self._field.shape[1]
         bounds = np.cumsum([0, n, n, n_f, n_d])
         names = ("position", "velocity", "force", "discrepancy")
@@ -155,10 +154,6 @@ class TissueProcess:
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
-
-    def left_out(self, matrix: Floats) -> Floats:
-        """Covariance of a point by the discrepancy's functions that are no states, at level 1 [m²], (dim, dim)."""
-        return np.asarray((matrix * np.repeat(self._left_out, self.network.dim)) @ matrix.T)
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """At rest as drawn, under the forces of each mode: mean (n,), covariances (n_modes, n, n)."""
