@@ -265,6 +265,7 @@ def advise(
     to_ball = lesion.to_ball
     arrivals, depths, aims, p = insert_each(starts, predicted, line, needle.spread, to_ball, *sampled, False)
     _, _, turned_aims, turned_p = insert_each(starts[:1], predicted, line, needle.spread, to_ball, *sampled, True)
+    p[depths < needle.reach_m] = 0.0  # the target is not before the needle
     outlook = Outlook(starts, arrivals, p)
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])

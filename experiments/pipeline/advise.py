@@ -162,6 +162,9 @@ def observed_hits(done: Advised) -> Floats:
         if not np.isfinite(place).all():
             continue
         axis, depth_m = plan.insertion.axis, plan.insertion.depth_m + float(done.guidance[k].depth_m or 0.0)
+        if depth_m < plan.needle.reach_m:  # the target is behind the needle
+            found[k] = 0.0
+            continue
         tip = plan.insertion.entry + depth_m * axis
         found[k] = hit_probability(
             GaussianMixture.gaussian(place, of_push),

@@ -137,6 +137,8 @@ def case_of(
     ahead = resting_target(truth) - plan.insertion.entry
     deepest_m = DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M
     line = plan.insertion.entry + np.array([[0.0], [deepest_m]]) * plan.insertion.axis
+    if needle_path is not None and ahead @ plan.insertion.axis <= 0.0:
+        raise InputError.at(f"{needle_path}: direction", "that of a line toward the target", "one away from it")
     if needle_path is not None and truth.mesh is not None:
         away_m = outside_m(truth.mesh, np.linspace(line[0], line[1], N_ALONG))
         if away_m[0] > FAR_M:

@@ -190,6 +190,17 @@ def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, pa
     assert np.isfinite(table(done)["observed"]).sum() == known.sum()
 
 
+def test_a_needle_that_points_away_hits_nothing(recording, path):
+    truth = pd.DataFrame({"time_s": np.arange(91) / 30, "node": "M2", "x_mm": REST_MM[0], "y_mm": REST_MM[1]})
+    truth.to_csv(recording / "truth.csv", index=False)
+    path.write_text(
+        f"version = 1\nentry_mm = [{REST_MM[0]}, {REST_MM[1] + 20.0}]\ndirection = [0.0, 1.0]\nspeed_mm_s = 200.0\n"
+    )
+    found = reliability(advise(read_recording(recording), read_needle(path, 0.005, 2)))
+    assert found["insertions"] > 5
+    assert (found["predicted"], found["observed"]) == (0.0, 0.0)
+
+
 def test_a_breath_makes_the_target_ahead_surer(tmp_path, path):
     """All marks move aside by 10 mm, to and fro in 4 s: the model has learnt it after 8 s, and had not after 4."""
     marks = tuple(Mark(node, 0.0, 0.03) for node in OUTER)
