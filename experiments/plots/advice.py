@@ -69,7 +69,7 @@ SAME, STEADY = 0.01, 0.2
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
-OBSERVED = "observed: share of random errors of the tip that hit the true target"
+OBSERVED = "observed: share of random errors of tip and push that hit the true target"
 """A truth is one path; only the tip is random, so the share is between 0 and 1."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")

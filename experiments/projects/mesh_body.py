@@ -118,7 +118,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # it is drawn: `insert` draws no other
     truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
-    entry = surest_entry(assumed.network, TARGET, mesh, faces, nearest)
+    entry = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
         f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"

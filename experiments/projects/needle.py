@@ -40,10 +40,16 @@ def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) ->
 
 
 def surest_entry(
-    network: MassSpringNetwork, target: str, mesh: TetMesh, faces: NDArray[np.int64], nearest: Floats
+    network: MassSpringNetwork,
+    target: str,
+    mesh: TetMesh,
+    faces: NDArray[np.int64],
+    nearest: Floats,
+    wall: NDArray[np.int64],
 ) -> Floats:
     """The point of the free surface [m], (3,), from which push and bending leave the least error at the target.
 
+    No needle comes from the side of the wall, nodes (k,), where the rest of the person is.
     faces: of the surface, (k, 3); nearest: the point next to the target [m], (3,), taken if no straight needle enters
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
@@ -51,7 +57,9 @@ def surest_entry(
     start = network.positions[network.index(target)]
     centres = mesh.nodes[faces].mean(axis=1)
     some = far_apart(centres, min(N_ENTRIES, len(centres)), [int(np.linalg.norm(centres - start, axis=1).argmin())])
+    from_wall = mesh.nodes.mean(axis=0) - mesh.nodes[wall].mean(axis=0)
     entries = np.vstack([nearest, centres[some]])
+    entries = entries[(start - entries) @ from_wall <= 0.0]
 
     def error_m(entry: Floats) -> float:
         shift = _aimed(push, start, entry, start - entry)[1]

@@ -46,12 +46,13 @@ def plan_of(slab: Path) -> tuple[Scene, NeedlePlan]:
 
 
 def test_the_needle_enters_where_it_bends_the_body_little(slab: Path) -> None:
-    """The skin nearest to the target, 4.5 mm above, gives way three times as far or more."""
+    """The skin nearest to the target, 4.5 mm above, gives way twice as far or more."""
     scene, plan = plan_of(slab)
     push, above = plan.push_on(scene.network, scene.target.point), 1e-3 * TARGET_MM + [0.0, 0.0, 4.5e-3]
     own = np.linalg.norm(push.shift(plan.insertion))
-    assert own < 0.33 * np.linalg.norm(push.shift(Insertion(above, [0.0, 0.0, -1.0], 1.0)))
+    assert own < 0.5 * np.linalg.norm(push.shift(Insertion(above, [0.0, 0.0, -1.0], 1.0)))
     assert abs(plan.insertion.axis[2]) < 0.5
+    assert 1e3 * plan.insertion.entry[0] >= TARGET_MM[0]  # not from the wall at x = 0
 
 
 def test_the_needle_enters_from_outside(tmp_path: Path, monkeypatch) -> None:
