@@ -141,7 +141,9 @@ def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
                 T[i, j] = s.A[i, j]
                 s.P[i, j] = F[i, j] + F[j, i] - 2.0 * T[i, j]
         return 0.25 * _double_dot(s.P, s.P), F[0, 0] + F[1, 1] + F[2, 2] - 3.0
-    s.A[:] = F
+    for i in range(3):
+        for j in range(3):
+            s.A[i, j] = F[i, j]
     det = _cofactors(F, s.cofactors)
     if law == NEO_HOOKEAN:
         by = 1.0 / det if det > 0.0 else np.nan

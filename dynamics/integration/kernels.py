@@ -47,9 +47,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
     second_f = (-rates * (f + h * first_f) - 2.0 * first_f) / (1.0 + g * rates)
     pull = force / M + B @ (f + h * first_f + g * second_f)
     second = _resolved(S, K, M, g, middle[n:] - 2.0 * first[:n], pull - 2.0 * first[n:])
-    moved = np.empty_like(state)
-    moved[: 2 * n] = state[: 2 * n] + 1.5 * h * first + 0.5 * h * second
-    moved[2 * n :] = f + 1.5 * h * first_f + 0.5 * h * second_f
+    moved = state + h * np.concatenate((1.5 * first + 0.5 * second, 1.5 * first_f + 0.5 * second_f))
     return moved, np.abs(0.5 * h * (first + second)[:n]).max()
 
 
@@ -67,9 +65,7 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     twice, twice_by_f = lower @ A, g * (X @ by_f) + Y @ by_f
     fading = g * kept
     speed = np.hstack((TWICE * twice + ONCE * lower, fading * (TWICE * (twice_by_f + by_f * kept) + ONCE * by_f)))
-    found = np.vstack((g * speed, speed))
-    found[:n, : 2 * n] += TWICE * A[:n]
-    found[:n, 2 * n :] += TWICE * g * fading * by_f
+    found = np.vstack((g * speed + TWICE * np.hstack((A[:n], g * fading * by_f)), speed))
     for i in range(n):
         found[i, i] += ONCE
     return found

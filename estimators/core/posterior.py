@@ -285,5 +285,5 @@ class TissuePosterior:
         widest = covs.trace(axis1=2, axis2=3).argmax(axis=0)
         means = (self.filter.means[possible] @ rows.T).reshape(len(possible), len(nodes), dim)
         one_each = np.arange(len(nodes))
-        beside = np.array([self._residual(node) for node in nodes])
+        beside = np.array([self._residual(node) for node in nodes]) if self.residual_m.any() else 0.0
         return means[widest, one_each] + beside, covs[widest, one_each]

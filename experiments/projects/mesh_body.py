@@ -25,7 +25,7 @@ from experiments.formats.scene.target import Target
 from experiments.formats.tables import Table, read_table
 from experiments.log import LOG
 from experiments.projects.mesh_tissues import assigned, check_tissues
-from experiments.projects.needle import aimed, surest_entry
+from experiments.projects.needle import surest_entry
 from experiments.projects.template import (
     GROUP_SD,
     HUES_DEG,
@@ -118,18 +118,12 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # it is drawn: `insert` draws no other
     truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
-    entry = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
+    entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
         f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"
     )
-    return Template(
-        f"A body of {counts} from {of.path.name}",
-        assumed,
-        truth,
-        entry,
-        aimed(assumed.network, TARGET, entry, target - entry),
-    )
+    return Template(f"A body of {counts} from {of.path.name}", assumed, truth, entry, direction)
 
 
 def _check_words(of: MeshChoice, young_pa: float | None) -> None:

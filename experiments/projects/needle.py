@@ -31,7 +31,7 @@ def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Flo
 
 
 def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """The same with the push [m], (dim,), from the target's place at rest [m], (dim,)."""
+    """The direction, (dim,), and the push [m], (dim,), for a target at rest at `start` [m], (dim,)."""
     shift = np.zeros_like(start)
     for _ in range(AIMING):
         shift = push.shift(Insertion(entry, direction, 1.0))
@@ -46,8 +46,8 @@ def surest_entry(
     faces: NDArray[np.int64],
     nearest: Floats,
     wall: NDArray[np.int64],
-) -> Floats:
-    """The point of the free surface [m], (3,), from which push and bending leave the least error at the target.
+) -> tuple[Floats, Floats]:
+    """The point of the free surface [m], (3,), from which push and bending leave the least error, and the aim, (3,).
 
     No needle comes from the side of the wall, nodes (k,), where the rest of the person is.
     faces: of the surface, (k, 3); nearest: the point next to the target [m], (3,), taken if no straight needle enters
@@ -66,7 +66,8 @@ def surest_entry(
         depth_m = np.linalg.norm(start + shift - entry)
         return float(np.hypot(forces.force_sd * np.linalg.norm(shift), bending_sd * depth_m))
 
-    return next((entry for entry in sorted(entries, key=error_m) if _is_open(mesh, entry, start)), nearest)
+    entry = next((entry for entry in sorted(entries, key=error_m) if _is_open(mesh, entry, start)), nearest)
+    return entry, _aimed(push, start, entry, start - entry)[0]
 
 
 def _is_open(mesh: TetMesh, entry: Floats, target: Floats) -> bool:

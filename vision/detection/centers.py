@@ -66,7 +66,7 @@ def trust(noise_sd: Any, settings: CenterSettings) -> Any:
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
     """The centre of a mark whose area and outline agree; None where they do not."""
-    one, other = (np.array([*at.center_px, *at.cov_px2[np.triu_indices(2)]]) for at in (seen, fitted))
+    one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
 

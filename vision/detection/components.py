@@ -188,8 +188,8 @@ class _Search:
     def _inside(self, piece: Component) -> list[Floats]:
         """Where marks are expected inside a piece, from its patch's corner [px]."""
         height, width = piece.component.shape
-        places = [place - piece.corner_px for place in self.starts_px]
-        in_patch = [p for p in places if 0 <= p[0] < width and 0 <= p[1] < height]
+        places = self.starts_px - piece.corner_px
+        in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:

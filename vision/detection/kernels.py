@@ -449,9 +449,10 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
         at_edge = edge_gain * _power(_lopsided(measured, leverage, u, v), leverage, lag)
     figures[0], figures[1] = u, v
-    figures[2:5] = _center_cov(edge, (u, v, area), gram_inv, (max(behind, at_edge), behind), floor_px2)
+    cov = _center_cov(edge, (u, v, area), gram_inv, (max(behind, at_edge), behind), floor_px2)
     figures[5], figures[6] = area, 1.0 / np.sqrt(strength)
-    figures[7:10] = color
+    for a in range(3):
+        figures[2 + a], figures[7 + a] = cov[a], color[a]
     return True, alpha, figures
 
 
@@ -793,6 +794,8 @@ def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits
         agree, squared = agreed(figures, fit, figures[5] / sizes[k, 1], limits)
         found[k] = agree and fit[5] >= min_share
         marks[k, 0], marks[k, 1], marks[k, 5] = fit[0] + left, fit[1] + top, fit[7]
-        marks[k, 2:5] = max(1.0, squared / 2.0) * fit[2:5]
-        marks[k, 6:] = figures[5:]
+        for a in range(2, 5):
+            marks[k, a] = max(1.0, squared / 2.0) * fit[a]
+        for a in range(5, 10):
+            marks[k, 1 + a] = figures[a]
     return found, marks
