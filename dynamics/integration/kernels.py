@@ -52,20 +52,29 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 
 @njit(cache=True, nogil=True)
+def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
+    """Write columns of velocities, speeds (n, k), from `start` on, and those of coordinates above them.
+
+    once: rows of velocities in A, (n, k); those of coordinates are g times them, and 1
+    """
+    n, k = once.shape
+    for i in range(n):
+        for j in range(k):
+            found[i, start + j] = g * (speeds[i, j] + TWICE * once[i, j])
+            found[n + i, start + j] = speeds[i, j]
+
+
+@njit(cache=True, nogil=True)
 def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     """Derivative of coordinates and velocities after a step by the state before, (2 n, n_state)."""
     n, g = len(M), GAMMA * h
     kept = 1.0 / (1.0 + g * rates)
     X, Y = -g * (S @ K), S * M
-    lower = np.hstack((X, Y))  # rows of velocities in A; those of coordinates are g times them, and 1
-    A = np.vstack((g * lower, lower))
+    Z, F = g * X + Y, g * kept * (Y @ B)
+    found = np.empty((2 * n, 2 * n + len(rates)))
+    _put(found, 0, X, TWICE * (X + Z @ X) + ONCE * X, g)
+    _put(found, n, Y, TWICE * (Z @ Y) + ONCE * Y, g)
+    _put(found, 2 * n, F, TWICE * (Z @ F + F * kept) + ONCE * F, g)
     for i in range(n):
-        A[i, i] += 1.0
-    by_f = Y @ B
-    twice, twice_by_f = lower @ A, g * (X @ by_f) + Y @ by_f
-    fading = g * kept
-    speed = np.hstack((TWICE * twice + ONCE * lower, fading * (TWICE * (twice_by_f + by_f * kept) + ONCE * by_f)))
-    found = np.vstack((g * speed + TWICE * np.hstack((A[:n], g * fading * by_f)), speed))
-    for i in range(n):
-        found[i, i] += ONCE
+        found[i, i] += TWICE + ONCE
     return found

@@ -7,6 +7,15 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
+def _add(to, columns, scale):  # type: ignore[no-untyped-def]
+    """Add the products of the rows of columns (k, any) to the first k rows and columns of a matrix."""
+    squares = columns @ columns.T
+    for i in range(len(squares)):
+        for j in range(len(squares)):
+            to[i, j] += scale * squares[i, j]
+
+
+@njit(cache=True, nogil=True)
 def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
     """Derivative of the end by the start (2 n, m), how much forces fade (n_f,), and noises (1 + n_sources, m, m).
 
@@ -25,16 +34,20 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
                 noises[1 + sources[f], moving + f, moving + f] = 1.0 - fadings[step, f] ** 2
             before = by_states[step].copy()
         else:
-            driven = np.vstack((motion[:, moving:], np.diag(force))) * np.sqrt(1.0 - fadings[step] ** 2)
-            for source in np.unique(sources):
-                own = driven[:, sources == source]
-                noises[1 + source] += own @ own.T
+            driven = np.zeros((m, m - moving))
             before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
-            before[:, moving:] += motion[:, moving:] * fadings[step]
+            for f in range(m - moving):
+                driven[moving + f, f] = force[f]
+                for i in range(moving):
+                    driven[i, f] = motion[i, moving + f]
+                    before[i, moving + f] += motion[i, moving + f] * fadings[step, f]
+            driven *= np.sqrt(1.0 - fadings[step] ** 2)
+            for source in range(n_sources):
+                _add(noises[1 + source], driven[:, sources == source], 1.0)
         # Simpson's rule over when white noise acts in the step: F F' + (F + L) (F + L)' + L L', first and last
         first, last = before[:, half:moving] * white, motion[:, half:moving] * white
-        acted = np.hstack((np.sqrt(2.0) * first + np.sqrt(0.5) * last, np.sqrt(1.5) * last))
-        noises[0, :moving, :moving] += steps_s[step] / 6.0 * (acted @ acted.T)
+        _add(noises[0], np.sqrt(2.0) * first + np.sqrt(0.5) * last, steps_s[step] / 6.0)
+        _add(noises[0], np.sqrt(1.5) * last, steps_s[step] / 6.0)
         motion, force = before, force * fadings[step]
     return motion, force, noises
 

@@ -9,10 +9,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-LOOPS = 24
-"""Measurements beyond which LAPACK solves in place of loops, and Joseph's form is multiplied out, for its cost grows
-with the cube of the states."""
-
 TILE = 32
 """Rows and columns of a matrix that stay in the cache while it is mirrored; numerical."""
 
@@ -136,46 +132,13 @@ def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
 @njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
     """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
-    HP, HPH = measured(P, H)
-    return _updated(x, P, z - H @ x, R, H, HP, HPH, np.ascontiguousarray(HP.T), HPH + R)
-
-
-@njit(cache=True, nogil=True)
-def measured(P, H):  # type: ignore[no-untyped-def]
-    """H P (m, n) and H P H' (m, m); for many measurements only over the states that H depends on."""
-    m, n = H.shape
-    if m <= LOOPS:
-        HP = H @ P
-        return HP, HP @ H.T
-    on = np.zeros(n, dtype=np.bool_)
-    for a in range(m):
-        for i in range(n):
-            on[i] |= H[a, i] != 0.0
-    states = np.flatnonzero(on)
-    dense = np.ascontiguousarray(H[:, states])
-    HP = dense @ P[states]
-    return HP, np.ascontiguousarray(HP[:, states]) @ dense.T
-
-
-@njit(cache=True, nogil=True)
-def _updated(x, P, y, R, H, HP, HPH, PH, innovation_cov):  # type: ignore[no-untyped-def]
-    """The result of `joseph_update` for an innovation y, its covariance, and its covariance with the state, PH (n, m).
-
-    HP (m, n), HPH (m, m): H P and H P H' of P alone, without considered errors
-    """
-    S = 0.5 * (innovation_cov + innovation_cov.T)
+    y, PH = z - H @ x, P @ H.T
+    S = H @ PH + R
+    S = 0.5 * (S + S.T)
     C, definite = chol_lower(S)
     n, m = PH.shape
     K = np.zeros((n, m))
     nis, log_det = 0.0, 0.0
-    if definite and m > LOOPS:
-        for a in range(m):
-            log_det += 2.0 * np.log(C[a, a])
-        S_inv = np.linalg.inv(S)
-        K = PH @ S_inv
-        # (1 - K H) P (1 - K H)' + K R K' is P and this with its transpose
-        beside = K @ (0.5 * ((HPH + R) @ K.T) - HP)
-        return x + K @ y, P + (beside + beside.T), y, S, K, y @ S_inv @ y, log_det, definite
     if definite:
         w = np.empty(m)
         for a in range(m):
