@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dynamics import MassSpringNetwork, fit_rest_lengths, rest_shape
+from dynamics import MassSpringNetwork, NetworkError, fit_rest_lengths, rest_shape
 from dynamics.network.mass_spring import spring_lengths
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
@@ -174,9 +174,13 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
+        """Some ways have no equilibrium: then another is drawn."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
-        return fit_rest_lengths(scene.network, places)
+        try:
+            return fit_rest_lengths(scene.network, places)
+        except NetworkError:
+            return moved(scene, rng)
 
     return Truth(moved)
 
