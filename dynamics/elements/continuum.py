@@ -216,6 +216,10 @@ def _continuum(
     forces = np.asarray(np.kron(fields, np.eye(3)), dtype=float)
     moved = factor.solve(forces)
     weights = csr_array(named.weights[:, free])
+    still = np.flatnonzero(weights.sum(axis=1) < HARDLY)
+    if len(still):
+        found = f"{np.round(1e3 * named.places[still[0]], 3)} mm"
+        raise MeshError(f"points: expected each where the mesh moves, found {found} where it is held")
     rows = _by_axis(weights)
     V, rates = _modes(nodes, masses, K, len(free) < len(mesh.nodes), moved, np.asarray(rows @ moved), left_out)
     total = float(masses.sum())

@@ -78,3 +78,14 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     for i in range(n):
         found[i, i] += TWICE + ONCE
     return found
+
+
+@njit(cache=True, nogil=True)
+def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
+    """Coordinates and velocities after a step, (2 n, k), by accelerations (n, k) that are the same all along it."""
+    n, g = len(M), GAMMA * h
+    once = g * (S @ (M.reshape(n, 1) * pushes))
+    twice = once + S @ (M.reshape(n, 1) * once - g * g * (K @ once))
+    found = np.empty((2 * n, pushes.shape[1]))
+    _put(found, 0, once, TWICE * twice + ONCE * once, g)
+    return found

@@ -15,7 +15,7 @@ import numpy as np
 from dynamics.arrays import Floats
 from dynamics.elements.assembly import Assembly
 from dynamics.elements.reduced import ReducedAssembly
-from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_state, first_stage, second_stage
+from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_push, by_state, first_stage, second_stage
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
@@ -26,13 +26,21 @@ SHORTEST_SHARE = 1.0 / 128.0
 class Move:
     """One step: its length [s], the state after it (n_state,), and derivative of that by the state before.
 
-    by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,)
+    by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,); S, K, M: as in
+    `kernels`
     """
 
     step_s: float
     state: Floats
     by_state: Floats
     fading: Floats
+    S: Floats
+    K: Floats
+    M: Floats
+
+    def pushed(self, accelerations: Floats) -> Floats:
+        """Coordinates and velocities after the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
+        return np.asarray(by_push(self.step_s, self.S, self.K, self.M, np.ascontiguousarray(accelerations)))
 
 
 class Rosenbrock:
@@ -83,7 +91,7 @@ class Rosenbrock:
             state = moved
             derivative = by_state(h, S, K, M, B, rates) if derivatives else np.empty((0, 0))
             kept = 1.0 / (1.0 + GAMMA * h * rates)
-            moves.append(Move(h, state, derivative, TWICE * kept**2 + ONCE * kept))
+            moves.append(Move(h, state, derivative, TWICE * kept**2 + ONCE * kept, S, K, M))
             done += h
             if error < 0.1 * self.tolerance_m:
                 h = min(2.0 * h, longest)

@@ -61,10 +61,8 @@ class AheadTables:
         own = G[:, :, : found.noises.shape[1]]
         noises = [own @ noise @ own.swapaxes(1, 2) for noise in found.noises]
         noises += [(G * variances) @ G.swapaxes(1, 2) for variances in found.independent]
-        kick = cycle_s / np.repeat(network.masses[network.free], network.dim)
-        velocity = G[:, :, process.parts["velocity"]] @ (process.span.onto * kick)
-        pushed = np.zeros_like(velocity)  # half of a push at the start of its step, half at the end
-        pushed[1:] = 0.5 * (velocity[1:] + velocity[:-1])
+        unit = process.pushed(rest, cycle_s, np.eye(len(network.free) * network.dim))
+        pushed = np.concatenate([np.zeros((1, len(G[0]), unit.shape[1])), G[:-1] @ unit])
         if tissue.flexibility is not None:
             pushed[1] += tissue.target.matrix @ tissue.flexibility
         return cls(

@@ -158,7 +158,7 @@ class HypothesisFilter:
     def predict(self, dt: float, kick: Floats | None = None) -> None:
         """Move all hypotheses by dt [s], more than 0.
 
-        kick: what a known force adds to the state meanwhile, (n,): half of it at the start, half at the end
+        kick: what a known force adds to the state meanwhile, (n,)
         """
         live, chain = np.flatnonzero(self.weights), expm(self.process.rates * dt)
         joint = self.weights[live, None] * chain[live]
@@ -168,8 +168,8 @@ class HypothesisFilter:
         shares /= shares.sum(axis=0)
         if self.level is not None:
             self.level.forget(dt)
-        half = 0.0 if kick is None else 0.5 * kick
-        before = Prior(self.means[live] + half, self.covs[live], self.weights[live], shares, chain, dt, half)
+        added = 0.0 if kick is None else kick
+        before = Prior(self.means[live], self.covs[live], self.weights[live], shares, chain, dt, added)
         self.weights, self._before, self._dt = weights, before, dt
         self._move(before, before.weights @ before.means, before.mixed(int(np.argmax(weights)))[1])
         if self.trace is not None:
@@ -190,7 +190,7 @@ class HypothesisFilter:
 
     def _traced(self, before: Prior) -> Move:
         assert self._transition is not None  # there is one after a prior
-        start = mixed(before.weights, before.means - before.kick, before.covs)
+        start = mixed(before.weights, before.means, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
 
     @property

@@ -71,7 +71,7 @@ class Prior:
     """Hypotheses before a transition over dt [s].
 
     means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
-    chain (k, k): probability of each mode after dt by that before; kick (n,): added at the start and at the end
+    chain (k, k): probability of each mode after dt by that before; kick (n,): what a known force adds
     """
 
     means: Floats

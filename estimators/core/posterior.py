@@ -18,6 +18,7 @@ from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.filters.kernels import block_contributions, nis_left
+from estimators.filters.unscented import CovarianceError
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import QUIET
 from estimators.process.target import TargetMap, TargetPoint, target_map
@@ -66,6 +67,8 @@ class TissuePosterior:
         if not marked:
             raise ValueError("marked: expected one free node or more, found none")
         self.settings = settings or FilterSettings()
+        for name in (*marked, *self.settings.led_nodes):
+            network.coordinates(name)  # raises NetworkError for none, and for an anchor
         self.network, self.marked, self.n_calibration = network, tuple(marked), n_calibration
         self.target, self.rest = target_map(network, target), rest_shape(network)
         self.process = TissueProcess(
@@ -217,7 +220,10 @@ class TissuePosterior:
     def shift(self, y: Floats, S: Floats) -> CommonShift:
         """What one shift of all marks explains of their innovation."""
         dim = self.network.dim
-        root = inverse_roots(S[None])[0]
+        try:
+            root = inverse_roots(S[None])[0]
+        except np.linalg.LinAlgError:
+            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:

@@ -188,6 +188,14 @@ class TissueProcess:
         lasting = self._lasting.fading(dt) * state[behind:]
         return np.concatenate([self.motion.moved(state[:start], dt), self._fading(dt) * state[start:behind], lasting])
 
+    def pushed(self, state: Floats, dt: float, forces: Floats) -> Floats:
+        """What constant forces on the free nodes [N], (n_free dim, k), add to the state (n, k) that follows dt [s]."""
+        masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
+        moving, found = self.parts["velocity"].stop, np.zeros((self.n, forces.shape[1]))
+        accelerations = self.span.onto @ (forces / masses[:, None])
+        found[:moving] = self.motion.pushed(state[: self.parts["discrepancy"].start], dt, accelerations)
+        return found
+
     def linearize(self, state: Floats, dt: float, cov: Floats | None = None) -> Transition:
         """The motion over dt [s], linearised step by step along it, or by sigma points of a covariance (n, n)."""
         found = self._along(state, dt)

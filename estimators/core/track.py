@@ -157,16 +157,14 @@ class TissueFilter(TissuePosterior):
 
     def _advance(self, time_s: float, dt: float, push: ForceHistory | None, longest_s: float) -> None:
         known = None if push is None else KnownForce(push, self.network, time_s)
-        masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
         n = max(1, int(np.ceil(dt / (longest_s if known is None else PUSHED_S) - 1e-9)))
         for _ in range(n):
             kick = None
             if known is not None:
                 known.step(dt / n)
-                velocity, kick = self.process.parts["velocity"], np.zeros(self.process.n)
-                moving = self.process.at(self.filter.mean[: velocity.stop].reshape(2, -1)).reshape(1, -1)
-                forces = known.forces(moving).ravel()
-                kick[velocity] = self.process.span.onto @ (forces / masses) * (dt / n)
+                mean, moving = self.filter.mean, self.process.parts["velocity"].stop
+                forces = known.forces(self.process.at(mean[:moving].reshape(2, -1)).reshape(1, -1)).ravel()
+                kick = self.process.pushed(mean, dt / n, forces[:, None])[:, 0]
                 if self.flexibility is not None:
                     self.residual_m = self.flexibility @ forces
             self.filter.predict(dt / n, kick)

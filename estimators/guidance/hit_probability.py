@@ -36,19 +36,17 @@ def hit_probability(
     Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
 
     target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim and too much off it
-    axis: unit vector [1], (dim,), along the needle; the notch lies `needle.reach_m` back along it from the tip's mean
-    Raises ValueError where dimensions differ.
+    axis: (dim,), of any length, along the needle; the notch lies `needle.reach_m` back along it from the tip's mean
+    Raises ValueError where dimensions differ, and for an axis or a mixture that is none.
     """
     needle = Needle() if needle is None else needle
-    _check_dim(target, tip, axis, lesion)
+    axis = _checked_axis(target, tip, axis, lesion)
     length, core = needle.sampled
-    back = needle.reach_m * np.asarray(axis, dtype=float)
+    back = needle.reach_m * axis
     offsets = (tip.means - back)[None] - target.means[:, None]
     covs = tip.covs[None] + target.covs[:, None]
     dim, k = lesion.dim, offsets.shape[0] * offsets.shape[1]
-    each = hit_each(
-        offsets.reshape(k, dim), covs.reshape(k, dim, dim), np.asarray(axis, dtype=float), lesion.to_ball, length, core
-    )
+    each = hit_each(offsets.reshape(k, dim), covs.reshape(k, dim, dim), axis, lesion.to_ball, length, core)
     # numerical errors of the kernels may bring the sum above one
     return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
 
@@ -63,9 +61,8 @@ def best_aim(
     mean and from the mean of all.
     """
     needle = Needle() if needle is None else needle
-    axis = np.asarray(axis, dtype=float)
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)
-    _check_dim(target, tip, axis, lesion)
+    axis = _checked_axis(target, tip, axis, lesion)
     to_ball, (length, core) = lesion.to_ball, needle.sampled
     covs = target.covs + tip.covs
 
@@ -89,10 +86,19 @@ def best_aim(
     return best
 
 
-def _check_dim(target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion) -> None:
+def _checked_axis(target: GaussianMixture, tip: GaussianMixture, axis: Floats, lesion: Lesion) -> Floats:
+    """The axis as a unit vector, (dim,)."""
     for name, one in (("target", target), ("tip", tip)):
         if not isinstance(one, GaussianMixture):
             raise TypeError(f"{name}: expected a GaussianMixture, such as of predict_modes, found {type(one).__name__}")
+        variances = np.einsum("kii->ki", one.covs)
+        if not (np.isfinite(one.means).all() and np.isfinite(one.covs).all() and (variances >= 0.0).all()):
+            raise ValueError(f"{name}: expected finite means, and covariances, found {one.means}, {one.covs}")
     dims = (target.means.shape[1], tip.means.shape[1], len(axis))
     if dims != (lesion.dim,) * 3:
         raise ValueError(f"dimensions: expected target, tip and axis of the lesion's {lesion.dim}, found {dims}")
+    along = np.asarray(axis, dtype=float)
+    length = float(np.linalg.norm(along))
+    if not 0.0 < length < np.inf:
+        raise ValueError(f"axis: expected a direction, found {along}")
+    return along / length

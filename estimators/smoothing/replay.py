@@ -75,19 +75,21 @@ class Replay:
     @all_or_nothing
     def _fused(self, event: Event) -> TargetEstimate | None:
         newest = self.tissue.time_s
-        if newest is not None and event.time_s < newest - self.horizon_s:
+        late = newest is not None and event.time_s < newest
+        later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
+        began = later[0].before.time_s if later else None  # None: with the filter itself
+        unkept = not later or (began is not None and began > event.time_s)
+        if newest is not None and late and (unkept or event.time_s < newest - self.horizon_s):
             self.late["rejected"] += 1
             return None
-        late = newest is not None and event.time_s < newest
-        estimate = self._again_with(event) if late else self._apply(event)
+        estimate = self._again_with(event, later) if late else self._apply(event)
         if late:
             self.late["fused"] += 1
         newest = self.tissue.time_s or event.time_s
         self._kept = [kept for kept in self._kept if kept.event.time_s >= newest - self.horizon_s]
         return estimate
 
-    def _again_with(self, event: Event) -> TargetEstimate:
-        later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
+    def _again_with(self, event: Event, later: Sequence[_Kept]) -> TargetEstimate:
         self.tissue.restore(later[0].before)
         self._kept = [kept for kept in self._kept if kept.event.time_s <= event.time_s]
         estimate = self._apply(event)

@@ -74,7 +74,7 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
         return Status.INITIALISING
     if time_s - health.seen_s > settings.lost_s:
         return Status.LOST
-    return Status.DIVERGED if health.status is Status.DIVERGED else Status.COASTING
+    return Status.COASTING if health.status is Status.TRACKING else health.status
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:

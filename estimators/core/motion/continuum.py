@@ -30,6 +30,9 @@ SIGNS = np.array([1.0, -1.0])
 SAME_S = 1e-9
 """Difference of frame intervals that is rounding [s]; numerical."""
 
+NODES, PANEL = 16, 8.0
+"""Nodes of a panel of Gauss's quadrature, and its length by the rate of what is integrated [1]; numerical."""
+
 FIXED = 1e-6
 """Standard deviation of the coordinate that stands for the drawn shape, by itself [1]; numerical: it does not move."""
 
@@ -168,32 +171,33 @@ class ContinuumMotion:
         for a, rows in ((moved, x), (rates * moved, v)):
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
-        noise, forces = noises[SOURCES.index("slow")], self._states(2 * n)
-        *answers, rates = (np.concatenate(both) for both in zip(*map(self._pushed, self._fading), strict=True))
-        answers = [np.repeat(SIGNS, 3)[:, None] * factors for factors in answers]
-        square = self._density * (self._basis @ self._basis.T)
-        grown = _grown(rates[:, None, :, None] + rates[:, None, :], dt)
-        for a, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-            for b, columns in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-                noise[rows, columns] = np.einsum("pi,qj,pqij->ij", a, b, grown, optimize=True).real * square
-            for rate, force in zip(self._fading, forces, strict=True):
-                by_force = (a * _grown(rates - rate, dt)).sum(axis=0).real
-                noise[rows, force] = self._density * by_force[:, None] * self._basis
-                noise[force, rows] = noise[rows, force].T
-        both = self._fading[:, None] + self._fading
-        noise[2 * n :, 2 * n :] = self.force_cov * np.kron(-np.expm1(-both * dt), np.eye(self._basis.shape[1]))
+        t, weights = _ages(dt, float(np.abs(self._roots).min(axis=0).max()))
+        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # to an impulse of the noise of that age
+        for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
+            *factors, rates = self._pushed(rate)
+            grown = sign * np.exp(rates[..., None] * t)
+            for each, rows in zip(factors, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
+                answers[rows] += (each[..., None] * grown).sum(axis=0).real[:, None] * self._basis[..., None]
+            answers[force] = np.eye(self._basis.shape[1])[..., None] * np.exp(-rate * t)
+        answers = (np.sqrt(self._density * weights) * answers).reshape(n_state, -1)
+        noises[SOURCES.index("slow")] = answers @ answers.T
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
         """Effect of each constant that is off by one standard deviation, (2 n, n_constants): forces at their mean."""
         n = 1 + self._roots.shape[1]
-        columns = np.zeros((2 * n, 0 if self._constants is None else len(self._constants)))
         if self._constants is None:
-            return columns
+            return np.zeros((2 * n, 0))
         pushes = 0.5 * (self._constants @ (start[1:n] + end[1:n])).T
+        return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
+
+    def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
+        """Coordinates and velocities after dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        n = 1 + self._roots.shape[1]
+        columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)
         for factors, rows in zip(answers, (slice(1, n), slice(n + 1, 2 * n)), strict=True):
-            columns[rows] = (factors * np.exp(rates * dt)).sum(axis=0).real[:, None] * pushes
+            columns[rows] = (factors * np.exp(rates * dt)).sum(axis=0).real[:, None] * accelerations[1:]
         return columns
 
 
@@ -205,6 +209,17 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
     _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
     return np.asarray(push @ right[kept].T)
+
+
+def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
+    """Nodes [s] and weights [s], (k,), of Gauss's quadrature from 0 to dt [s] of what changes at up to `rate` [1/s].
+
+    Sums of exponentials in closed form cancel where a mode is free: its variance grows with the fifth power of dt.
+    """
+    edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
+    x, weights = np.polynomial.legendre.leggauss(NODES)
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1.0 + x)).ravel(), (half * weights).ravel()
 
 
 def _grown(rates: Exponents, dt: float) -> Exponents:

@@ -82,3 +82,6 @@ class Motion(Protocol):
 
     def along(self, state: Floats, dt: float) -> Along:
         """The motion from a state (2 n + n_f,) over dt [s]."""
+
+    def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
+        """Coordinates and velocities after dt [s] from a state, (2 n, k), by constant accelerations (n, k) [m/s²]."""

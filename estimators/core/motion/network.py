@@ -164,18 +164,18 @@ class NetworkMotion:
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
         """How each constant that is off by a standard deviation moves the end of these steps, (2 n, n_constants).
 
-        start: coordinates and velocities before them. Forces are held over halves of a step: the trapezium rule.
+        start: coordinates and velocities before them. Forces are those in the middle of a step.
         """
-        moving, n = len(start), len(start) // 2
+        moving = len(start)
         if self._by_constants is None:
             return np.zeros((moving, 0))
         pushes = self._accelerations(np.stack([start, *(move.state[:moving] for move in moves)]))
-        columns = np.zeros((moving, pushes.shape[2]))
-        for move, before, after in zip(moves, pushes, pushes[1:], strict=False):
-            columns[n:] += 0.5 * move.step_s * before
-            columns = move.by_state[:, :moving] @ columns
-            columns[n:] += 0.5 * move.step_s * after
-        return columns
+        return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
+
+    def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
+        """Coordinates and velocities after dt [s] from a state, (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        moves = self._stepper.moves(state, dt, LONGEST_S)
+        return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
         """By which each constant that is off by a standard deviation moves the body [m/s²], (..., n, n_constants).
@@ -188,6 +188,15 @@ class NetworkMotion:
         nodes = np.concatenate([states[..., : len(masses)] @ V.T, states[..., len(masses) :] @ V.T], axis=-1)
         forces = self._uncertainty.directions @ self._by_constants(nodes)
         return np.asarray(forces @ V / masses).swapaxes(-1, -2)
+
+
+def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
+    """Coordinates and velocities after steps, (2 n, k), by accelerations in each of them, (n, k) [m/s²]."""
+    n, k = accelerations[0].shape
+    columns = np.zeros((2 * n, k))
+    for move, own in zip(moves, accelerations, strict=True):
+        columns = move.by_state[:, : 2 * n] @ columns + move.pushed(own)
+    return columns
 
 
 def principal(columns: Floats) -> Floats:

@@ -163,12 +163,15 @@ def test_steps_follow_the_equations_of_motion(network, driven):
             {"points": {"far": np.array([0.1, 0.02, 0.02])}},
             r"points: expected each inside the mesh or near its surface, found \[100",
         ),
+        ({"points": "wall"}, r"points: expected each where the mesh moves, found \["),
     ],
 )
 def test_what_cannot_be_is_an_error(mesh, fixed, change, message):
     given = {"tissues": (FAT, GLAND), "fixed": fixed, "points": POINTS} | change
     if isinstance(given["fixed"], str):
         given["fixed"] = np.arange(len(mesh.nodes))
+    if isinstance(given["points"], str):
+        given["points"] = POINTS | {"held": mesh.nodes[fixed[0]]}
     with pytest.raises(MeshError, match=message):
         continuum_network(mesh, given["tissues"], given["fixed"], given["points"])
 

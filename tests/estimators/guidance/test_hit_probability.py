@@ -232,3 +232,28 @@ def test_a_sure_hit_is_no_more_than_certain():
     tip = GaussianMixture.gaussian(np.array([-5.0761272201476065e-05, -2.2215894317195728e-05]), 0.5 * cov)
     axis, lesion = np.array([-0.55485502, -0.83194706]), Lesion.ball(0.008118140344103266, 2)
     assert 1.0 - 1e-6 < hit_probability(target, tip, axis, lesion, needle=TIP) <= 1.0
+
+
+@pytest.mark.parametrize("length", [0.1, 2.0])
+def test_an_axis_may_have_any_length(length):
+    target, tip = (GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.eye(3)) for _ in range(2))
+    lesion, axis = Lesion.ball(0.02, 3), np.array([0.0, 0.0, -1.0])
+    expected = hit_probability(target, tip, axis, lesion)
+    assert 0.5 < expected < 1.0
+    assert hit_probability(target, tip, length * axis, lesion) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("axis", "mean", "variance", "message"),
+    [
+        ([0.0, 0.0, 0.0], 0.0, 1e-6, "axis: expected a direction"),
+        ([0.0, 0.0, np.nan], 0.0, 1e-6, "axis: expected a direction"),
+        ([0.0, 0.0, -1.0], np.nan, 1e-6, "target: expected finite means"),
+        ([0.0, 0.0, -1.0], 0.0, -1e-6, "target: expected finite means, and covariances"),
+    ],
+)
+def test_no_probability_of_what_is_no_direction_or_mixture(axis, mean, variance, message):
+    target = GaussianMixture.gaussian(np.full(3, mean), variance * np.eye(3))
+    tip = GaussianMixture.gaussian(np.zeros(3), 1e-6 * np.eye(3))
+    with pytest.raises(ValueError, match=message):
+        hit_probability(target, tip, np.array(axis), Lesion.ball(0.004, 3))

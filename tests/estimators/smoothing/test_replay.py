@@ -56,6 +56,17 @@ def test_what_is_older_than_the_history_is_refused_and_counted(phantom, frames):
     assert digest(replayed.tissue.snapshot()) != before
 
 
+@pytest.mark.parametrize("first", [None, 0.7])
+def test_of_a_filter_that_has_run_nothing_older_is_taken(phantom, frames, first):
+    tissue = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(tissue, [(k / 30.0, frames[0][1]) for k in range(20)])
+    replayed = Replay(tissue)
+    if first is not None:
+        replayed.take(first, frames[0][1])
+    assert replayed.take(0.6, frames[0][1]) is None
+    assert replayed.late == {"rejected": 1}
+
+
 def test_the_history_is_bounded(phantom, frames):
     replayed, _ = replay(phantom, frames, range(12), horizon_s=0.1)
     assert len(replayed._kept) == 4  # 0, 1/30, 2/30 and 3/30 s old

@@ -24,8 +24,8 @@ def passed(kick=None):
         found.trace = []
         found.predict(0.5, kick)
         known.predict()
-        if kick is not None:  # half of it acts before the motion
-            known.x = known.x + 0.5 * (known.F @ kick[:, None] + kick[:, None])
+        if kick is not None:
+            known.x = known.x + kick[:, None]
         predicted.append(known.x.copy())
         found.update([Seen(value, 0.04)])
         known.update(value)

@@ -38,6 +38,16 @@ def test_one_frame_tells_no_velocity():
     assert walked(frames)[0] == ["INITIALISING"] * 3 + ["TRACKING"] * 2
 
 
+def test_a_gap_after_the_first_frame_confirms_nothing():
+    assert walked([(0.0, FINE), (0.05, None), (0.5, None), (0.51, FINE), (1.6, None)])[0] == [
+        "INITIALISING",
+        "INITIALISING",
+        "INITIALISING",
+        "TRACKING",
+        "LOST",
+    ]
+
+
 def test_without_marks_it_coasts_then_is_lost_and_starts_again():
     """COASTING up to and with lost_s = 1 s after the last mark, LOST beyond, INITIALISING with the next."""
     frames = [(1.05, None), (2.0, None), (2.01, None), (9.0, None), (9.1, FINE), (9.21, FINE), (9.25, None)]
