@@ -13,7 +13,7 @@ from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
 from estimators.core.disturbances import Disturbances
 from estimators.core.moments import mixed
-from estimators.filters.kernels import joseph_update, moments_each, symmetric_points_each
+from estimators.filters.kernels import joseph_update, moments, symmetric_points
 from estimators.filters.unscented import positive_points
 from estimators.process.process_model import QUIET, ForceMode
 from estimators.process.target import TargetPoint
@@ -83,13 +83,13 @@ class ParticleFilter(Baseline):
         self.modes = np.repeat(np.arange(2), len(odds))
 
     def _moved(self, mode: ForceMode, dt: float) -> tuple[Floats, Floats]:
-        xs, Ps, k, n_steps = self.means, self.covs, len(self.means), self.model.stepper.n_steps(dt)
-        Wm, Wc = (np.tile(w, (k, 1)) for w in self._weights)
-        Q = np.tile(self.model.noise(dt / n_steps, mode), (k, 1, 1))
+        xs, Ps, n_steps = self.means, self.covs, self.model.stepper.n_steps(dt)
+        Q = self.model.noise(dt / n_steps, mode)
         for _ in range(n_steps):
-            points, _ = symmetric_points_each(xs, Ps, np.full(k, self._scale))
-            moved = self.model.propagate_each(points, dt / n_steps, [mode] * k)
-            xs, Ps = moments_each(moved, Wm, Wc, Q)
+            points = np.array([symmetric_points(x, P, self._scale)[0] for x, P in zip(xs, Ps, strict=True)])
+            moved = self.model.propagate_each(points, dt / n_steps, [mode] * len(xs))
+            each = [moments(points, *self._weights, Q) for points in moved]
+            xs, Ps = (np.array(one) for one in zip(*each, strict=True))
         return xs, Ps
 
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> None:

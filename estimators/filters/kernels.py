@@ -102,34 +102,6 @@ def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def symmetric_points_each(xs, Ps, scales):  # type: ignore[no-untyped-def]
-    """`symmetric_points` of each of several Gaussians: (k, 2n + 1, n), and which P were positive definite, (k,)."""
-    k, n = xs.shape
-    points = np.empty((k, 2 * n + 1, n))
-    definite = np.empty(k, dtype=np.bool_)
-    for j in range(k):
-        drawn, definite[j] = symmetric_points(xs[j], Ps[j], scales[j])
-        for q in range(2 * n + 1):
-            for i in range(n):
-                points[j, q, i] = drawn[q, i]
-    return points, definite
-
-
-@njit(cache=True, nogil=True)
-def moments_each(points, Wm, Wc, Qs):  # type: ignore[no-untyped-def]
-    """`moments` of each of several sets of points, each with its weights (k, n_points) and noise: (k, n), (k, n, n)."""
-    k, _, n = points.shape
-    xs, Ps = np.empty((k, n)), np.empty((k, n, n))
-    for j in range(k):
-        x, P = moments(points[j], Wm[j], Wc[j], Qs[j])
-        for i in range(n):
-            xs[j, i] = x[i]
-            for c in range(n):
-                Ps[j, i, c] = P[i, c]
-    return xs, Ps
-
-
-@njit(cache=True, nogil=True)
 def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
     """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
     y, PH = z - H @ x, P @ H.T
