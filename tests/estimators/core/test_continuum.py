@@ -299,7 +299,7 @@ def test_a_force_is_smooth_in_time(process):
 
 
 def test_a_body_that_nothing_holds_is_followed_as_it_drifts():
-    """Carried along and turned slowly, marks to 0.5 mm: the target to 0.5 mm of it, within six standard deviations."""
+    """Shifted and turned slowly, marks to 0.5 mm: the target to 0.5 mm of it, within six standard deviations."""
     mesh, rng, errors = block((4, 3, 2), SIZE), np.random.default_rng(0), []
     free = continuum_network(mesh, (FAT,), np.empty(0, dtype=np.int64), MARKS | {"target": TARGET})
     tissue = TissueFilter(free, "target", tuple(MARKS))
