@@ -36,7 +36,7 @@ def hit_probability(
     Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
 
     target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim and too much off it
-    axis: direction [1], (dim,), of any length, along the needle; the notch lies `needle.reach_m` back from the tip's mean
+    axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError where dimensions differ, and for an axis or a mixture that is none.
     """
     needle = Needle() if needle is None else needle
