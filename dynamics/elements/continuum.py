@@ -225,7 +225,9 @@ def _continuum(
     total = float(masses.sum())
     by_tissue = _by_tissue(strained, mesh.regions, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
-    spread = _by_axis(csr_array(patch_weights(mesh, outside, named)[:, free]))
+    near = csr_array(patch_weights(mesh, outside, named)[:, free]).toarray()
+    is_held = near.sum(axis=1) < HARDLY  # all of the patch: the force is on the point's own nodes
+    spread = _by_axis(csr_array(np.where(is_held[:, None], weights.toarray(), near)))
     compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
     return Continuum(

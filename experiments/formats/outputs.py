@@ -9,9 +9,15 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from experiments.errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TIMES = ("time_s", "arrival_s")
+"""Columns of tables that are times on any clock, such as since 1970."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Errors of an operating system for a full disk or quota."""
@@ -80,6 +86,12 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
     finally:
         if made and not any(final.iterdir()):
             final.rmdir()
+
+
+def table_text(table: pd.DataFrame) -> str:
+    """A table as CSV: times to the nanosecond, other numbers to nine digits."""
+    exact = {name: table[name].map(lambda t: repr(round(t, 9)), na_action="ignore") for name in TIMES if name in table}
+    return str(table.assign(**exact).to_csv(index=False, float_format="%.9g"))
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -33,6 +33,7 @@ from estimators.process.target import target_map
 from experiments.arrays import Floats
 from experiments.formats.estimate_rows import AXES
 from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.integrity import IntegrityMonitor
@@ -236,4 +237,4 @@ def table(done: Advised) -> pd.DataFrame:
 
 def write_advice(done: Advised, folder: Path) -> None:
     """Write advice.csv to an existing folder."""
-    table(done).to_csv(folder / "advice.csv", index=False, float_format="%.9g")
+    (folder / "advice.csv").write_text(table_text(table(done)), encoding="utf-8")

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from dynamics import rest_shape
-from estimators import Plan, PlannedTarget, TissueModel, candidate_paths, target_map
+from estimators import Plan, PlannedTarget, Status, TissueModel, candidate_paths, target_map
 from estimators import plan as ranked
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -21,7 +21,8 @@ from experiments.formats.estimate_rows import AXES
 from experiments.formats.plan_file import Task, read_task
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Scene, usable_scene
-from experiments.pipeline.line import Line
+from experiments.pipeline.integrity import IntegrityMonitor
+from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame
 
 Advance = Callable[[float], None]
@@ -55,12 +56,18 @@ def planned(
         scene = recording.scene
         task = read_task(plan_path, scene.network.dim)
         line = Line(scene, baseline=False, fixes=recording.fixes)
-        for k, _ in enumerate(each_frame(line, recording), start=1):
+        integrity = IntegrityMonitor(scene, line.filter)
+        for k, (_, step) in enumerate(each_frame(line, recording), start=1):
+            used = [mark for mark in line.measured(step.marks) if mark.node not in step.refused]
+            integrity.take(step.estimates[FILTER], used)
             advance(k / len(recording.exposures_s))
         ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
-        if ahead.cov is None:
-            raise InputError.at(source, "marks that start the filter", "none")
-        mean, cov, estimate, time_s = ahead.mean, ahead.cov, str(ahead.status), ahead.time_s
+        trusted = ahead.status in (Status.TRACKING, Status.COASTING)
+        unfit = integrity.contradiction.reason or (None if trusted else str(ahead.status))
+        if unfit is not None or ahead.cov is None:
+            expected = "an estimate at its end that is TRACKING or COASTING and that nothing contradicts"
+            raise InputError.at(source, expected, str(unfit))
+        mean, cov, estimate, time_s = ahead.mean, ahead.cov + integrity.unstated, str(ahead.status), ahead.time_s
     else:
         scene = usable_scene(source)
         task = read_task(plan_path, scene.network.dim)

@@ -187,7 +187,8 @@ def record(
         if frame is None:
             if name in recorders:
                 recorders[name].check()
-            return not named[name].ended and clock() - began < seconds
+            waits_s = seconds if recorders else max(seconds, vision.SourceSettings().opening_s)
+            return not named[name].ended and clock() - began < waits_s
         if name not in recorders:
             begin(name, frame)
         elif frame.exposure_s - first_s >= seconds:

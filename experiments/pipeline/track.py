@@ -20,6 +20,7 @@ from experiments.formats.estimate_rows import header, row
 from experiments.formats.films.several import exposures_of
 from experiments.formats.marks.repeats import without_repeats
 from experiments.formats.marks.rows import MarkRow
+from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
 from experiments.pipeline.integrity import error_budget, target_variances, variance_shares
@@ -298,5 +299,5 @@ def write_tables(done: Track, folder: Path) -> None:
 def write_estimates(done: Track, folder: Path, names: Mapping[str, str], found: Mapping[str, Any]) -> None:
     """Write tables of estimates to an existing folder, by method under these names, and figures to summary.json."""
     for method, name in names.items():
-        table(done, method).to_csv(folder / name, index=False, float_format="%.9g")
+        (folder / name).write_text(table_text(table(done, method)), encoding="utf-8")
     (folder / "summary.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

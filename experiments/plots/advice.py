@@ -112,7 +112,7 @@ def advice_figure(done: Advised) -> Figure:
         own = over_time[1].get_legend_handles_labels()
         handles, labels = handles + own[0][-1:], labels + own[1][-1:]
     shown = _in_space(done, figure, grid[-1]) if in_space else {}
-    figure.legend([*handles, *shown.values()], [*labels, *shown], loc="outside lower center", ncols=4)
+    figure.legend([*handles, *shown.values()], [*labels, *shown], loc="outside lower center", ncols=3)
     return figure
 
 

@@ -21,8 +21,9 @@ WORDS = ("status", "model_only", "advice", "reason")
 FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 """Statuses of usable estimates; others are reported by their status alone."""
-DIGITS = 1e-8
-"""Relative rounding of times in a table: they have at least nine digits."""
+DIGITS, ROUNDED = 1e-8, 0.25
+"""Rounding of times in a table, by the time and at most by the shortest interval of frames [1]: older ones have nine
+digits."""
 
 Entry = float | str | bool | None
 
@@ -109,7 +110,8 @@ def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
     """Times of rows [s], set to those of their frames, and the frame of each row, -1 for none."""
     frames, off_s = nearest_frames(times_s, exposures_s)
-    found = off_s <= SAME_TIME_S + DIGITS * np.abs(times_s)
+    shortest_s = np.diff(exposures_s).min(initial=np.inf)
+    found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)
     return np.where(found, exposures_s[frames], times_s), np.where(found, frames, -1)
 
 

@@ -11,9 +11,11 @@ from matplotlib.patches import Circle, Polygon
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom
 from estimators import TissueFilter
+from experiments.errors import InputError
 from experiments.formats.plan_file import read_task
 from experiments.formats.recording import MarkRow, read_recording, write_marks_csv
 from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from experiments.pipeline.integrity import IntegrityMonitor
 from experiments.pipeline.plan import next_best, planned
 from experiments.pipeline.track import measurement
 from experiments.plots.plan import plan_figure
@@ -142,7 +144,7 @@ def test_a_plan_in_space_is_seen_from_two_sides(tmp_path):
 
 
 def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):
-    """Marks that moved: mean and covariance are those of `TissueFilter.predict_at`, 0.2 s after the last."""
+    """Marks that moved: mean and covariance of `TissueFilter.predict_at`, 0.2 s after the last, and default errors."""
     folder = tmp_path / "rec"
     folder.mkdir()
     scene.rename(folder / "scene.toml")
@@ -161,7 +163,9 @@ def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file,
         tissue.update([measurement(mark) for mark in marks])
     said = tissue.predict_at(float(read.exposures_s[-1]) + 0.2)
     assert reported["target"]["mean_mm"] == pytest.approx(1e3 * said.mean, abs=1e-3)
-    np.testing.assert_allclose(reported["target"]["cov_mm2"], 1e6 * said.cov, rtol=1e-3)
+    unstated = IntegrityMonitor(read.scene, tissue).unstated
+    assert np.trace(unstated) > 1e-6
+    np.testing.assert_allclose(reported["target"]["cov_mm2"], 1e6 * (said.cov + unstated), rtol=1e-3)
     assert reported["target"]["time_s"] == pytest.approx(times[-1] + 0.2)
     again = softaim("plan", folder, "--plan", plan_file, "--out", folder / "out")
     assert again == 2
@@ -173,14 +177,22 @@ def test_a_fix_of_the_recording_is_taken_in(scene, plan_file, tmp_path):
     With the bias of 1 mm that fixes may share the target moves by 1 mm at least, and is better known.
     """
     phantom = four_mass_phantom()
-    rows = [[MarkRow(n, phantom.positions[phantom.index(n)], 4e-3) for n in OUTER]] * 6
-    write_marks_csv(tmp_path / "marks.csv", np.arange(6) / 30.0, rows, dim=2)
+    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + 1e-7 * k, 4e-3) for n in OUTER] for k in range(12)]
+    write_marks_csv(tmp_path / "marks.csv", np.arange(12) / 30.0, rows, dim=2)
     without = planned(tmp_path, plan_file).lesion
     x, y = 1e3 * phantom.positions[phantom.index(HIDDEN)]
-    (tmp_path / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n0.165,{x + 2.0},{y},0.5\n")
+    (tmp_path / "fixes.csv").write_text(f"time_s,x_mm,y_mm,sd_mm\n0.365,{x + 2.0},{y},0.5\n")
     reported = planned(tmp_path, plan_file).lesion
     assert reported.mean[0] - without.mean[0] > 1e-3
     assert np.trace(reported.cov) < np.trace(without.cov)
+
+
+def test_nothing_is_planned_by_an_estimate_that_has_just_begun(scene, plan_file, tmp_path):
+    phantom = four_mass_phantom()
+    rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + 1e-7 * k, 1e-3) for n in OUTER] for k in range(2)]
+    write_marks_csv(tmp_path / "marks.csv", np.arange(2) / 30.0, rows, dim=2)
+    with pytest.raises(InputError, match=r"that is TRACKING or COASTING and .* found INITIALISING"):
+        planned(tmp_path, plan_file)
 
 
 def test_a_plan_file_is_read_in_metres(plan_file):

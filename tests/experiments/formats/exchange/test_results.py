@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from estimators import Status, TargetEstimate
 from experiments.errors import InputError
 from experiments.formats.estimate_rows import header, row
 from experiments.formats.exchange.results import read_advice, read_estimates
+from experiments.formats.outputs import table_text
 from experiments.formats.tables import write_table
 
 EXPOSURES_S = 33763.60965430567 + np.arange(4) / 30
@@ -51,6 +53,18 @@ def test_times_of_nine_digits_are_those_of_the_frames(tmp_path: Path) -> None:
     found = read_estimates(tmp_path, 2, EXPOSURES_S)
     assert found.frames.tolist() == [0, 1, 2, 3]
     assert (found.times_s == EXPOSURES_S).all()
+
+
+def test_times_since_1970_are_told_apart(tmp_path: Path) -> None:
+    """As `track` writes them, each row is of its own frame; of nine digits none is."""
+    epoch_s = 1.7e9 + np.arange(4) / 30
+    columns = ["status", "x_mm", "y_mm", "xx", "xy", "yy", "nis", "marks_used", "poked", "gain", "model_only"]
+    rows = pd.DataFrame([["TRACKING", 1.0, 2.0, 1.0, 0.0, 1.0, np.nan, 3, 0.1, np.nan, False]] * 4, columns=columns)
+    rows.insert(0, "time_s", epoch_s)
+    (tmp_path / "estimates.csv").write_text(table_text(rows))
+    assert read_estimates(tmp_path, 2, epoch_s).frames.tolist() == [0, 1, 2, 3]
+    (tmp_path / "estimates.csv").write_text(rows.to_csv(index=False, float_format="%.9g"))
+    assert read_estimates(tmp_path, 2, epoch_s).frames.tolist() == [0, 0, 0, 0]
 
 
 def test_a_line_that_was_being_written_is_left_out(tmp_path: Path) -> None:
