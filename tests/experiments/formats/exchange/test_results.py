@@ -55,7 +55,7 @@ def test_times_of_nine_digits_are_those_of_the_frames(tmp_path: Path) -> None:
     assert (found.times_s == EXPOSURES_S).all()
 
 
-def test_times_since_1970_are_told_apart(tmp_path: Path) -> None:
+def test_times_since_1970_keep_their_frames(tmp_path: Path) -> None:
     """As `track` writes them, each row is of its own frame; of nine digits none is."""
     epoch_s = 1.7e9 + np.arange(4) / 30
     columns = ["status", "x_mm", "y_mm", "xx", "xy", "yy", "nis", "marks_used", "poked", "gain", "model_only"]
