@@ -165,7 +165,7 @@ def record(
     """
     named = dict(sources) if isinstance(sources, Mapping) else {"": sources}
     recorders: dict[str, Recorder] = {}
-    began, first_s = clock(), 0.0
+    began, first_s, opening_s = clock(), 0.0, vision.SourceSettings().opening_s
 
     def begin(name: str, frame: vision.Frame) -> None:
         nonlocal first_s
@@ -187,8 +187,7 @@ def record(
         if frame is None:
             if name in recorders:
                 recorders[name].check()
-            waits_s = seconds if recorders else max(seconds, vision.SourceSettings().opening_s)
-            return not named[name].ended and clock() - began < waits_s
+            return not named[name].ended and clock() - began < (seconds if recorders else max(seconds, opening_s))
         if name not in recorders:
             begin(name, frame)
         elif frame.exposure_s - first_s >= seconds:
