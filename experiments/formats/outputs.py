@@ -91,7 +91,7 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
 def table_text(table: pd.DataFrame) -> str:
     """A table as CSV: times to the nanosecond, other numbers to nine digits."""
     exact = {name: table[name].map(lambda t: repr(round(t, 9)), na_action="ignore") for name in TIMES if name in table}
-    return str(table.assign(**exact).to_csv(index=False, float_format="%.9g"))
+    return str(table.assign(**exact).to_csv(index=False, float_format="%.9g", lineterminator="\n"))
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
