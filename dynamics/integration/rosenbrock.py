@@ -26,8 +26,8 @@ SHORTEST_SHARE = 1.0 / 128.0
 class Move:
     """One step: its length [s], the state after it (n_state,), and derivative of that by the state before.
 
-    by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,); S, K, M: as in
-    `kernels`
+    by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,)
+    S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): those of the step, see `dynamics.integration.kernels`
     """
 
     step_s: float

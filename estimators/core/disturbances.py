@@ -76,7 +76,10 @@ class Disturbances:
         return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths, not under `least`, of a body that returns so when bent by its extent [m/s²]."""
+        """Factor on the strengths [1], at least `least`.
+
+        returning_m_s2: acceleration with which the body returns when it is bent by its extent
+        """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER, build_network, scale_parameters, stiffness_matrix
+from dynamics import HIDDEN, OUTER, scale_parameters, stiffness_matrix
 from dynamics.forces.parameters import Parameter, ParameterUncertainty, parameter_forces
 from estimators import FilterSettings, MarkMeasurement, TissueFilter, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
@@ -16,6 +16,7 @@ from estimators.core.tissue import TissueProcess
 from estimators.process.process_model import FixBias
 from estimators.process.target import TargetPoint
 from tests.estimators.conftest import followed
+from tests.estimators.core.bodies import two_masses
 
 HZ = 1.0 / 30.0
 EXACT = Discrepancy(levels=(3e-5,))
@@ -212,18 +213,7 @@ def test_the_offset_of_the_target_is_in_its_covariance_and_a_fix_shrinks_it(phan
 @pytest.mark.parametrize("stiffness", [20.0, 2000.0, 30000.0])
 def test_an_error_of_the_stiffness_counts_alike_in_soft_and_stiff_bodies(stiffness):
     """Weight by the stiffness, so that all sag alike: the effect that lasts is -K^-1 dF/dlog k, to 0.1 %."""
-    places = 1e-3 * np.array([[0, 0, 0], [80, 0, 0], [40, 70, 0], [40, 30, -60], [40, 30, 30], [45, 25, -25]])
-    springs = [(a, b) for a in "abcd" for b in "xy"] + [("x", "y")]
-    network = build_network(
-        list("abcdxy"),
-        places,
-        springs,
-        masses=0.05,
-        stiffness=stiffness,
-        damping=0.2 * np.sqrt(stiffness),
-        fixed=list("abcd"),
-        gravity=[0.0, 0.0, -9.81 * stiffness / 500.0],
-    )
+    network = two_masses(stiffness, 9.81 * stiffness / 500.0)
     known = deviation_of(network, "stiffness", 0.3)
     process = TissueProcess(network, ["y"], statics=Statics(known))
     state = np.zeros(process.n)

@@ -8,7 +8,6 @@ from dynamics import (
     HIDDEN,
     OUTER,
     NeedleMechanics,
-    build_network,
     distributed_force,
     force_on_free,
     rest_shape,
@@ -18,6 +17,7 @@ from dynamics import (
 )
 from estimators import MarkMeasurement, TissueFilter, coverage, normalised_error_squared
 from tests.estimators.conftest import followed
+from tests.estimators.core.bodies import two_masses
 
 FRAME_S = 1.0 / 30.0
 
@@ -64,19 +64,7 @@ def test_a_held_push_bends_soft_and_stiff_bodies_as_statics_say(stiffness):
 
     Soft oscillations are slower than a step, stiff ones up to fifty times as fast.
     """
-    places = 1e-3 * np.array([[0, 0, 0], [80, 0, 0], [40, 70, 0], [40, 30, -60], [40, 30, 30], [45, 25, -25]])
-    springs = [(a, b) for a in "abcd" for b in "xy"] + [("x", "y")]
-    damping = 0.2 * np.sqrt(stiffness)
-    network = build_network(
-        list("abcdxy"),
-        places,
-        springs,
-        masses=0.05,
-        stiffness=stiffness,
-        damping=damping,
-        fixed=list("abcd"),
-        gravity=[0, 0, 0],
-    )
+    network = two_masses(stiffness)
     force = np.array([[1.5e-4 * stiffness, 0.0, 0.0], [0.0, 0.0, 0.0]])
     expected = np.linalg.solve(stiffness_matrix(network, network.positions), force.ravel())[:3]
     tissue = TissueFilter(network, "x", ("y",))
