@@ -32,9 +32,6 @@ LEAST_SHARE = 1e-3
 """Share of a mode below which another is not mixed into it: it would only be widened by what the marks refute [1];
 choice."""
 
-FEW = 12
-"""Rows of a map below which covariances are mapped before they are mixed; numerical."""
-
 REBORN = 0.05
 """Probability of a hypothesis, by that with which others turn into its mode, below which it is left out until they do
 [1]; choice."""
@@ -49,8 +46,19 @@ LEAST_STEP = 0.125
 CURVED = 0.1
 """Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
 
-STATE = ["means", "weights", "_before", "_transition", "_reference", "_dt", "log_likelihood", "outlying", "found"]
-"""What `HypothesisFilter` replaces whole; covariances and levels are changed in place."""
+STATE = (
+    "means",
+    "covs",
+    "weights",
+    "_before",
+    "_transition",
+    "_reference",
+    "_dt",
+    "log_likelihood",
+    "outlying",
+    "found",
+)
+"""What each step of `HypothesisFilter` replaces whole."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 
@@ -77,7 +85,7 @@ class HypothesisFilter:
     Attributes
     ----------
     means, covs, weights : (k, n), (k, n, n), (k,)
-        The hypotheses; `covs` is overwritten by each step.
+        The hypotheses; covariances of those with weight 0 are zero after an update.
     log_likelihood : float
         Of the last observations.
     outlying : (n_names,) bool
@@ -112,23 +120,23 @@ class HypothesisFilter:
         """Begin at the prior of the process."""
         mean, covs = self.process.prior(self._level)
         k = len(covs)
-        self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs.copy(), np.full(k, 1.0 / k)
+        self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs, np.full(k, 1.0 / k)
         self._before, self._latest, self.log_likelihood, self._dt = None, None, 0.0, 0.0
         self.outlying = np.zeros(0, dtype=bool)
         self.found: Innovations | None = None
 
     def state(self) -> dict[str, Any]:
         """The whole state now, for `resume`."""
-        levels = None if self.level is None else self.level.log_weights.copy()
-        return {**{key: getattr(self, key) for key in STATE}, "covs": self.covs.copy(), "levels": levels}
+        levels = None if self.level is None else self.level.log_weights
+        return {**{key: getattr(self, key) for key in STATE}, "levels": levels}
 
     def resume(self, state: Mapping[str, Any]) -> None:
         """Set the state back."""
         for key in STATE:
             setattr(self, key, state[key])
-        self.covs, self._latest = state["covs"].copy(), None
+        self._latest = None
         if self.level is not None:
-            self.level.log_weights = state["levels"].copy()
+            self.level.log_weights = state["levels"]
 
     @property
     def variances(self) -> Floats:
@@ -142,14 +150,10 @@ class HypothesisFilter:
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
-        means, seen = self.means @ rows.T, np.flatnonzero(rows.any(axis=0))
-        if len(rows) < FEW:
-            return mixed(self.weights, means, rows @ self.covs @ rows.T)
-        own, matrix = np.ix_(seen, seen), rows[:, seen]
-        within = sum(self.weights[k] * self.covs[k][own] for k in np.flatnonzero(self.weights))
-        mean = self.weights @ means
-        apart = means - mean
-        return mean, matrix @ within @ matrix.T + (apart.T * self.weights) @ apart
+        live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
+        own = rows[:, seen]
+        covs = own @ self.covs[np.ix_(live, seen, seen)] @ own.T
+        return mixed(self.weights[live], self.means[live] @ rows.T, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
@@ -169,17 +173,20 @@ class HypothesisFilter:
         if self.level is not None:
             self.level.forget(dt)
         added = 0.0 if kick is None else kick
-        before = Prior(self.means[live], self.covs[live], self.weights[live], shares, chain, dt, added)
+        covs = tuple(self.covs[k] for k in live)
+        before = Prior(self.means[live], covs, self.weights[live], shares, chain, dt, added)
         self.weights, self._before, self._dt = weights, before, dt
-        self._move(before, before.weights @ before.means, before.mixed(int(np.argmax(weights)))[1])
+        self._move(before, before.weights @ before.means, lambda: before.cov(int(np.argmax(weights))))
         if self.trace is not None:
             self.trace.append(self._traced(self._before))
 
-    def _move(self, before: Prior, reference: Floats, cov: Floats | None = None, error: Floats | None = None) -> None:
+    def _move(
+        self, before: Prior, reference: Floats, cov: Callable[[], Floats] | None = None, error: Floats | None = None
+    ) -> None:
         found = self.process.linearize(reference, before.dt, cov)
         means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
         self.means = before.shares.T @ means
-        mixed_each(before.shares, means, self.means, moved(before.covs, found.matrix), self.covs)
+        self.covs = mixed_each(before.shares, means, self.means, moved(before.covs, found.matrix))
         add_noise(self.covs, found, self.variances)
         if error is not None:
             alike = np.zeros_like(error)
@@ -212,6 +219,7 @@ class HypothesisFilter:
         seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
         HP = H[:, :, seen] @ self.covs[:, seen]
         S = HP[:, :, seen] @ H[:, :, seen].swapaxes(1, 2) + R
+        overall = mixed(self.weights, y, S)
         with np.errstate(divide="ignore"):  # what is left out remains so until the next prediction
             logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
         root = inverse_roots(S)
@@ -232,7 +240,7 @@ class HypothesisFilter:
                 HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
         nis = (white * white).sum(axis=1)
         logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
-        result = Innovations(y, S, H, HP, root, white, nis, logs, outlying)
+        result = Innovations(y, S, H, HP, root, white, nis, logs, outlying, overall)
         if points is None:
             self._latest = observations, result
         return result
@@ -257,13 +265,13 @@ class HypothesisFilter:
             found = self.innovations(observations, means)
         if self.level is not None:
             self._weigh_levels(self.level, observations, found)
-        self.log_likelihood, own = log_likelihood, self._considered
+        self.log_likelihood, own, covs = log_likelihood, self._considered, np.zeros(self.covs.shape)
         for k, gain in zip(live, gains, strict=True):
             if weights[k] > 0.0:
-                self.covs[k] -= gain.T @ gain
-                self.covs[k][np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
+                np.subtract(self.covs[k], gain.T @ gain, out=covs[k])
+                covs[k][np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
         means[:, own] = self.means[:, own]
-        self.means, self.weights = means, weights
+        self.means, self.covs, self.weights = means, covs, weights
         self._before, self._latest, self.found = None, None, found
         self._dt = 0.0  # of what is new in the discrepancy a part is known from now on: it is no independent noise
         self.outlying = found.outlying[int(np.argmax(self.weights))]
@@ -280,7 +288,7 @@ class HypothesisFilter:
         if before is None or not np.isfinite(self.process.tolerance).any():
             return found
         value, best = together(observations)[0], int(np.argmax(found.logs))
-        prior, P = before.mixed(best)
+        prior = before.mean(best)
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
@@ -296,13 +304,13 @@ class HypothesisFilter:
             counted = found.HP[best].any(axis=1)  # those of no outlier
             by_start = counted[:, None] * (found.H[best % len(found.H)] @ transition.matrix)
             wanted = by_start.T @ (found.root[best].T @ found.white[best])
-            step = prior + P @ wanted - start
+            step = prior + before.times(best, wanted) - start
             step[self._considered] = 0.0
             end = self.process.moved(start + step, before.dt)
             error = end - transition.mean - transition.matrix @ step
             if (np.abs(error) <= self.process.tolerance).all():
                 break
-            weighing = found.S[best] - by_start @ P @ by_start.T, counted
+            weighing = found.S[best] - by_start @ before.times(best, by_start.T), counted
             now, share = misfit(start, dual, transition.mean, *weighing), 1.0
             while share and misfit(start + share * step, dual + share * (wanted - dual), end, *weighing) >= now:
                 share = 0.5 * share if share > LEAST_STEP else 0.0

@@ -13,6 +13,7 @@ from scipy.linalg.lapack import dtrtri
 
 from estimators.arrays import Floats
 from estimators.core.protocols import Observation
+from estimators.filters.unscented import CovarianceError
 
 FAR = 1e4
 """Variance that stands for that of an outlier, by the square of the reach [1]; numerical."""
@@ -34,6 +35,8 @@ class Innovations:
         Normalised innovation squared; logarithm of the weight after the update, but for a constant.
     outlying : (k, n_names) bool
         Which names each hypothesis takes for outliers; their innovation is nought and its variance large.
+    overall : (m,), (m, m)
+        Mean and covariance of the innovation by the whole mixture, outliers included.
     """
 
     y: Floats
@@ -45,6 +48,7 @@ class Innovations:
     nis: Floats
     logs: Floats
     outlying: NDArray[np.bool_]
+    overall: tuple[Floats, Floats]
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
@@ -77,8 +81,11 @@ def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
 
 
 def inverse_roots(S: Floats) -> Floats:
-    """Inverses of the lower Cholesky factors of positive definite matrices (k, m, m)."""
-    roots = np.asarray(np.linalg.cholesky(S), dtype=float)
+    """Inverses of the lower Cholesky factors of covariances of innovations (k, m, m); raises CovarianceError."""
+    try:
+        roots = np.asarray(np.linalg.cholesky(S), dtype=float)
+    except np.linalg.LinAlgError:
+        raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
     for root in roots:
         root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is Fortran's: nothing is copied to get there
     return roots

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,15 +11,15 @@ from estimators.arrays import Floats
 from estimators.core.protocols import Transition
 
 
-def mixed(weights: Floats, means: Floats, covs: Floats) -> tuple[Floats, Floats]:
+def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tuple[Floats, Floats]:
     """Mean (n,) and covariance (n, n) of a mixture of Gaussians, (k,), (k, n), (k, n, n)."""
     mean = weights @ means
     apart = means - mean
-    return mean, np.tensordot(weights, covs, 1) + (apart.T * weights) @ apart
+    return mean, np.tensordot(weights, np.asarray(covs), 1) + (apart.T * weights) @ apart
 
 
-def moved(covs: Floats, matrix: Floats) -> Floats:
-    """T P T' of each covariance P (k, n, n).
+def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
+    """T P T' of each of k covariances P (n, n).
 
     Last states that only fade, each by itself, are not multiplied out, nor are last columns of zeros in the others.
     """
@@ -28,7 +29,7 @@ def moved(covs: Floats, matrix: Floats) -> Floats:
     r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
     c = max(r, int(np.flatnonzero(acting.any(axis=0)).max(initial=-1)) + 1)
     rows, fading, faded = T[:r, :c], fading[r:], np.outer(fading[r:], fading[r:])
-    found = np.empty_like(covs)
+    found = np.empty((len(covs), *matrix.shape))
     for P, after in zip(covs, found, strict=True):
         half = rows @ P[:c]
         corner = 0.5 * (half[:, :c] @ rows.T)
@@ -39,16 +40,17 @@ def moved(covs: Floats, matrix: Floats) -> Floats:
     return found
 
 
-def mixed_each(shares: Floats, means: Floats, centres: Floats, covs: Floats, out: Floats) -> None:
-    """Write the covariances of k mixtures of l Gaussians into `out`, (k, n, n).
+def mixed_each(shares: Floats, means: Floats, centres: Floats, covs: Floats) -> Floats:
+    """Covariances of k mixtures of l Gaussians, (k, n, n).
 
     shares (l, k): of each Gaussian in each mixture; centres (k, n): means of the mixtures
     """
-    np.matmul(shares.T, covs.reshape(len(covs), -1), out=out.reshape(len(out), -1))
+    out = (shares.T @ covs.reshape(len(covs), -1)).reshape(-1, *covs.shape[1:])
     for k, share in enumerate(shares.T):
         if np.count_nonzero(share) > 1:
             apart = np.sqrt(share[:, None]) * (means - centres[k])
             out[k] += apart.T @ apart
+    return np.asarray(out)
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
@@ -70,12 +72,12 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s].
 
-    means (l, n), covs (l, n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode after
-    chain (k, k): probability of each mode after dt by that before; kick (n,): what a known force adds
+    means (l, n), covs l times (n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode
+    after; chain (k, k): probability of each mode after dt by that before; kick (n,): what a known force adds
     """
 
     means: Floats
-    covs: Floats
+    covs: Sequence[Floats]
     weights: Floats
     shares: Floats
     chain: Floats
@@ -86,9 +88,22 @@ class Prior:
         """Probability (k,) with which the other modes, of weights (k,), turn into each one within dt."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
-    def mixed(self, mode: int) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of a mode."""
-        return mixed(self.shares[:, mode], self.means, self.covs)
+    def mean(self, mode: int) -> Floats:
+        """Mean of a mode, (n,)."""
+        return np.asarray(self.shares[:, mode] @ self.means)
+
+    def cov(self, mode: int) -> Floats:
+        """Covariance of a mode, (n, n)."""
+        return self.times(mode, np.eye(self.means.shape[1]))
+
+    def times(self, mode: int, columns: Floats) -> Floats:
+        """Covariance of a mode times columns, (n,) or (n, any)."""
+        shares, apart = self.shares[:, mode], self.means - self.mean(mode)
+        found = (apart.T * shares) @ (apart @ columns)
+        for share, P in zip(shares, self.covs, strict=True):
+            if share:
+                found += share * (P @ columns)
+        return np.asarray(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

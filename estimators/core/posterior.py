@@ -18,7 +18,6 @@ from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.filters.kernels import block_contributions, nis_left
-from estimators.filters.unscented import CovarianceError
 from estimators.process.open_loop_cov import OpenLoopCovariance
 from estimators.process.process_model import QUIET
 from estimators.process.target import TargetMap, TargetPoint, target_map
@@ -125,7 +124,7 @@ class TissuePosterior:
     @property
     def is_finite(self) -> bool:
         """Whether the state is one of numbers."""
-        return bool(np.isfinite(self.filter.means).all() and np.isfinite(self.filter.covs).all())
+        return bool(np.isfinite(self.filter.means.sum() + self.filter.covs.sum()))
 
     @property
     def by_calibration(self) -> Floats:
@@ -214,16 +213,11 @@ class TissuePosterior:
 
     def innovation(self, places: Places) -> tuple[Floats, Floats]:
         """Of marks that are not taken in yet, (m,) [m], and its covariance (m, m) [m²], by all hypotheses together."""
-        predicted, rows = places.linearize(self.filter.mean)
-        return places.value - predicted, self.filter.moments(rows)[1] + places.cov
+        return self.filter.innovations([places]).overall
 
     def shift(self, y: Floats, S: Floats) -> CommonShift:
         """What one shift of all marks explains of their innovation."""
-        dim = self.network.dim
-        try:
-            root = inverse_roots(S[None])[0]
-        except np.linalg.LinAlgError:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+        dim, root = self.network.dim, inverse_roots(S[None])[0]
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -76,10 +76,10 @@ class ProcessModel(Protocol):
     def moved(self, state: Floats, dt: float) -> Floats:
         """The state (n,) that follows after dt [s] without noise."""
 
-    def linearize(self, state: Floats, dt: float, cov: Floats | None = None) -> Transition:
+    def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
         """The model over dt [s], linearised about a state (n,).
 
-        cov: of the most probable hypothesis before, (n, n), for models that move sigma points; others ignore it
+        cov: returns the covariance of the most probable hypothesis before, (n, n), for models that move sigma points
         """
 
     def fresh(self, dt: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -196,13 +196,13 @@ class TissueProcess:
         found[:moving] = self.motion.pushed(state[: self.parts["discrepancy"].start], dt, accelerations)
         return found
 
-    def linearize(self, state: Floats, dt: float, cov: Floats | None = None) -> Transition:
+    def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
         """The motion over dt [s], linearised step by step along it, or by sigma points of a covariance (n, n)."""
         found = self._along(state, dt)
         by, m = self._by_points, self.parts["velocity"].stop
         if cov is None or by is None:
             return found
-        return by_sigma_points(found, state, cov, m, lambda points: by.moved_each(points, dt))
+        return by_sigma_points(found, state, cov(), m, lambda points: by.moved_each(points, dt))
 
     def _along(self, state: Floats, dt: float) -> Transition:
         moving, start, behind = self.parts["velocity"].stop, self.parts["discrepancy"].start, self._behind

@@ -197,9 +197,9 @@ class TissueFilter(TissuePosterior):
         """As `predict_at`, with a Gaussian for each mode at that time."""
         with self._unchanged():
             self._ahead(time_s, push)
-            rows, own = self.rows_of(self.target), self.filter
-            means = own.means @ rows.T + self.constant_of(self.target)
-            return GaussianMixture(own.weights, means, rows @ own.covs @ rows.T)
+            rows, own, live = self.rows_of(self.target), self.filter, np.flatnonzero(self.filter.weights)
+            means = own.means[live] @ rows.T + self.constant_of(self.target)
+            return GaussianMixture(own.weights[live], means, rows @ own.covs[live] @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """The target at increasing later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).

@@ -39,7 +39,7 @@ class Point:
         assert dt == 0.5
         return SPEED @ state + self.bend * np.array([0.0, np.sin(state[0])])
 
-    def linearize(self, state: np.ndarray, dt: float, cov: np.ndarray | None = None) -> Transition:
+    def linearize(self, state: np.ndarray, dt: float, cov: object = None) -> Transition:
         matrix = SPEED.copy()
         matrix[1, 0] += self.bend * np.cos(state[0])
         return Transition(self.moved(state, dt), matrix, PUSHED[None])
@@ -230,7 +230,7 @@ class Saturating(Point):
     def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
         return np.array([np.arctan(6.0 * (state[0] + 0.7)), state[1]])
 
-    def linearize(self, state: np.ndarray, dt: float, cov: np.ndarray | None = None) -> Transition:
+    def linearize(self, state: np.ndarray, dt: float, cov: object = None) -> Transition:
         matrix = np.diag([6.0 / (1.0 + 36.0 * (state[0] + 0.7) ** 2), 1.0])
         return Transition(self.moved(state, dt), matrix, PUSHED[None])
 
@@ -254,7 +254,7 @@ def test_the_error_that_the_last_step_leaves_is_noise_of_all_states_of_a_part(mo
         def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
             return state + np.array([0.1 * state[0] ** 2, 0.0])
 
-        def linearize(self, state: np.ndarray, dt: float, cov: np.ndarray | None = None) -> Transition:
+        def linearize(self, state: np.ndarray, dt: float, cov: object = None) -> Transition:
             return Transition(self.moved(state, dt), np.diag([1.0 + 0.2 * state[0], 1.0]), np.zeros((1, 2, 2)))
 
     point = Two([1.0], bend=1.0)

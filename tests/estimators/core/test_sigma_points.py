@@ -42,7 +42,7 @@ def test_they_are_those_of_filterpys_unscented_filter(process: TissueProcess) ->
     stock = UnscentedKalmanFilter(m, 1, DT, lambda state: state[:1], moved, JulierSigmaPoints(m, kappa=0.0))
     stock.x, stock.P, stock.Q = mean[:m].copy(), cov[:m, :m].copy(), np.zeros((m, m))
     stock.predict()
-    found = process.linearize(mean, DT, cov)
+    found = process.linearize(mean, DT, lambda: cov)
     own = found.matrix[:m, :m]
     assert found.spread is not None
     tangent = process.linearize(mean, DT)
@@ -58,7 +58,7 @@ def test_moments_of_many_draws_are_nearer_than_a_tangents(process: TissueProcess
     draws = np.tile(mean, (20_000, 1))
     draws[:, :m] = np.random.default_rng(5).multivariate_normal(mean[:m], cov[:m, :m], len(draws))
     ends = process.motion.moved_each(draws, DT)
-    found, tangent = process.linearize(mean, DT, cov), process.linearize(mean, DT)
+    found, tangent = process.linearize(mean, DT, lambda: cov), process.linearize(mean, DT)
     further = ends.mean(axis=0) - process.motion.moved_each(mean[None], DT)[0]
     off, of_tangent = (np.linalg.norm((one.mean - tangent.mean)[:m] - further) for one in (found, tangent))
     assert off < 0.5 * of_tangent

@@ -189,7 +189,7 @@ def test_directions_of_a_calibration_are_those_that_were_announced(phantom):
 
 def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(seen_for, frames):
     tissue = seen_for(10)
-    tissue.filter.covs[-1] *= -1e3
+    tissue.filter.covs[tissue.filter.weights.argmax()] *= -1e3
     before = digest(tissue.snapshot())
     with pytest.raises(CovarianceError, match="positive definite"):
         tissue.update(frames[9][1])
