@@ -8,7 +8,6 @@ clients are here: one takes the page's stream with its pictures, one OpenIGTLink
 --json`: frames, latency from exposure to estimate, share of missed deadlines, memory after the first frames and at the
 end; messages of the clients a second, and the age of transforms at arrival; and the number of processors busy with the
 run, with the clients and with other work: with much other work the figures depend on the machine.
-Figures: docs/live.md.
 """
 
 from __future__ import annotations
