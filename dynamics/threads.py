@@ -33,7 +33,10 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
-    """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include."""
+    """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include.
+
+    They keep the interpreter's lock: releasing it in each frame waits for threads such as that which reads the film.
+    """
     found = []
     for package in (numpy, scipy):
         home = Path(package.__path__[0])
@@ -41,7 +44,7 @@ def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...
         for path in (one for folder in folders for one in folder.glob("*openblas*")):
             for ending in ("64_", ""):
                 with suppress(OSError, AttributeError):  # other builds have other names
-                    library = ctypes.CDLL(str(path))
+                    library = ctypes.PyDLL(str(path))
                     put = getattr(library, f"scipy_openblas_set_num_threads{ending}")
                     found.append((put, getattr(library, f"scipy_openblas_get_num_threads{ending}")))
     return tuple(found)

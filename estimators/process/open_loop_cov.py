@@ -51,7 +51,7 @@ class OpenLoopCovariance:
         self._target[:, : self._n] = matrix[:, hidden] @ V[: len(hidden)]
         self._target[:, self._n :] = matrix[:, driven]
         self._steps: tuple[float, tuple[Floats, Floats, Floats, Floats]] | None = None
-        self._frames: dict[tuple[float, frozenset[str]], tuple[Floats, Floats, Floats]] = {}
+        self._frames: dict[tuple[float, frozenset[str]], tuple[Floats, Floats, Floats, Floats]] = {}
 
     @property
     def target_cov(self) -> Floats:
@@ -66,33 +66,34 @@ class OpenLoopCovariance:
             if len(self._frames) >= KEPT:
                 self._frames.clear()
             self._frames[key] = self._matrices(dt, noise)
-        F, G, Q = self._frames[key]
-        R = np.zeros((self._m, self._m))
+        moved, kept, end, Q = self._frames[key]
+        n, R = self._n, np.zeros((self._m, self._m))
         for node, cov in noise.items():
             place = self._places[node]
             R[place, place] = cov
-        self.cov = F @ self.cov @ F.T + G @ R @ G.T + Q
+        before, new, shifted = moved @ self.cov, np.empty_like(self.cov), end @ R
+        new[:n, :n] = before @ moved.T + shifted @ end.T + Q
+        new[:n, n:] = before[:, n:] * kept + shifted
+        new[n:, :n] = new[:n, n:].T
+        new[n:, n:] = self.cov[n:, n:] * np.outer(kept, kept) + R
+        self.cov = new
 
-    def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats]:
-        """What moves the state over dt [s] to a frame with these marks, adds their noise, and the noise of force."""
+    def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
+        """Over dt [s] to a frame with these marks.
+
+        What moves the state to the hidden masses, which errors of marks last, what the hidden masses make of new
+        errors, and the noise of force.
+        """
         n = self._n
         if dt > 0.0:
             own, start, end, noise_added = self._step(dt)
         else:
             own, start, end = np.eye(n), np.zeros((n, self._m)), np.zeros((n, self._m))
             noise_added = np.zeros((n, n))
-        F, G, Q = np.eye(n + self._m), np.zeros((n + self._m, self._m)), np.zeros_like(self.cov)
-        F[:n, :n] = own
-        F[:n, n:] = start + end
+        kept = np.ones(self._m)
         for node in seen:
-            place = self._places[node]
-            among = slice(n + place.start, n + place.stop)
-            F[:n, among] = start[:, place]
-            F[among, among] = 0.0
-            G[:n, place] = end[:, place]
-            G[among, place] = np.eye(place.stop - place.start)
-        Q[:n, :n] = noise_added
-        return F, G, Q
+            kept[self._places[node]] = 0.0
+        return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
         """What the hidden masses, the marked ones' error at the start and that at the end make of the hidden ones.

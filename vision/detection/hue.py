@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
+
+from vision.arrays import Floats
+
+Hues = TypeVar("Hues", float, Floats)
 
 
-def hue_distance(a_deg: float, b_deg: float) -> float:
-    """The distance of two hues on the circle [degrees], 0 to 180.
+def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
+    """The distance of two hues on the circle [degrees], 0 to 180, or of arrays of them.
 
     >>> hue_distance(355.0, 5.0)
     10.0

@@ -55,8 +55,8 @@ def associate_marks(
         raise ValueError(f"expected mark {expected[k].name}: expected a positive definite covariance, found {S[k, 0]}")
     cross = (S[..., 0, 1] + S[..., 1, 0]) * innovations[..., 0] * innovations[..., 1]
     squared = (S[..., 1, 1] * innovations[..., 0] ** 2 - cross + S[..., 0, 0] * innovations[..., 1] ** 2) / det
-    same = np.array([[hue_distance(e.hue_deg, d.hue_deg) <= SAME_CLASS_DEG for d in detections] for e in expected])
-    allowed = same & (squared <= gate)
+    hues, found = np.array([e.hue_deg for e in expected]), np.array([d.hue_deg for d in detections])
+    allowed = (hue_distance(hues[:, None], found) <= SAME_CLASS_DEG) & (squared <= gate)
     if not allowed.any():
         return []
     cost = squared + np.log(det)
