@@ -3,6 +3,8 @@
 A row a mesh: `nodes`, `elements`, `marks`; `prepare_s`: from the mesh to the first frame; `cached_s`: the same where
 the continuum is on disk; `ms_per_estimate`: median of frames in which the body is bent, at 30 a second; `memory_mb`:
 the most that the process had. Each in a process of its own.
+
+    python -m experiments.studies.scaling      # writes the table of docs/meshes.md and docs/images/scaling.png
 """
 
 from __future__ import annotations
@@ -11,17 +13,22 @@ import pickle
 import resource
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from dynamics import MassSpringNetwork
 from dynamics.elements import continuum_network
 from dynamics.phantoms import TISSUES, breast_mesh, breast_points
 from estimators import MarkMeasurement, TissueFilter
+from experiments.formats.outputs import write_whole
+from experiments.formats.page import rewrite_page
+from experiments.plots.style import COLUMN_MM, GREY, OURS, new_figure, saved, styled
 from experiments.studies.bench_recording import FRAME_S, median_ms, seconds_of
+from experiments.studies.grid import DOCS, markdown_table
 
 CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
 """Of the meshes, across and deep."""
@@ -29,6 +36,11 @@ CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
 N_MARKS, SD_M, N_FRAMES = 40, 5e-4, 60
 BENT_M, BENT_HZ = 5e-3, 0.5
 """Largest displacement of a mark, and how often."""
+
+CAMERA_MS = 1e3 / 60.0
+"""Time between two frames of a fast camera."""
+
+HEAD = ("nodes", "time per estimate [ms]", "preparation [s]", "memory [MB]")
 
 Row = dict[str, float]
 
@@ -83,3 +95,36 @@ def _frame(tissue: TissueFilter, k: int) -> Callable[[], None]:
         tissue.update(marks)
 
     return estimate
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The table of the page."""
+    cells = [
+        (f"{one['nodes']:,}", f"{one['ms_per_estimate']:.0f}", f"{one['prepare_s']:.1f}", f"{one['memory_mb']:.0f}")
+        for one in rows
+    ]
+    return markdown_table(HEAD, cells, left=())
+
+
+@styled
+def picture(rows: Sequence[Row]) -> Figure:
+    """Time per estimate against the number of nodes."""
+    figure = new_figure(COLUMN_MM, 45.0)
+    ax = figure.subplots()
+    nodes = [one["nodes"] for one in rows]
+    ax.plot(nodes, [one["ms_per_estimate"] for one in rows], color=OURS, marker="o")
+    ax.axhline(CAMERA_MS, color=GREY, linestyle="--")
+    ax.annotate("60 frames/s", (0.0, CAMERA_MS), (2, 2), textcoords="offset points", color=GREY)
+    ax.set(xlabel="nodes of the mesh", ylabel="time per estimate [ms]", xlim=(0.0, None), ylim=(0.0, 20.0))
+    return figure
+
+
+def main() -> None:
+    """Measure; write the table and the picture."""
+    rows = scaling()
+    rewrite_page(DOCS / "meshes.md", {"scaling": table(rows)})
+    write_whole(DOCS / "images" / "scaling.png", saved(picture(rows), "png"))
+
+
+if __name__ == "__main__":
+    main()

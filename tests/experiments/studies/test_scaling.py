@@ -1,9 +1,10 @@
 """What an estimate costs by the size of a mesh."""
 
+import numpy as np
 from rich.console import Console
 
 from experiments.commands.console import bench_table
-from experiments.studies.scaling import row
+from experiments.studies.scaling import picture, row, table
 
 
 def test_a_row_has_what_users_read(capsys):
@@ -14,3 +15,6 @@ def test_a_row_has_what_users_read(capsys):
     shown = capsys.readouterr().out
     assert "ms_per_estimate, 100 nodes" in shown
     assert "ratio" in shown
+    assert table([found]).splitlines()[-1].startswith("| 100 | ")
+    [ax] = picture([found, {**found, "nodes": 200, "ms_per_estimate": 9.0}]).axes
+    np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[100.0, found["ms_per_estimate"]], [200.0, 9.0]])
