@@ -1,39 +1,39 @@
-"""Estimates the place of a hidden target in moving soft tissue, with a covariance, and gives advice for a needle.
+"""Estimation of a hidden target in moving soft tissue, with its covariance, and advice for a needle.
 
-These are the names to start with; the packages `dynamics`, `estimators` and `vision` have the others. Lengths
-are in metres, times in seconds, masses in kilograms, forces in newtons; arrays have a row for each node or frame.
+The table lists the names to start with; `dynamics`, `estimators` and `vision` have all others. Units are metres,
+seconds, kilograms and newtons; arrays have a row for each node or frame.
 
-    build_network         a network from names, positions and edges
+    build_network         network from names, positions and edges of nodes
     MassSpringNetwork     nodes and springs, checked
-    four_mass_phantom     the paper's phantom, a network ready to use
-    fit_rest_lengths      rest lengths from a picture of the network at rest
-    rest_shape            where a network rests
-    integrate_adaptive    slow exact motion, for truths
-    pack, unpack          state vectors to and from positions and velocities
-    TissueFilter          predict, update, and where the target is
-    AssociationFilter     the same for marks that look alike
-    FilterSettings        what is assumed about unknown forces
-    MarkMeasurement       what goes in: a mark's position and covariance
-    TargetEstimate        what comes out: mean, covariance, status
-    Status                whether an estimate may be relied upon
-    identify_constants    stiffness, damping, rest lengths from a recording
-    tune_strain           how far a tissue departs from its model
-    fixed_interval        smoothing
-    Lesion, Needle, Insertion    what is to be hit, with what, from where
-    hit_probability       probability that a needle that stands still hits
-    GaussianMixture       the target for it, from TissueFilter.predict_modes
-    TargetPoint           a target whose place in the tissue is uncertain
-    guide                 go, wait or realign
+    four_mass_phantom     network of the paper's phantom
+    fit_rest_lengths      rest lengths of springs from a picture of the network at rest
+    rest_shape            positions of a network at rest
+    integrate_adaptive    accurate, slow simulation, as ground truth
+    pack, unpack          conversion of positions and velocities to state vectors and back
+    TissueFilter          filter that predicts, updates and estimates the target
+    AssociationFilter     the same filter for marks of one colour
+    FilterSettings        assumptions about unknown forces
+    MarkMeasurement       measured position of a mark with its covariance
+    TargetEstimate        estimated position of the target: mean, covariance, status
+    Status                state of the filter: whether an estimate can be relied upon
+    identify_constants    identification of stiffness, damping, rest lengths from a recording
+    tune_strain           estimation of the model's error from a recording
+    fixed_interval        smoother
+    Lesion, Needle, Insertion    what to hit, with which needle, from where
+    hit_probability       probability that a needle at rest hits the lesion
+    GaussianMixture       distribution of the target, from TissueFilter.predict_modes
+    TargetPoint           target whose place in the tissue is uncertain
+    guide                 advice for the needle: go, wait or realign
     open_source           frames from a camera, film, folder or stream
-    MarkFinder            marks tracked and named, frame after frame
-    PlaneCamera           between pixels and the plane
-    Scene, Mark, Target    what is in view: network, marks, target, cameras
+    MarkFinder            detection and tracking of named marks in frames
+    PlaneCamera           camera: mapping between pixels and a plane
+    Scene, Mark, Target    description of a setup: network, marks, target, cameras
     read_scene, write_scene    scene.toml
-    Recording, read_recording    a folder of frames or marks with their times
-    Result, read_result    a folder that `softaim track` wrote, as pandas DataFrames
-    InputError            a file that cannot be used; one line says why
+    Recording, read_recording    folder of frames or marks with their times
+    Result, read_result    output folder of `softaim track`, as pandas DataFrames
+    InputError            error of one line for a file that cannot be used
 
-Importing this module loads nothing else; a name is loaded when it is first used.
+Importing this module loads nothing else; each name is loaded when it is first used.
 """
 
 from __future__ import annotations
@@ -158,12 +158,12 @@ _NAMES_OF = {
     "experiments.formats.scene.target": ("Target",),
     "experiments.formats.scene.scene": ("Scene", "read_scene", "write_scene"),
 }
-"""The public names of each module."""
+"""Public names by the module that defines them."""
 
 _HOMES = {name: module for module, names in _NAMES_OF.items() for name in names}
 
 
-if not TYPE_CHECKING:  # who checks types would take every name to be there
+if not TYPE_CHECKING:  # a type checker would assume that every name exists
 
     def __getattr__(name: str) -> Any:
         if name == "__version__":

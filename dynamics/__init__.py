@@ -1,19 +1,19 @@
-"""Tissue: nodes, springs, forces, energy, time integration and rest shapes.
+"""Tissue models: nodes, springs, meshes, their forces and energy, time integration and rest shapes.
 
 Names to start with:
 
-    four_mass_phantom     the paper's phantom, a network ready to use
-    build_network         a network from names, positions and edges
+    four_mass_phantom     network of the paper's phantom
+    build_network         network from names, positions and edges of nodes
     MassSpringNetwork     nodes and springs, checked
-    rest_shape            where a network rests
-    fit_rest_lengths      rest lengths from a picture of the network at rest
+    rest_shape            positions of a network at rest
+    fit_rest_lengths      rest lengths of springs from a picture of the network at rest
     node_forces           forces on all nodes
     potential_energy      energy whose negative gradient is the force
-    stiffness_matrix      the tangent of the forces
-    stable_step           the longest stable time step
+    stiffness_matrix      derivative of the forces by positions
+    stable_step           longest stable time step
     Stepper               fast fixed steps, for filters
-    integrate_adaptive    slow, accurate motion, for a simulated truth
-    pack, unpack          state vectors to and from positions and velocities
+    integrate_adaptive    accurate, slow simulation, as ground truth
+    pack, unpack          conversion of positions and velocities to state vectors and back
 """
 
 from dynamics.equilibrium import (

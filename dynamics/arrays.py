@@ -1,4 +1,4 @@
-"""Types of arrays, and records of arrays that cannot be written."""
+"""Types of arrays, and pickling of records with read-only arrays."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ Floats = NDArray[np.float64]
 
 
 def made_again(record: DataclassInstance) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-    """For `__reduce__`: a pickled or copied record is made again from its fields.
+    """Result of `__reduce__`: a pickled or copied record is constructed again from its fields.
 
-    So it is checked, and its arrays are read-only again: an unpickled array is writable, and numba compiles its kernels
-    again for writable arrays.
+    So it is checked, and its arrays are read-only again. Unpickled arrays would be writable, and numba would compile
+    its kernels again for them.
     """
     return type(record), tuple(getattr(record, field.name) for field in fields(record) if field.init)

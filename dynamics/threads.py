@@ -1,4 +1,4 @@
-"""One thread for linear algebra while a filter runs or a mesh is reduced: on small matrices more threads only wait.
+"""One thread for linear algebra during a filter or mesh reduction: with small matrices, more threads only wait.
 
 A program sets OPENBLAS_NUM_THREADS before NumPy is loaded; for a user of the library NumPy and SciPy are already
 loaded. Their wheels include OpenBLAS, which is set here; the threads of other libraries are up to the user.
@@ -18,7 +18,7 @@ import scipy
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """One thread until the end, then as many as before."""
+    """Use one thread until the end, then the previous number."""
     before = [(put, get()) for put, get in _libraries()]
     for put, n in before:
         if n != 1:

@@ -1,20 +1,20 @@
-"""Estimation: filters for the place of a hidden target, with a tested covariance, and needle guidance.
+"""Filters that estimate a hidden target from marks on the tissue, tests of their covariance, and needle guidance.
 
 Names to start with:
 
-    TissueFilter          predict, update, and where the target is
-    FilterSettings        what it assumes about unknown forces
-    MarkMeasurement       what goes in: a mark's position and covariance
-    TargetEstimate        what comes out: mean, covariance, status
-    OpenLoop              the paper's method, to compare with
-    identify_constants    stiffness, damping, rest lengths from a recording
-    tune_strain           how far a tissue departs from its model
-    Replay                marks that come late or out of order
-    fixed_interval        smoothing
-    Lesion, Needle, Insertion    what is to be hit, with what, from where
-    hit_probability       probability that a needle that stands still hits
-    guide                 go, wait or realign
-    anees, coverage       whether the covariance is consistent
+    TissueFilter          filter that predicts, updates and estimates the target
+    FilterSettings        its assumptions about unknown forces
+    MarkMeasurement       measured position of a mark with its covariance
+    TargetEstimate        estimated position of the target: mean, covariance, status
+    OpenLoop              the paper's method, for comparison
+    identify_constants    identification of stiffness, damping, rest lengths from a recording
+    tune_strain           estimation of the model's error from a recording
+    Replay                filter for marks that arrive late or out of order
+    fixed_interval        smoother
+    Lesion, Needle, Insertion    what to hit, with which needle, from where
+    hit_probability       probability that a needle at rest hits the lesion
+    guide                 advice for the needle: go, wait or realign
+    anees, coverage       tests of the covariance's consistency
 """
 
 from estimators.association import AssociatedEstimate, AssociationFilter, IdentitySwap

@@ -1,1 +1,1 @@
-"""Everything that uses tissue, filters and pictures together: the command line, scenarios, scripts, plots."""
+"""Command line, scenarios, scripts and plots: everything that uses tissue, filters and pictures together."""

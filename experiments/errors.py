@@ -1,4 +1,4 @@
-"""Bad input: one line that names the file, the key, what was expected and what was found."""
+"""Errors of input in one line that names the file, the key, what was expected and what was found."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from difflib import get_close_matches
 from pathlib import Path
 
 LONGEST_SHOWN = 60
-"""Characters of a found value that a message repeats; a message is one line that fits a terminal."""
+"""Largest number of characters of a found value in a message, so that the line fits a terminal."""
 
 SOME_NAMES = 5
-"""Names that a message lists: chosen, as its length."""
+"""Largest number of names in a message; choice."""
 
 
 class InputError(Exception):
-    """Input that cannot be used; the message is one line, `file: key: expected …, found …`."""
+    """Error for input that cannot be used; the message is one line, `file: key: expected …, found …`."""
 
     @classmethod
     def at(cls, place: object, expected: str, found: str) -> InputError:
-        """The fault at a place, such as `scene.toml: target.node`."""
+        """The error at a place, such as `scene.toml: target.node`."""
         return cls(f"{place}: expected {expected}, found {found}")
 
     @classmethod
@@ -29,12 +29,12 @@ class InputError(Exception):
 
 
 def shown(value: object) -> str:
-    """A found value as a message repeats it: on one line, as the file would write it, cut when long."""
+    """A found value for a message: on one line, as in a file, shortened if long."""
     if isinstance(value, dict):
         return "a table"
     # a float by repr: json would write nan as NaN
     text = repr(value) if isinstance(value, float) else json.dumps(value, ensure_ascii=False, default=str)
-    # json leaves some line separators as they are
+    # json does not escape some line separators
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
 
@@ -49,7 +49,7 @@ def no_node(name: object, names: Iterable[str]) -> str:
 
 
 def read_text(path: Path) -> str:
-    """The whole of a UTF-8 text file, without a byte order mark; InputError if there is none or it is not text."""
+    """Read a UTF-8 text file, without a byte order mark; InputError if there is none or it is not text."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

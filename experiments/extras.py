@@ -1,4 +1,4 @@
-"""Extras: packages that some commands need and the plain installation leaves out."""
+"""Extras: packages that some commands need and the plain installation omits."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ EXTRAS = {
     "export": ("mcap",),
     "mesh": ("meshio", "pytetwild"),
 }
-"""Packages by extra, as pyproject.toml has them."""
+"""Packages by extra, as in pyproject.toml."""
 
 
 def missing(extra: str) -> str | None:
@@ -26,7 +26,7 @@ def needed(extra: str) -> str:
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError, in the name of what asks, for an extra that is not installed."""
+    """Raise InputError for an extra that is not installed; asked_by: what needs it."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

@@ -1,4 +1,4 @@
-"""Ctrl-C while compiled code is called, and SIGTERM."""
+"""Handling of Ctrl-C during compiled code, and of SIGTERM."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from types import FrameType
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Whatever an interrupt becomes in here is raised as KeyboardInterrupt.
+    """Raise KeyboardInterrupt for every form of an interrupt in this context.
 
-    One that comes while a kernel is called comes back as SystemError, "returned a result with an exception set", which
-    arose from it.
+    An interrupt during a kernel appears as SystemError, "returned a result with an exception set", with the interrupt
+    as its cause.
     """
     try:
         yield
@@ -29,9 +29,9 @@ def as_interrupts() -> Iterator[None]:
 
 @contextmanager
 def terminations() -> Iterator[None]:
-    """SIGTERM, by which scripts and service managers end a program, acts in here as Ctrl-C does."""
+    """Treat SIGTERM, by which scripts and service managers end a program, as Ctrl-C in this context."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # only the main thread can hear it
+        yield  # only the main thread can receive it
         return
 
     def end(_number: int, _frame: FrameType | None) -> None:

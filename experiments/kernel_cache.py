@@ -1,4 +1,4 @@
-"""Where compiled kernels are kept: numba takes the folder of the code, else the user's, else it does not load."""
+"""Folder of compiled kernels: numba uses that of the code, else the user's, else it does not load."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ CODE = Path(__file__).parents[1] / "dynamics" / "forces" / "__pycache__"
 
 
 def keep_kernels() -> None:
-    """Where neither can be written, keep kernels as long as this run; of use before numba is loaded."""
+    """If neither folder is writable, keep kernels for this run only; call before numba is loaded."""
     home = Path(os.path.expanduser("~"))
     users = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     stated = [Path(os.environ[VARIABLE])] if os.environ.get(VARIABLE) else []
     if not any(map(can_be_written, [*stated, CODE, users])):
-        # by a name that nobody can know before: what is in it is run
+        # with an unpredictable name: its content is executed
         os.environ[VARIABLE] = tempfile.mkdtemp(prefix="softaim-kernels-")
         atexit.register(shutil.rmtree, os.environ[VARIABLE], ignore_errors=True)
 
 
 def can_be_written(folder: Path) -> bool:
-    """Whether files can be made in a folder, or the folder itself can."""
+    """Whether files can be created in a folder, or the folder itself can."""
     there = next((one for one in (folder, *folder.parents) if one.exists()), None)
     return there is not None and os.access(there, os.W_OK | os.X_OK)

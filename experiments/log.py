@@ -1,4 +1,4 @@
-"""The program's log: what a person is to know goes to standard error, all of it to softaim.log of an output folder."""
+"""The program's log: messages for people go to standard error, all messages to softaim.log in an output folder."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from contextlib import contextmanager, suppress
 from queue import Full, Queue
 
 LOG = logging.getLogger("softaim")
-"""WARNING: what a person is to know. INFO: what was read, chosen and done, and what it took; shown with --verbose."""
+"""Logger. WARNING: messages for people. INFO: inputs, choices, actions and times; shown with --verbose."""
 
 
 MOST_WAITING = 1000
-"""Lines that wait for somebody to read standard error, at most; all are in softaim.log; chosen."""
+"""Largest number of lines waiting for a reader of standard error; choice: softaim.log has all."""
 
 LAST_S = 0.5
-"""How long the end of `StandardError.unwaited` waits for somebody to read the last lines [s]; chosen."""
+"""Time for which the end of `StandardError.unwaited` waits for a reader of the last lines [s]; choice."""
 
 
 class StandardError(logging.Handler):
     """Lines on standard error, `softaim: text`; each replaces a status line on a terminal.
 
-    State: the lines that wait for a thread; None where each is written at once.
+    State: the lines that wait for a thread; None if each is written at once.
     """
 
     def __init__(self, level: int) -> None:
@@ -46,7 +46,7 @@ class StandardError(logging.Handler):
 
     @contextmanager
     def unwaited(self) -> Iterator[None]:
-        """A thread writes the lines meanwhile: nobody has to read them, or to be there."""
+        """Let a thread write the lines in this context, so that the program does not depend on a reader."""
         waiting: Queue[str | None] = Queue(MOST_WAITING)
 
         def work() -> None:
@@ -68,7 +68,7 @@ class StandardError(logging.Handler):
 def _write(line: str) -> None:
     if sys.stderr is None:  # the program was called without one
         return
-    with suppress(OSError, ValueError):  # nobody is there any more
+    with suppress(OSError, ValueError):  # there is no reader any more
         clear = "\r\x1b[K" if sys.stderr.isatty() else ""
         print(f"{clear}{line}", file=sys.stderr, flush=True)
 
@@ -86,7 +86,7 @@ class Kept(logging.Handler):
         self.lines.append(f"{at}.{int(record.msecs):03d}Z {record.levelname:<7} {record.getMessage()}")
 
     def text(self) -> str:
-        """The lines as a file has them."""
+        """The lines in the form of a file."""
         return "".join(f"{line}\n" for line in self.lines)
 
 

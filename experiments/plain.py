@@ -1,4 +1,4 @@
-"""What a message or a report holds: values as JSON can hold them, numbers of things in words."""
+"""Values in the form of messages or reports: as JSON, and counts in words."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON can hold it: paths as text, None for numbers that are not finite."""
+    """A value in the form of JSON: paths as text, None for numbers that are not finite."""
     if isinstance(value, Mapping):
         return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, Path):
@@ -21,5 +21,5 @@ def plain(value: Any) -> Any:
 
 
 def counted(n: int, one: str, many: str = "") -> str:
-    """A number of things in words; many: their plural, where it is not one's with an s."""
+    """A number of things in words; many: their plural, by default with an s."""
     return f"{n} {one if n == 1 else many or one + 's'}"

@@ -1,6 +1,6 @@
-"""One thread for each library that would start more: at some twenty states, on parts of a picture, they only wait.
+"""One thread for each library that would start more: for about twenty states and parts of a picture, more only wait.
 
-How a process begins that helps another, and a thread for what is read or drawn while something else is worked out.
+Also the start of helper processes, and a thread that prepares items in advance.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TypeVar
 Item = TypeVar("Item")
 
 AHEAD = 4
-"""Items that wait for who takes them, at most: for pictures of 640x480 some 4 MB; chosen."""
+"""Largest number of prepared items; choice: about 4 MB for pictures of 640x480."""
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -29,26 +29,26 @@ ONE_THREAD = dict.fromkeys(
     ),
     1,
 )
-"""Environment of a process that works by itself, or of one of as many workers as there are cores."""
+"""Environment of a process that works alone, or as one of as many workers as there are cores."""
 
 
 def one_thread_each() -> None:
-    """Set these variables where the user has not; of use before NumPy and OpenCV are loaded."""
+    """Set these variables if the user has not; call before NumPy and OpenCV are loaded."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))
 
 
 def begin_helper() -> None:
-    """Begin a process that helps another: one thread each; Ctrl-C is for the other, which ends this one."""
+    """Start a helper process: one thread per library; it ignores Ctrl-C, because the other process ends it."""
     one_thread_each()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
-    """The same items in the same order, each made by a thread while an earlier one is at work.
+    """The same items in the same order, each prepared by a thread while an earlier one is processed.
 
-    What making one raises is raised where that one would come. At the end the thread is over, taken or not.
+    An exception during the preparation of an item is raised at its place. The thread ends with the context.
     """
     made: Queue[tuple[bool, Item | BaseException | None]] = Queue(AHEAD)
     wanted = True

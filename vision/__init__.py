@@ -1,22 +1,22 @@
-"""Vision: cameras, detection of marks by hue and their tracking, frame sources, synthetic frames.
+"""Vision: cameras, detection and tracking of coloured marks, frame sources, synthetic frames.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Names of lengths in a picture
-end in _px; the plane is in metres.
+end in _px; positions on the plane are in metres.
 
 Names to start with:
 
     open_source           frames from a camera, film, folder or stream
-    Frame                 an image and its exposure time
-    MarkHue, learn_hue    the colour of a kind of mark, and how to learn it from a click
-    detect_marks          marks in one picture
-    MarkFinder            marks tracked and named, frame after frame
-    Expected              where a mark is expected
-    Detection             a centre with its covariance
-    LostMark, Reason      why a mark was not found
-    Distractor            a new thing in a mark's colour that is no mark
-    PlaneCamera           between pixels and the plane
+    Frame                 image with its exposure time
+    MarkHue, learn_hue    colour of a kind of mark, and learning it from a click
+    detect_marks          detection of marks in one picture
+    MarkFinder            detection and tracking of named marks in frames
+    Expected              expected position of a mark
+    Detection             detected centre with its covariance
+    LostMark, Reason      reason why a mark was not found
+    Distractor            new thing in a mark's colour that is no mark
+    PlaneCamera           camera: mapping between pixels and a plane
     Board, find_board, calibrate    camera calibration
-    synthetic_run         frames with known truth
+    synthetic_run         synthetic frames with known truth
 """
 
 from vision.cameras import (

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 Image = NDArray[np.uint8]
-"""A picture, (height, width, 3) in the order BGR, or (height, width)."""
+"""A picture of 8 bits, (height, width, 3) in the order BGR, or (height, width)."""
 
 Picture = NDArray[Any]
-"""The same with the types of OpenCV's stubs: integers or floating-point numbers."""
+"""A picture with the types of OpenCV's stubs: integers or floating-point numbers, shaped as `Image`."""

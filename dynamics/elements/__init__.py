@@ -1,6 +1,6 @@
-"""Energy, force and tangents of all elements of a kind, and their sparse assembly.
+"""Force elements with energy, force and derivatives, and their sparse assembly.
 
-What may enter: another `ForceElement`.
+Another `ForceElement` belongs here.
 """
 
 from dynamics.elements.assembly import Assembly

@@ -1,4 +1,4 @@
-"""Elements of all kinds assembled over the free coordinates of a mesh; those of a network by one kernel."""
+"""Assembly of all kinds of elements over the free coordinates of a mesh; one kernel serves those of a network."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from dynamics.forces.kernels import NodeConstants, Packed, linearised
 from dynamics.network.mass_spring import MassSpringNetwork
 
 COMPILED = (Springs, Weight, Resistance)
-"""Kinds whose forces one kernel adds up."""
+"""Kinds of elements whose forces a single kernel adds up."""
 
 
 class Assembly:
-    """Forces and sparse tangents of a mesh over its free coordinates, node-major.
+    """Forces and sparse tangents of a mesh over its free coordinates, node by node.
 
     Parameters
     ----------
     positions : (n_nodes, dim)
-        Of all nodes [m]; those that are not free stay there.
+        Positions of all nodes [m]; nodes that are not free stay there.
     free : (n_free,) int
-        Nodes that move.
+        Indices of the nodes that move.
     elements : sequence of ForceElement
-        Constants of springs, weights and resistances are read now, those of other kinds at each call.
+        Constants of springs, weights and resistances are read at construction, those of other kinds at each call.
 
     Attributes
     ----------
     n, dim : int
-        Free coordinates, and coordinates of a node.
+        Number of free coordinates, and of coordinates per node.
     """
 
     def __init__(self, positions: Floats, free: NDArray[np.int64], elements: Sequence[ForceElement]) -> None:
@@ -50,7 +50,7 @@ class Assembly:
 
     @classmethod
     def of_network(cls, network: MassSpringNetwork) -> Assembly:
-        """Springs, weight and resistance of a network."""
+        """Assembly of the springs, weight and resistance of a network."""
         kinds = (Springs.of_network(network), Weight.of_network(network), Resistance.of_network(network))
         return cls(network.positions, network.free, kinds)
 
@@ -77,7 +77,7 @@ class Assembly:
         return total + self._of_others(q, v), K, C
 
     def tangents(self, q: Floats, v: Floats) -> tuple[csr_array, csr_array]:
-        """Stiffness [N/m] and damping [N s/m]: minus the derivatives of `force` by q and v, (n, n) each."""
+        """Stiffness [N/m] and damping [N s/m], (n, n) each: minus the derivatives of `force` by q and v."""
         x, u = self._all(q, v)
         values: list[list[Floats]] = [[], []]
         for element, (kept, _, _) in zip(self.elements, self._entries, strict=True):
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Of the entries of all blocks of a kind: those between free coordinates, their rows and columns."""
+        """Entries of all blocks of a kind that lie between free coordinates, with their rows and columns."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)
@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """The constants of all compiled kinds, of nodes by node: (n_nodes, dim) is the shape of their positions."""
+    """The constants of all compiled kinds, those of nodes by node; shape: (n_nodes, dim) of the positions."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

@@ -1,8 +1,8 @@
-"""A mesh of tissues as a network of points: responses to smooth surface forces as modes, and stiffness between points.
+"""Reduction of a tissue mesh to a network of points: modes under smooth surface forces, stiffness between points.
 
-A point of a continuum has no stiffness of its own: the finer the mesh, the more a force at a point dimples it. Unknown
-forces are therefore smooth fields over the free surface, and the body moves in its responses to them, in those to
-gravity's turn, and in affine motions. Source of the projection on responses: [benner2015].
+A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
+forces are therefore smooth fields over the free surface. The body moves in its responses to them, in those to
+changes of gravity's direction, and in affine motions. Source of the projection on responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -42,52 +42,52 @@ NEARLY_INCOMPRESSIBLE = 0.46
 tetrahedra bend well enough, and the factors are smaller."""
 
 SMOOTH = 0.2
-"""Length over which surface forces are smooth, by the extent [1]; choice."""
+"""Correlation length of surface forces, relative to the extent [1]; choice."""
 
 FUNCTIONS = 30
-"""Functions of which surface forces are sums, by each axis; numerical: with 60, over 0.15 of the extent, the targets of
-blocks and breasts are estimated alike."""
+"""Number of functions for each axis whose sums are the surface forces; numerical: 60 functions over 0.15 of the extent
+give the same estimates of targets in blocks and breasts."""
 
 SAMPLES = 500
-"""Surface nodes at which the functions are chosen, at most; numerical."""
+"""Largest number of surface nodes at which the functions are chosen; numerical."""
 
 LEFT_OUT = 3e-3
-"""Displacement of a mode that is left out, root of the mean square over points, by the extent, at most [1]; numerical:
+"""Largest root mean square displacement of an omitted mode over the points, relative to the extent [1]; numerical:
 under surface forces of `POKE_M_S2`, or those that bend the body by `BENT`."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces under which modes are chosen [m/s²], at least those that displace the points by this share of the
+"""Surface forces for the choice of modes [m/s²], at least those that displace the points by the given share of the
 extent [1]; choice: the filter's pokes."""
 
 DEPENDENT = 1e-5
-"""Size of a direction of the modes, by the largest, below which it depends on the others [1]; numerical."""
+"""Relative size of a direction of the modes below which it depends on the others [1]; numerical."""
 
 NEAR = 0.02
-"""Distance outside the surface up to which a point is bound to it, by the extent [1]; choice: some millimetres, by
-which marks that were measured lie off a coarse surface."""
+"""Relative distance outside the surface up to which a point is bound to it [1]; choice: some millimetres, by
+which measured marks lie off a coarse surface."""
 
 PATCH = 0.05
-"""Radius of the patch over which a force on a point is spread, by the extent [1]; choice: a fingertip on a breast."""
+"""Relative radius of the patch that distributes a force on a point [1]; choice: a fingertip on a breast."""
 
 HARDLY = 1e-3
-"""Weight of a node below which a point does not depend on it: places are rounded [1]; numerical."""
+"""Weight of a node below which a point does not depend on it: positions are rounded [1]; numerical."""
 
 CHUNK = 2**16
-"""Strains that are computed at once; numerical: memory."""
+"""Number of strains that are computed at once; numerical: memory."""
 
 WALL = 12
-"""Nodes of the network that show where the body is held, at most."""
+"""Largest number of network nodes that show where the body is fixed."""
 
 
 class Points(NamedTuple):
-    """Points of a mesh: their places [m], (k, 3), and weights of all nodes there, (k, n_nodes)."""
+    """Points of a mesh: their positions [m], (k, 3), and the weights of all nodes for each, (k, n_nodes)."""
 
     places: Floats
     weights: csr_array
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points inside a mesh, or near its surface: bound to the nearest place there. MeshError for one far outside."""
+    """Points inside a mesh, or near its surface, where they are bound to it. MeshError for a point far outside."""
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -104,14 +104,14 @@ def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
 
 
 def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
-    """The patch of each element, (m,) int, over which its dilatation is averaged, by Poisson's ratios, (m,)."""
+    """The patch of each element, (m,) int, over which its dilatation is averaged, for Poisson's ratios (m,)."""
     return patches(mesh) if poisson.max() > NEARLY_INCOMPRESSIBLE else np.arange(len(mesh.elements))
 
 
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
-    """Weights of all nodes, (k, n_nodes), of the patch about each point over which a force on it is spread.
+    """Node weights, (k, n_nodes), of the patch around each point that distributes a force on it.
 
-    A point on the surface has surface nodes by their areas, one inside has all nodes by their volumes.
+    The patch of a surface point has surface nodes, weighted by area; that of an inner point has all nodes, by volume.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas
@@ -132,19 +132,19 @@ def continuum_network(
     *,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """A network whose nodes are named points of a mesh, with the mesh reduced to modes.
+    """A network whose nodes are named points of a mesh; the mesh is reduced to modes.
 
     Parameters
     ----------
     mesh : TetMesh
-        At rest as drawn, under whatever gravity.
+        The body, at rest as drawn under any gravity.
     tissues : sequence of Tissue
-        By the number of their region.
+        Tissues in the order of the region numbers.
     fixed : (n_fixed,) int
-        Nodes of the mesh that are held; none of a body that nothing holds.
+        Fixed nodes of the mesh; empty for a free body.
     points : mapping of str to (3,)
-        Places [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further nodes,
-        `wall 1` and so on, show where the body is held.
+        Positions [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further
+        nodes, `wall 1` and so on, show where the body is fixed.
     left_out : float
         As `LEFT_OUT`; 0 for all responses to smooth surface forces, as a reference: not all modes of the mesh.
 
@@ -210,7 +210,7 @@ def _continuum(
     areas[place[outside.nodes[moves]]] = outside.areas[moves]
     pushed, nodes = np.flatnonzero(areas), mesh.nodes[free]
     fields = np.zeros((len(free), 1 + FUNCTIONS))
-    fields[:, 0] = masses  # all of it, as gravity's turn
+    fields[:, 0] = masses  # the whole body, as a change of gravity's direction
     fields[pushed, 1:] = _smooth(nodes[pushed], SMOOTH * extent_m, FUNCTIONS)
     fields[:, 1:] *= (areas * masses.sum() / areas.sum())[:, None]
     forces = np.asarray(np.kron(fields, np.eye(3)), dtype=float)
@@ -226,7 +226,7 @@ def _continuum(
     by_tissue = _by_tissue(strained, mesh.regions, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
     near = csr_array(patch_weights(mesh, outside, named)[:, free]).toarray()
-    is_held = near.sum(axis=1) < HARDLY  # all of the patch: the force is on the point's own nodes
+    is_held = near.sum(axis=1) < HARDLY  # the whole patch: the force acts on the point's own nodes
     spread = _by_axis(csr_array(np.where(is_held[:, None], weights.toarray(), near)))
     compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
@@ -249,7 +249,7 @@ def _extent(nodes: Floats) -> float:
 
 
 def _by_axis(weights: csr_array) -> csr_array:
-    """Weights of nodes (k, n) as those of their coordinates, (3 k, 3 n)."""
+    """Weights of nodes (k, n), repeated for their coordinates, (3 k, 3 n)."""
     entries = weights.tocoo()
     rows, columns = (3 * index[:, None] + np.arange(3) for index in (entries.row, entries.col))
     shape = (3 * weights.shape[0], 3 * weights.shape[1])
@@ -257,15 +257,15 @@ def _by_axis(weights: csr_array) -> csr_array:
 
 
 def matern(distances: Floats, length: float) -> Floats:
-    """Correlation of a field with one derivative, Matern's 3/2, over a length in the unit of the distances."""
+    """Correlation of a field with one derivative, Matern's 3/2, for this length in the unit of the distances."""
     scaled = np.sqrt(3.0) * distances / length
     return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
 
 def _smooth(places: Floats, length: float, count: int) -> Floats:
-    """Functions (n, count) at places (n, 3), of which independent standard normal multiples make a smooth field.
+    """Functions (n, count) at places (n, 3) whose sum with independent standard normal factors is a smooth field.
 
-    The field is Matern's 3/2 of variance 1; its functions are Nystroem's, from a part of the places.
+    The field is Matern's 3/2 of variance 1; the functions follow by Nystroem's method from a part of the places.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)
@@ -283,7 +283,7 @@ def _modes(
 ) -> tuple[Floats, Floats]:
     """Modes (3 n, r), and the squares of their angular frequencies [1/s²].
 
-    Of the responses those that the points show, and, where nothing holds the body, affine motions.
+    They span the responses that move the points and, for a free body, its affine motions.
     at_points: the responses at the points, (3 k, n_responses)
     """
     root = np.sqrt(np.repeat(masses, 3) / masses.sum())[:, None]
@@ -302,7 +302,7 @@ def _modes(
 
 
 def _by_tissue(strained: Strains, regions: NDArray[np.int64], modes: Floats, n_tissues: int) -> Floats:
-    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r), by the strain of every element."""
+    """Stiffness of each tissue in these modes [N/m], (n_tissues, r, r), from the strain of every element."""
     found = np.zeros((n_tissues, modes.shape[1], modes.shape[1]))
     for some in np.array_split(np.arange(len(strained.weights)), 1 + len(strained.weights) // CHUNK):
         strain, tissue = strained.matrix[some] @ modes, regions[strained.elements[some]]

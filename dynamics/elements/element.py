@@ -1,4 +1,4 @@
-"""The protocol of a kind of force element."""
+"""Protocol of a kind of force element."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dynamics.arrays import Floats
 
 
 class ForceElement(Protocol):
-    """All elements of one kind.
+    """Protocol of a force element; one object contains all elements of its kind.
 
     Attributes
     ----------
@@ -41,4 +41,4 @@ class ForceElement(Protocol):
         """
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force by the logarithm of each constant [N], by its kind, each as `force`."""
+        """Derivatives of the force by the logarithm of each constant [N], by its kind, each shaped as `force`."""

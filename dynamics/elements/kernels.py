@@ -1,15 +1,15 @@
-"""Compiled laws of linear tetrahedra, and the loops over patches of them.
+"""Compiled material laws of linear tetrahedra, and loops over patches of them.
 
-By the deformation gradient F of an element, with Lamé's constants mu and lambda, energy by volume at rest [J/m³]:
+With the deformation gradient F of an element and Lamé's constants mu and lambda, the energy per rest volume [J/m³] is
 
     linear        mu |sym F - I|²                        theta = tr F - 3
     corotated     mu |F - R|²                            theta = R : F - 3, R the rotation of F
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
-and of a patch lambda / 2 times the square of the mean of theta over its volume, which keeps nearly incompressible ones
-from locking. Dashpots: the stress A (2 mu' sym(A' F')) of the strain's rate, A = F, of linear ones I, and lambda' times
-the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation, [bonet2008] neo-Hookean,
-[souzaneto2005] patches. Nothing here checks its input: `dynamics.elements.tetrahedra` does.
+plus, for each patch, lambda / 2 times the squared mean of theta over its volume; the mean prevents locking of nearly
+incompressible elements. Dashpots add the stress A (2 mu' sym(A' F')) of the strain rate, with A = F or, for the linear
+law, I, and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation,
+[bonet2008] neo-Hookean, [souzaneto2005] patches. The input is not checked here: `dynamics.elements.tetrahedra` does.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from dynamics.arrays import Floats
 LINEAR, COROTATED, NEO_HOOKEAN = range(3)
 
 FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
-"""Reorderings that the compiler may make; NaN and infinity keep their meaning."""
+"""Permitted reorderings of sums by the compiler; NaN and infinity keep their meaning."""
 
 NEWTON = 30
-"""Iterations at most for the sum of principal stretches; five where no element is near turning inside out."""
+"""Largest number of iterations for the sum of principal stretches; five if no element is near inversion."""
 
 
 class PackedTetrahedra(NamedTuple):
-    """Elements as the kernels read them, patch by patch.
+    """Elements in the order of the kernels, patch by patch.
 
-    starts: first element of each patch, and their number, (n_patches + 1,); corners: among those of its patch, (m, 4)
+    starts: first element of each patch, then number of all, (n_patches + 1,); corners: among those of its patch, (m, 4)
     volumes: at rest [m³], (m,); gradients: of the corners' weights [1/m], (m, 4, 3)
     """
 
@@ -45,11 +45,11 @@ class PackedTetrahedra(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """Of one element.
+    """Scratch arrays for one element.
 
-    F, rate: deformation gradient and its rate; A, T: as above, T the slope of theta; P: stress by mu; M: anything
+    F, rate: deformation gradient and its rate; A, T: as above, T the derivative of theta; P: stress per mu; M: any
     cofactors: of F; inverse: (tr V I - V)^-1 of the stretch V = F R'; all (3, 3)
-    h: gradients of the corners' weights, turned by R or of neo-Hookean ones by F^-T, (4, 3)
+    h: gradients of the corners' weights, rotated by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
 
     F: Floats
@@ -98,7 +98,7 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
-    """Write the rotation of F into R, the slope of the sum s of the principal stretches; M: scratch.
+    """Write the rotation of F into R, the derivative of the sum s of the principal stretches; M: scratch.
 
     s is the largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|², found from above by Newton's method.
     """
@@ -121,7 +121,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
-    """Energy by mu [1] and theta [1] of element e, whose scratch is written, `h` and `inverse` apart.
+    """Energy per mu [1] and theta [1] of element e; writes its scratch arrays except `h` and `inverse`.
 
     x, v: of the corners of its patch, (n_corners, 3)
     """
@@ -161,7 +161,7 @@ def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
-    """After `_state`: write `h`, and `inverse` of corotated ones; returns det F of neo-Hookean ones, else 0."""
+    """After `_state`: write `h`, and `inverse` for the corotated law; returns det F for the neo-Hookean law, else 0."""
     det = _double_dot(s.T, s.F) / 3.0 if law == NEO_HOOKEAN else 0.0
     by = 1.0 / det if law == NEO_HOOKEAN else 1.0
     for a in range(4):
@@ -187,7 +187,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write into out, (3, 3), how R g_a turns as corner b moves: [h_a]' (tr V I - V)^-1 [h_b], [h] y = h x y."""
+    """Write into out, (3, 3), the rotation of R g_a as corner b moves: [h_a]' (tr V I - V)^-1 [h_b], [h] y = h x y."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k
@@ -203,7 +203,7 @@ def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
 def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-untyped-def]
     """Write the energy of each patch [J], (n_patches,), add the force on its corners [N], (n_patches, n_corners, 3).
 
-    x, v: of the corners of each patch, as force; moduli: lambda and mu [Pa] and of the dashpots [Pa s], (m, 4)
+    x, v: of the corners of each patch, shaped as force; moduli: lambda and mu [Pa] and of the dashpots [Pa s], (m, 4)
     """
     s = _scratch()
     for q in range(len(x)):
@@ -243,7 +243,7 @@ def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_tangents(x, v, law, p, moduli, K, C):  # type: ignore[no-untyped-def]
-    """Add minus the slopes of the force of `tetrahedra_forces` by x and v, (n_patches, n_corners, 3, n_corners, 3)."""
+    """Add minus the derivatives of `tetrahedra_forces` by x and v, (n_patches, n_corners, 3, n_corners, 3)."""
     s, n = _scratch(), x.shape[1]
     turned, left, mixed = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     B, fast = np.zeros((4, 3)), np.zeros((4, 3))

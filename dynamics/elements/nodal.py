@@ -1,4 +1,4 @@
-"""Elements of one node: its weight, and the resistance of what surrounds it."""
+"""Elements with one node: its weight, and the resistance of its surroundings."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 class Weight:
-    """The weight of nodes: force [N], (n, dim), on nodes (n, 1)."""
+    """Weight of nodes: a constant force [N], (n, dim), on nodes (n, 1)."""
 
     def __init__(self, nodes: NDArray[np.int64], weight: Floats) -> None:
         self.nodes, self.weight = nodes, weight
 
     @classmethod
     def of_network(cls, network: MassSpringNetwork) -> Weight:
-        """Of all free nodes."""
+        """Weight of all free nodes of a network."""
         return cls(network.free[:, None], network.masses[network.free, None] * network.gravity)
 
     def energy(self, x: Floats) -> Floats:
-        """Energy of height [J], (n,)."""
+        """Potential energy of height [J], (n,)."""
         return -np.einsum("nd,nd->n", self.weight, x[:, 0])
 
     def force(self, x: Floats, v: Floats) -> Floats:
@@ -39,18 +39,18 @@ class Weight:
         return self.weight[:, None]
 
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Zeros, (n, 1, dim, 1, dim) each: weight changes with neither place nor velocity."""
+        """Zeros, (n, 1, dim, 1, dim) each: weight depends neither on position nor on velocity."""
         n, dim = self.weight.shape
         none = np.zeros((n, 1, dim, 1, dim))
         return none, none
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """None: masses are not estimated."""
+        """Empty: masses are not estimated."""
         return {}
 
 
 class Resistance:
-    """Viscous drag and dry friction against the ground, of nodes (n, 1).
+    """Viscous drag and dry friction of nodes (n, 1) against the ground.
 
     constants: drag [N s/m] and friction [N], (n,) each
     """
@@ -60,12 +60,12 @@ class Resistance:
 
     @classmethod
     def of_network(cls, network: MassSpringNetwork) -> Resistance:
-        """Of all free nodes."""
+        """Resistance of all free nodes of a network."""
         drag, friction = network.drag[network.free], network.friction[network.free]
         return cls(network.free[:, None], NodeConstants(drag, friction))
 
     def energy(self, x: Floats) -> Floats:
-        """Zeros [J], (n,): resistance stores none."""
+        """Zeros [J], (n,): resistance stores no energy."""
         return np.zeros(len(x))
 
     def force(self, x: Floats, v: Floats) -> Floats:
@@ -73,7 +73,7 @@ class Resistance:
         return -self._resistance(v)[:, None, None] * v
 
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """No stiffness; damping [N s/m], (n, 1, dim, 1, dim)."""
+        """Zero stiffness; damping [N s/m], (n, 1, dim, 1, dim)."""
         n, _, dim = v.shape
         speed = v[:, 0]
         square = np.einsum("nd,nd->n", speed, speed)

@@ -1,7 +1,7 @@
-"""Reduced bodies: the shapes in which they move, and their forces in these shapes.
+"""Reduced bodies: a few shapes in which they move, and their forces in these shapes.
 
 A displacement is a sum of scalar functions of the nodes, the shapes, each multiplied by a vector. So a shape is
-represented in every direction, however the body turns. The shapes include 1 and the coordinates at rest, so affine
+available in every direction, however the body turns. The shapes include 1 and the coordinates at rest, so affine
 motions of the body are exact. Source of the projection on responses: [benner2015].
 """
 
@@ -20,18 +20,18 @@ from dynamics.elements.assembly import Assembly
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Span:
-    """Coordinates of nodes as a linear map of fewer ones.
+    """Linear map from a few reduced coordinates to the coordinates of all nodes.
 
     Attributes
     ----------
     matrix : (n_full, n)
-        Coordinates of the nodes by the reduced ones.
+        Map from the reduced coordinates to those of the nodes.
     onto : (n, n_full)
         Its left inverse: the projection in the norm of the masses.
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
-        Standard deviation of each reduced acceleration where those of all nodes are independent, of variance 1.
+        Standard deviation of each reduced acceleration for independent accelerations of all nodes with variance 1.
     """
 
     matrix: Floats
@@ -40,23 +40,23 @@ class Span:
     white: Floats
 
     def coordinates(self, places: Floats) -> Floats:
-        """The reduced coordinates (n,) next to coordinates of all nodes [m], (n_full,)."""
+        """Reduced coordinates (n,) that best fit coordinates of all nodes [m], (n_full,)."""
         return np.asarray(self.onto @ places)
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the reduced coordinates (n, n) where those of all nodes are independent, of variance 1."""
+        """Covariance of the reduced coordinates (n, n) for independent coordinates of all nodes with variance 1."""
         return np.asarray(self.onto @ self.onto.T)
 
     @classmethod
     def whole(cls, masses: Floats) -> Span:
-        """All coordinates as they are; masses (n_full,) [kg]."""
+        """The identity map of all coordinates; masses (n_full,) [kg]."""
         n = len(masses)
         return cls(np.eye(n), np.eye(n), masses, np.ones(n))
 
     @classmethod
     def of_shapes(cls, shapes: Floats, masses: Floats, dim: int) -> Span:
-        """Shapes (n_nodes, r), each times a vector; masses (n_nodes,) [kg].
+        """Map from shapes (n_nodes, r), each multiplied by a vector; masses (n_nodes,) [kg].
 
         A reduced coordinate [m] is the root mean square displacement, weighted by mass. The shapes are rotated so that
         independent accelerations of the nodes remain independent.
@@ -75,7 +75,7 @@ class Span:
 
 
 class ReducedAssembly:
-    """Forces and dense tangents of an assembly in reduced coordinates, as `Assembly` has them in all."""
+    """Forces and dense tangents of an assembly in reduced coordinates; `Assembly` has those in all coordinates."""
 
     def __init__(self, whole: Assembly, span: Span) -> None:
         self._whole, self._matrix = whole, span.matrix
@@ -95,22 +95,22 @@ class ReducedAssembly:
 def smooth_shapes(
     assembly: Assembly, places: Floats, masses: Floats, forces: Floats, rates: Sequence[float], least_m: float
 ) -> Floats:
-    """Shapes (n_nodes, r) in which a body follows forces, beside its affine motions.
+    """Shapes (n_nodes, r) of a body's responses to forces, besides its affine motions.
 
     Parameters
     ----------
     assembly : Assembly
-        Of the body.
+        The body.
     places : (n_nodes, dim)
-        Of the free nodes at rest [m].
+        Positions of the free nodes at rest [m].
     masses : (n_nodes,)
         [kg]
     forces : (n_nodes dim, n_forces)
-        Each by its standard deviation [N].
+        Each multiplied by its standard deviation [N].
     rates : sequence of float
-        At which they may grow [1/s].
+        Rates at which the forces may grow [1/s].
     least_m : float
-        Root mean square displacement, weighted by mass, below which a shape is left out [m].
+        Root mean square displacement, weighted by mass, below which a shape is omitted [m].
     """
     q = places.ravel()
     K, C = (csc_array(matrix) for matrix in assembly.tangents(q, np.zeros_like(q)))

@@ -1,4 +1,4 @@
-"""Springs with dashpots as elements of two nodes."""
+"""Springs with dashpots, as elements with two nodes."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ENDS = np.array([-1.0, 1.0])
-"""How the vector from the first node of a spring to the second changes with the place of each."""
+"""Derivative of the vector from the first to the second node of a spring by the position of each."""
 
 
 class Springs:
-    """The springs of a network, each with its dashpot.
+    """Springs with dashpots as force elements.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class Springs:
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
         """Stiffness [N/m] and damping [N s/m] of both ends, (n_springs, 2, dim, 2, dim) each.
 
-        In motion the stiffness is not symmetric: the rate of a dashpot changes as the spring turns.
+        During motion the stiffness is not symmetric: the rate of a dashpot changes as the spring turns.
         """
         along, length, rate = self._shape(x, v)
         c, dim, turning = self.constants, x.shape[2], (v[:, 1] - v[:, 0]) - rate[:, None] * along
@@ -76,7 +76,7 @@ class Springs:
         return {kind: _on_ends(getattr(by, kind), along) for kind in OF_SPRINGS}
 
     def _shape(self, x: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """Unit vector from the first end to the second, length [m] and its rate [m/s] of each spring."""
+        """Unit vector from the first end to the second, length [m] and its rate [m/s], for each spring."""
         apart = x[:, 1] - x[:, 0]
         length = np.sqrt((apart * apart).sum(axis=1) + SHORTEST**2)
         along = apart / length[:, None]

@@ -1,4 +1,4 @@
-"""Linear tetrahedra of all of a mesh, with the dilatation of nearly incompressible ones averaged over patches."""
+"""Linear tetrahedra of a mesh; patches average the dilatation of nearly incompressible ones."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from dynamics.mesh import TetMesh, lame
 Numbers = float | Floats
 
 LAWS = {"linear": LINEAR, "corotated": COROTATED, "neo-hookean": NEO_HOOKEAN}
-"""Laws of materials: of small strains, of small strains about large rotations, of large strains."""
+"""Material laws: for small strains, for small strains with large rotations, for large strains."""
 
 
 class TissueConstants(NamedTuple):
     """Young's modulus [Pa], Poisson's ratio and damping as a time [s], each (m,) or one number.
 
-    At rest the damping matrix is the stiffness times that time.
+    At rest the damping matrix is the stiffness matrix times that time.
     """
 
     modulus: Numbers
@@ -37,7 +37,7 @@ class TissueConstants(NamedTuple):
 
 
 class Tetrahedra:
-    """All tetrahedra of a mesh; an element of the protocol is a patch of them, or one where there are no patches.
+    """Tetrahedra of a mesh as force elements; one element is a patch of tetrahedra, or a single one without patches.
 
     Parameters
     ----------
@@ -46,16 +46,16 @@ class Tetrahedra:
         A key of `LAWS`.
     constants : TissueConstants
     patch : (m,) int, optional
-        Of each tetrahedron, see `dynamics.mesh.patches`; wanted from a Poisson's ratio of some 0.45 on.
+        Patch of each tetrahedron, see `dynamics.mesh.patches`; needed for Poisson's ratios above about 0.45.
 
     Attributes
     ----------
     nodes : (n_patches, n_corners) int
-        Nodes of each patch, its first one again where it has fewer than others.
+        Nodes of each patch; a patch with fewer nodes than others repeats its first.
 
     Notes
     -----
-    A neo-Hookean tetrahedron that is turned inside out has infinite energy, and its force is not a number.
+    An inverted neo-Hookean tetrahedron has infinite energy, and its force is not a number.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class Tetrahedra:
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
         """Derivatives of the force by the logarithm of modulus, Poisson's ratio and damping [N], each as `force`.
 
-        Of the constants of all tetrahedra of a patch together: the sum over the patches of a region is the region's.
+        The constants of a patch change together; the derivative for a region is the sum over its patches.
         """
         E, nu, damping = (np.asarray(c) for c in self.constants)
         by_nu = E * nu * (1.0 + 2.0 * nu**2) / ((1.0 + nu) * (1.0 - 2.0 * nu)) ** 2, -0.5 * E * nu / (1.0 + nu) ** 2
@@ -118,7 +118,7 @@ class Tetrahedra:
         return {kind: self._forces(x, v, own)[1] for kind, own in moduli.items()}
 
     def _of(self, lam: Floats, mu: Floats, stored: float, damping: Floats) -> Floats:
-        """Constants as the kernels read them, (m, 4), the stored part times a number."""
+        """Constants in the kernels' order, (m, 4); the elastic part is multiplied by a number."""
         return np.stack([stored * lam, stored * mu, damping * lam, damping * mu], axis=1)[self._order]
 
     def _forces(self, x: Floats, v: Floats, moduli: Floats) -> tuple[Floats, Floats]:

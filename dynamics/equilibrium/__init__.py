@@ -1,6 +1,6 @@
-"""Rest shapes, rest lengths from a picture, oscillations about rest, reversed springs.
+"""Statics: rest shapes, rest lengths from a picture, oscillations about rest, reversed springs.
 
-What may enter: what does not depend on time.
+Functions that do not depend on time belong here.
 """
 
 from dynamics.equilibrium.build import build_network

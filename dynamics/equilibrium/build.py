@@ -1,4 +1,4 @@
-"""A network from names, positions and edges."""
+"""Construction of a network from names, positions and edges."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Largest distance between a node at rest and as drawn, by the longest spring, for a network that rests as drawn [1];
-chosen: 0.01 mm of a spring of 100 mm. Rounding leaves 1e-14 in the phantoms of 4 to 60 masses."""
+"""Largest distance between a node at rest and as drawn, relative to the longest spring, for a network that rests as
+drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding leaves 1e-14 in the phantoms of 4 to 60 masses."""
 
 
 def build_network(
@@ -33,21 +33,21 @@ def build_network(
     friction: ArrayLike = 0.0,
     rest_lengths: ArrayLike | Literal["at rest", "as drawn"] = "at rest",
 ) -> MassSpringNetwork:
-    """A network of these nodes, a spring along each edge.
+    """Build a network of these nodes, with a spring along each edge.
 
-    names: of the nodes, n_nodes different ones
+    names: unique names of the n_nodes nodes
     positions: of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
-    edges: the two ends of each spring, by name or by place among the names; n_springs of them, each pair once
+    edges: the two ends of each spring, by name or by index among the names; n_springs of them, each pair once
     stiffness, damping: of the springs [N/m], and of the dashpots along them [N s/m]
     masses, drag, friction: of the nodes [kg], their viscous drag [N s/m] and Coulomb friction [N] against the ground
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
     fixed: names of the anchors
-    rest_lengths: "at rest": such that the network rests where it is drawn, under gravity, by the smallest relative
-        changes of the drawn lengths; "as drawn": the distances drawn, so that gravity lets it sag; or numbers [m]
+    rest_lengths: "at rest": the network rests where it is drawn, under gravity, by the smallest relative
+        changes of the drawn lengths; "as drawn": the drawn lengths, so that it sags under gravity; or numbers [m]
 
     Values of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
 
-    Raises NetworkError, which names the edge, node or argument, what was expected and what was found; also where no
+    Raises NetworkError, which names the edge, node or argument, what was expected and what was found; also if no
     rest lengths near the drawn ones let the network rest as drawn.
     """
     known = _places(names)
@@ -142,7 +142,7 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
-    """One value for each of n, (n,), from one or n; NetworkError for others."""
+    """Values for each of n, (n,), from one value or n values; NetworkError for another number."""
     array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")

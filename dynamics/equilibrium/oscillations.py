@@ -12,17 +12,17 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Rates relative to the fastest, and imaginary parts relative to their rate, below this are rounding errors: the square
-root of that of a double eigenvalue."""
+"""Relative rates, and relative imaginary parts, below which they are rounding errors: the square root of the rounding
+of a double eigenvalue."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillations:
-    """Natural motions of a network about a rest, by the eigenvalues z of (z² M + z C + K) u = 0.
+    """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
 
-    frequencies_hz: abs(z) / 2 pi of those that oscillate, ascending: natural, not damped ones [Hz], (n,)
+    frequencies_hz: abs(z) / 2 pi of the oscillating motions, ascending: natural, not damped ones [Hz], (n,)
     damping_ratios: of these, -Re z / abs(z) [1], (n,)
-    decays_s: of those that do not oscillate, the time to 1/e, longest first [s], (m,)
+    decays_s: time to 1/e of motions that do not oscillate, longest first [s], (m,)
     """
 
     frequencies_hz: Floats
@@ -31,10 +31,10 @@ class Oscillations:
 
 
 def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
-    """The natural motions about a shape in which the network rests, positions of all nodes [m], (n_nodes, dim).
+    """Compute the natural oscillations about a rest shape, positions of all nodes [m], (n_nodes, dim).
 
-    Dry friction is left out: it ends small motions, and does not damp them in proportion. Motions without resistance,
-    such as those of a whole network without anchors, are left out. Source: [tisseur2001], by the first companion form,
+    Dry friction is ignored: it ends small motions instead of damping them in proportion. Motions without resistance,
+    such as those of a whole network without anchors, are omitted. Source: [tisseur2001], by the first companion form,
     which is the matrix of the state.
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))

@@ -1,4 +1,4 @@
-"""The shape in which the tissue rests."""
+"""Rest shape of a network, and rest lengths from a measured shape."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, all_po
 from dynamics.network.material import path_lengths
 
 RESIDUAL = 1e-9
-"""Largest force left on a node at rest, relative to weights and spring tensions."""
+"""Largest remaining force on a node at rest, relative to weights and spring tensions."""
 
 
 RIGID = 1e-9
-"""Stiffness relative to the largest, below which it is rounding: the stiffness against rigid motion."""
+"""Relative stiffness below which it is rounding: the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
-"""Largest relative change of a rest length: beyond it springs leave the range for which the stability limit is made."""
+"""Largest relative change of a rest length: beyond it springs leave the range of the stability limit."""
 
 RANK_TOLERANCE = 1e-12
-"""Singular values below this part of the largest are rounding: the forces do not depend on that combination."""
+"""Relative size of singular values below which they are rounding: the forces do not depend on that combination."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
-"""Largest change of a relative rest length in the last pass: a hundred times what rounding leaves of it."""
+"""Largest change of a relative rest length in the last pass: a hundred times the rounding error."""
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; without gravity where it has no anchor, because its support then acts on every node alike."""
+    """The network, without gravity if it has no anchors, because its support then acts on every node equally."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
 def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
-    """Positions of all nodes at the equilibrium nearest downhill from where they are drawn [m], (n_nodes, dim).
+    """Positions of all nodes at rest [m], (n_nodes, dim): the energy minimum downhill from the drawn shape.
 
     force: a constant force on the free nodes [N], (n_free, dim), default none
-    A network without anchors is `supported`, and rests where it is drawn, but for its own shape.
-    A mass-spring network has several rest shapes; the drawn shape selects one. Raises NetworkError where
+    A network without anchors is `supported`; its position and orientation at rest are those of the drawing.
+    A mass-spring network has several rest shapes; the drawn shape selects one. Raises NetworkError if
     no stable minimum of the energy is found there.
     """
     network = supported(network)
@@ -87,14 +87,14 @@ def rest_shape(network: MassSpringNetwork, force: ArrayLike = 0.0) -> Floats:
 
 
 def _deflection(stiffness: Floats, forces: Floats) -> Floats:
-    """Displacement [m] under forces [N], (n_free, dim); the least one where the body may move freely."""
+    """Displacement [m] under forces [N], (n_free, dim); the smallest one if the body may move freely."""
     if not forces.any():
         return np.zeros_like(forces)
     return np.asarray(np.linalg.lstsq(stiffness, forces.ravel(), rcond=RIGID)[0]).reshape(forces.shape)
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether a turn about the vertical meets no resistance: in space, all anchors on one line along gravity."""
+    """Whether a rotation about the vertical has no resistance: in space, all anchors on one line along gravity."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False
@@ -104,7 +104,7 @@ def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:
-    """A shape (n_nodes, dim) moved as a rigid body to fit the drawn one best. Source: [kabsch1976]."""
+    """A shape (n_nodes, dim) moved as a rigid body to best fit the drawn one. Source: [kabsch1976]."""
     middle = shape.mean(axis=0)
     left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -112,7 +112,7 @@ def _aligned(shape: Floats, drawn: Floats) -> Floats:
 
 
 def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, ArrayLike]) -> Floats:
-    """Positions of all nodes where these free nodes are fixed and the others rest [m], (n_nodes, dim).
+    """Positions of all nodes at equilibrium, with these free nodes fixed at given places [m], (n_nodes, dim).
 
     places: position of each fixed node by its name [m], (dim,). Raises NetworkError as `rest_shape` does.
     """
@@ -128,7 +128,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node. In a continuum distances are straight.
+    Without anchors: the largest distance from any other node. Distances in a continuum are straight.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -143,16 +143,16 @@ def reaches(network: MassSpringNetwork) -> Floats:
 def fit_rest_lengths(
     network: MassSpringNetwork, positions: ArrayLike, *, sd_m: float = 0.0, known: float = 0.1
 ) -> MassSpringNetwork:
-    """The network drawn where the tissue was seen to rest, with rest lengths corrected so that it rests there.
+    """Correct the rest lengths so that the network rests where its nodes were measured; returns the new network.
 
-    positions: of all nodes [m], (n_nodes, dim), each coordinate seen with noise of sd_m [m]; known: relative standard
-    deviation of the rest lengths before.
+    positions: of all nodes [m], (n_nodes, dim), each coordinate measured with noise of sd_m [m]; known: prior relative
+    standard deviation of the rest lengths.
 
-    Gauss-Newton on the real forces f at the shape x, so that force laws need not be linear in the rest lengths: for
-    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest solution, with noise
-    the most probable one, as f then has an error of K times the noise of x. With linear laws the first pass is
-    exact. Combinations of rest lengths without effect on the forces stay as they are. Raises NetworkError where a rest
-    length would have to change by half, where passes do not converge, or where there is no stable rest near x.
+    Gauss-Newton on the forces f at the shape x, so that force laws need not be linear in the rest lengths: for
+    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest solution; with noise,
+    the most probable one, since f then has an error of K times the noise of x. With linear laws the first pass is
+    exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a rest
+    length would have to change by half, if passes do not converge, or if there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

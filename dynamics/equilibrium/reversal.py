@@ -1,4 +1,4 @@
-"""Whether shapes have springs reversed against another shape: the sign of a network turned inside out."""
+"""Test for reversed springs: the sign of a network turned inside out."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 
 def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.bool_]:
-    """Whether in any state of a set a spring is reversed relative to the set's first state, (n_sets,).
+    """Whether any state of a set has a spring that is reversed relative to the set's first state, (n_sets,).
 
     states: (n_sets, n_points, n_state or more), positions of the free nodes first [m]. Between two such states a
     spring's length passes through zero or its direction through a right angle: no linearisation is valid there.
@@ -23,7 +23,7 @@ def inverted_springs(network: MassSpringNetwork, states: Floats) -> NDArray[np.b
 
 @lru_cache(maxsize=64)
 def _first_coordinates(network: MassSpringNetwork) -> NDArray[np.intp]:
-    """The place of each node's first coordinate among the free ones, (n_nodes,), -1 of an anchor's."""
+    """Index of each node's first coordinate among the free ones, (n_nodes,); -1 for an anchor."""
     place = np.full(network.n_nodes, -1)
     place[network.free] = np.arange(len(network.free)) * network.dim
     return place

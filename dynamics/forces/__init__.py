@@ -1,6 +1,6 @@
-"""Force laws with energy, tangents and derivatives by constants.
+"""Force laws of springs and nodes, with energy and derivatives.
 
-What may enter: another law, in `kernels.py`.
+Another law belongs in `kernels.py`.
 """
 
 from dynamics.forces.energy import kinetic_energy, node_forces, potential_energy

@@ -1,13 +1,13 @@
 """Forces and energy of a mass-spring network: the paper's Lagrangian, with its signs corrected.
 
-Source: [paper], equations (3) to (6). With K = sum m_i v_i.v_i / 2 (4), the potential of each spring
-k (l - l0)^2 / 2, which (5) expands, gravity -m_i g.x_i and Rayleigh's dissipation function
+Source: [paper], equations (3) to (6). The kinetic energy is K = sum m_i v_i.v_i / 2 (4). The potential has
+k (l - l0)^2 / 2 for each spring, which (5) expands, and -m_i g.x_i for gravity. With Rayleigh's dissipation function
 P = sum c (dl/dt)^2 / 2 + sum drag_i v_i.v_i / 2, Lagrange's equation (3) gives
 
     m_i a_i = sum_j (k_ij (l_ij - l0_ij) + c_ij dl_ij/dt) n_ij  -  drag_i v_i  +  m_i g  +  Q_i
 
-with n_ij the unit vector from i to j. Differs from [paper] (6), where the spring and gravity terms are printed with
-signs under which a stretched spring repels its nodes and motion diverges; the force here is minus the gradient of (5).
+with n_ij the unit vector from i to j. Differs from [paper] (6), whose signs of spring and gravity terms let a
+stretched spring repel its nodes, so that motion diverges; the force here is minus the gradient of (5).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, spring_lengths
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
-    """Force of all force laws and of gravity on each node, anchors included [N], (n_nodes, dim).
+    """Force of all force laws and of gravity on each node, including anchors [N], (n_nodes, dim).
 
     positions [m] and velocities [m/s] are those of all nodes, (n_nodes, dim). A spring shorter than 1 nm has no
     direction and exerts no force. Anchors have no weight: the force on an anchor is that of its springs.
@@ -43,7 +43,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 
 
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
-    """Energy of the springs and of height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
+    """Potential energy of springs and height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
     x = np.asarray(positions, dtype=float)
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()
@@ -55,6 +55,6 @@ def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
 
 
 def kinetic_energy(network: MassSpringNetwork, velocities: ArrayLike) -> float:
-    """Energy of motion [J]; velocities of all nodes [m/s], (n_nodes, dim). Equation (4)."""
+    """Kinetic energy [J]; velocities of all nodes [m/s], (n_nodes, dim). Equation (4)."""
     v = np.asarray(velocities, dtype=float)[network.free]
     return float(0.5 * network.masses[network.free] @ (v * v).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Force laws, each written once as scalar functions, and the compiled loops over springs, nodes and time steps.
+"""Force laws as scalar functions, and compiled loops over springs, nodes and time steps.
 
 A force law is a few functions of one spring or one node: the force, its potential and its derivatives, in closed form.
 They take numbers or arrays: compiled loops call them with numbers; energy, tangent matrices, stability limit, parameter
@@ -9,9 +9,9 @@ against finite differences, as a scalar function and in each assembly.
     resistance of a node    R = drag + friction / sqrt(v.v + slip²)     force -R v [N s/m]
 
 Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays of the
-loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over neighbouring
-numbers and the compiler can take several states at a time. They copy number by number: slice assignments, with their
-shape checks, take seconds longer to compile. The input is not checked here:
+loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over adjacent
+numbers and the compiler can process several states at a time. They copy number by number: slice assignments, with
+their shape checks, take seconds longer to compile. The input is not checked here:
 `dynamics.forces.energy` and `dynamics.integration.stepping` do.
 """
 
@@ -31,18 +31,18 @@ from dynamics.network.mass_spring import MassSpringNetwork
 Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
-"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0, and integrators and
-filters need a slope there. `tests/dynamics/forces/test_laws.py`: half and twice move the phantom by less than 1 %."""
+"""Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0; integrators and filters
+need a derivative. `tests/dynamics/forces/test_laws.py`: half and twice move the phantom by less than 1 %."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
 
 FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
-"""Reorderings that the compiler may make in the loops over a batch; NaN and infinity keep their meaning."""
+"""Permitted reorderings in the loops over a batch by the compiler; NaN and infinity keep their meaning."""
 
 
 class SpringConstants(NamedTuple):
-    """Constants of one spring, or arrays (n_springs,) of all: stiffness [N/m], rest length [m], damping [N s/m]."""
+    """Constants of one spring, or arrays (n_springs,) for all: stiffness [N/m], rest length [m], damping [N s/m]."""
 
     stiffness: Floats
     rest_length: Floats
@@ -50,7 +50,7 @@ class SpringConstants(NamedTuple):
 
 
 class NodeConstants(NamedTuple):
-    """Constants of one node, or arrays (n_nodes,) of all: drag [N s/m], Coulomb friction [N]."""
+    """Constants of one node, or arrays (n_nodes,) for all: drag [N s/m], Coulomb friction [N]."""
 
     drag: Floats
     friction: Floats
@@ -62,21 +62,21 @@ LAWS: Mapping[str, tuple[str, ...]] = {
     "drag": ("drag",),
     "friction": ("friction",),
 }
-"""The constants of each force law, by their kinds: first laws of springs, then of nodes."""
+"""Kinds of constants of each force law: first laws of springs, then of nodes."""
 
 KINDS = tuple(kind for kinds in LAWS.values() for kind in kinds)
 """All kinds of constants, in the order of the fields of `SpringConstants`, then of `NodeConstants`."""
 
 OF_SPRINGS = SpringConstants._fields
-"""The kinds that belong to a spring; the others belong to a node."""
+"""Kinds of constants that belong to a spring; the others belong to a node."""
 
 N_OF_SPRINGS = len(OF_SPRINGS)
 
 FIELDS = {kind: kind for kind in KINDS} | {"rest_length": "rest_lengths"}
-"""The field of `MassSpringNetwork` that has the constants of a kind."""
+"""Field of `MassSpringNetwork` for each kind of constant."""
 
 
-# Force laws of a spring, by its length [m] and the rate of that length [m/s]; c: its SpringConstants.
+# Force laws of a spring, as functions of its length [m] and its rate [m/s]; c: its SpringConstants.
 
 
 @register_jitable(fastmath=FASTMATH)
@@ -112,7 +112,7 @@ def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants)
     )
 
 
-# Force laws of a node, by the square of its velocity [m²/s²]; c: its NodeConstants.
+# Force laws of a node, as functions of its squared speed [m²/s²]; c: its NodeConstants.
 
 
 @register_jitable(fastmath=FASTMATH)
@@ -136,7 +136,7 @@ def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConsta
     )
 
 
-# Force laws along a needle, by its speed relative to the tissue beside it [m/s].
+# Force laws along a needle, as functions of its speed relative to the adjacent tissue [m/s].
 
 
 @register_jitable
@@ -147,14 +147,14 @@ def contact_force(dent: Numbers, stiffness: float) -> Numbers:
 
 @register_jitable
 def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
-    """Cutting or friction force [N]; it tends to `most` as the needle slides much faster than the slip velocity."""
+    """Cutting or friction force [N]; it tends to `most` if the needle slides much faster than the slip velocity."""
     return most * slide / np.sqrt(slide * slide + slip * slip)
 
 
 class Packed(NamedTuple):
-    """The network as the kernels read it.
+    """Arrays of a network in the kernels' form.
 
-    springs: (n_springs, 2); weight: of each node [N], (n_nodes, dim), anchors have none
+    springs: (n_springs, 2); weight: of each node [N], (n_nodes, dim), zero for anchors
     spring_constants: (n_springs, n_constants), columns as in `SpringConstants`
     node_constants: (n_nodes, n_constants), columns as in `NodeConstants`
     """
@@ -167,7 +167,7 @@ class Packed(NamedTuple):
 
 @lru_cache(maxsize=64)
 def packed(network: MassSpringNetwork) -> Packed:
-    """The network's arrays as the kernels read them."""
+    """Arrays of a network in the kernels' form."""
     weight = np.where(network.fixed[:, None], 0.0, network.masses[:, None] * network.gravity)
     of_springs = [getattr(network, FIELDS[kind]) for kind in SpringConstants._fields]
     of_nodes = [getattr(network, FIELDS[kind]) for kind in NodeConstants._fields]
@@ -176,26 +176,26 @@ def packed(network: MassSpringNetwork) -> Packed:
 
 @lru_cache(maxsize=64)
 def spring_constants(network: MassSpringNetwork) -> SpringConstants:
-    """Constants of all springs, each (n_springs,), as the force laws take them."""
+    """Constants of all springs, each (n_springs,), in the force laws' form."""
     return SpringConstants(*packed(network).spring_constants.T)
 
 
 @lru_cache(maxsize=64)
 def node_constants(network: MassSpringNetwork) -> NodeConstants:
-    """Constants of all nodes, each (n_nodes,), as the force laws take them."""
+    """Constants of all nodes, each (n_nodes,), in the force laws' form."""
     return NodeConstants(*packed(network).node_constants.T)
 
 
 @register_jitable
 def _of_spring(p, s):  # type: ignore[no-untyped-def]
-    """Constants of one spring, numbers."""
+    """Constants of one spring, as numbers."""
     row = p.spring_constants[s]
     return SpringConstants(row[0], row[1], row[2])
 
 
 @register_jitable
 def _of_node(p, i):  # type: ignore[no-untyped-def]
-    """Constants of one node, numbers."""
+    """Constants of one node, as numbers."""
     row = p.node_constants[i]
     return NodeConstants(row[0], row[1])
 
@@ -242,10 +242,10 @@ def spring_forces(x, v, p, pull, square, force):  # type: ignore[no-untyped-def]
 def state_rate(  # type: ignore[no-untyped-def]
     state, outside, free, inverse_mass, x, v, force, springs, of_springs, of_nodes, weight
 ):
-    """d(state)/dt, (n_state,), under forces on the free nodes [N], (n_free, dim); inverse_mass: of these, (n_free,).
+    """Time derivative of a state, (n_state,), under forces on the free nodes [N], (n_free, dim).
 
-    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors.
-    The fields of `Packed` are separate arguments: passing a tuple takes longer than all the forces of the phantom.
+    x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors
+    inverse_mass: (n_free,). The fields of `Packed` are separate: a tuple takes longer than all forces of the phantom.
     """
     n_free, dim = outside.shape
     half = n_free * dim
@@ -267,7 +267,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
     """States after n_steps classical Runge-Kutta steps of dt, (n_points, n_state).
 
     outside: force on each free coordinate, constant during the steps [N], (n_points, n_free dim)
-    nodes: where all nodes stand, of which only the anchors are used [m], (n_nodes, dim)
+    nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -315,7 +315,7 @@ def runge_kutta(states, outside, dt, n_steps, nodes, free, inverse_mass, p):  # 
 
 @register_jitable
 def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
-    """Add entry (a, b) of the block between two nodes; i, j: their places, -1 for an anchor."""
+    """Add entry (a, b) of the block between two nodes; i, j: their indices, -1 for an anchor."""
     if i >= 0:
         matrix[i + a, i + b] += entry
     if j >= 0:
@@ -327,9 +327,9 @@ def _add_pair(matrix, i, j, a, b, entry):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
-    """Write stiffness K [N/m] and damping C [N s/m] by the free coordinates into arrays (n_half, n_half).
+    """Write stiffness K [N/m] and damping C [N s/m] of the free coordinates into arrays (n_half, n_half).
 
-    x, v: (n_nodes, dim, 1); place: of each node's first coordinate among the free ones, -1 of an anchor's
+    x, v: (n_nodes, dim, 1); place: index of each node's first coordinate among the free ones, -1 for an anchor
     definite: whether to drop the transverse stiffness T / l of a spring shorter than at rest: both matrices are then
     semidefinite, so that an implicit step damps buckling instead of letting it grow
     """
@@ -375,9 +375,9 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
 def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_slopes):  # type: ignore[no-untyped-def]
     """Force (n,) [N] on the free coordinates, and minus its derivatives by them [N/m] and by their rates [N s/m].
 
-    q, v: (n,) free coordinates and their rates; nodes, place: as `runge_kutta` and `tangents` take them
+    q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Differs from `tangents`: exact derivatives, with the rotation of dashpots and the falling friction.
+    Differs from `tangents`: exact derivatives, including the rotation of dashpots and the decreasing friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -431,22 +431,22 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of a step that its first stage, of the trapezoidal rule, takes: both stages then have one matrix [bank1985]."""
+"""Share of a step in its first stage, that of the trapezoidal rule: both stages then have one matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
-"""Newton iterations of a stage, and the most where they do not contract; numerical: with two, a link of 2e7 N/m swings
-as with four."""
+"""Newton iterations of a stage, and the largest number if they do not contract; numerical: with two, a link of 2e7 N/m
+swings as with four."""
 
 CONTRACTED = 0.5
-"""Largest ratio of speed changes in successive iterations, above which tangents from another state are renewed."""
+"""Largest ratio of speed changes in successive iterations, above which tangents from another state are recomputed."""
 
 STILL = 1e-12
-"""Change of position in a stage, by the largest coordinate, below which the remainder is rounding."""
+"""Relative change of position in a stage below which the remainder is rounding."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular; by its rows, as it is stored."""
+    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular, row by row, as it is stored."""
     n = len(right)
     for i in range(n):
         entry = 0.0
@@ -462,7 +462,7 @@ def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped-def]
-    """Lower L with L L' = M + weight C + weight² K, the tangents of a state, which are written into K and C."""
+    """Lower L with L L' = M + weight C + weight² K; the tangents of the state are written into K and C."""
     tangents(x, v, p, place, np.bool_(True), K, C)  # not a literal, so that it is compiled once
     M = weight * C + (weight * weight) * K
     for r in range(len(masses)):
@@ -474,7 +474,7 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
     """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration makes its own; iterations
+    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes its own; iterations
     after one that does not contract always do
     """
     x, v, force, pull, square, K, C = scratch
@@ -510,9 +510,9 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
 def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as in `runge_kutta`; masses: of the free coordinates, (n_half,); renew: whether each Newton iteration makes
-    its own tangents, or all use those at the start of the step. Second order; stable with definite tangents at any
-    stiffness. Two stages: the trapezoidal rule and the backward differentiation formula.
+    outside: as in `runge_kutta`; masses: of the free coordinates, (n_half,); renew: whether each Newton iteration
+    computes its tangents, or all use those at the start of the step. Second order; stable with definite tangents at any
+    stiffness. The two stages are the trapezoidal rule and the backward differentiation formula.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -557,7 +557,7 @@ def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):
 
 @njit(cache=True, nogil=True)
 def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-def]
-    """`tangents` of each of several states (n_points, n_state): K and C, each (n_points, n_half, n_half)."""
+    """Stiffness K and damping C, (n_points, n_half, n_half), of states (n_points, n_state), by `tangents`."""
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -578,7 +578,7 @@ def tangents_each(states, definite, nodes, free, p):  # type: ignore[no-untyped-
 
 
 class PackedNeedle(NamedTuple):
-    """A needle's constants as `steered_steps` reads them; see `dynamics.needle.loads.NeedleMechanics`."""
+    """A needle's constants for `steered_steps`; see `dynamics.needle.loads.NeedleMechanics`."""
 
     puncture: float
     contact: float
@@ -656,7 +656,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, in intervals between samples
-    moves: tip (dim,) and its velocity (dim,), direction (dim,), length in the tissue now; punctured: so far
+    moves: tip (dim,) and its velocity (dim,), direction (dim,), present length in the tissue; punctured: at the start
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -708,9 +708,9 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 @njit(cache=True, nogil=True)
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
-    """What a change of the log of each of n constants adds to the force on the free coordinates [N], in each state.
+    """Derivative of the force on the free coordinates [N] by the log of each of n constants, in each state.
 
-    states: (n_points, n_state); nodes: where all nodes stand, of which only the anchors are used [m], (n_nodes, dim)
+    states: (n_points, n_state); nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
     kinds, indices: of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)
     """
     half = states.shape[1] // 2
@@ -727,7 +727,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """`parameter_forces_each` of one state, into zeros (n, n_free dim); x, v: of all nodes, (n_nodes, dim)."""
+    """`parameter_forces_each` for one state, into zeros (n, n_free dim); x, v: of all nodes, (n_nodes, dim)."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

@@ -1,4 +1,4 @@
-"""The constants of a network as parameters: by name, scaled, and the forces that a change of each makes."""
+"""Constants of a network as parameters: names, scaling, and derivatives of the forces."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LARGEST_LOG = float(np.log(np.finfo(float).max))
 """Largest logarithm of a factor that is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Share of a variance that is rounding."""
+"""Relative variance below which it is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One constant: its kind, one of KINDS, and the index of its spring, or of its node for drag and friction."""
+    """A constant of a network: its kind, one of KINDS, and index of its spring, or node for drag and friction."""
 
     kind: str
     index: int
@@ -41,13 +41,13 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterUncertainty:
-    """How well constants are known, on a log scale.
+    """Uncertainty of constants on a log scale, as independent directions.
 
-    parameters: which
+    parameters: the uncertain constants
     directions: [1], (n_directions, n_parameters): each row is the change of the log of every constant by one standard
     deviation of one independent direction; their covariance is directions.T @ directions
 
-    Raises NetworkError for other shapes, for numbers that are not finite, and where one standard deviation of a
+    Raises NetworkError for other shapes, for numbers that are not finite, and if one standard deviation of a
     constant is a factor that overflows.
     """
 
@@ -82,7 +82,7 @@ class ParameterUncertainty:
         return self.directions.T @ self.directions
 
     def beside(self, other: ParameterUncertainty) -> ParameterUncertainty:
-        """Two independent uncertainties together: the directions of both, over the constants of both."""
+        """Union of two independent uncertainties: the directions of both, over the constants of both."""
         place = {parameter: k for k, parameter in enumerate(dict.fromkeys((*self.parameters, *other.parameters)))}
         n_own = len(self.directions)
         directions = np.zeros((n_own + len(other.directions), len(place)))
@@ -92,7 +92,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Each constant uncertain by itself, by a relative standard deviation [1], one number or (n_parameters,)."""
+    """Independent uncertainty of each constant, with a relative standard deviation [1], one or (n_parameters,)."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -101,13 +101,13 @@ def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> P
 def strain_uncertainty(
     network: MassSpringNetwork, sd: float, *, length: float = 1.0, n_directions: int = 12
 ) -> ParameterUncertainty:
-    """Uncertainty of rest lengths by an unknown strain that varies smoothly over the body.
+    """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
     A symmetric strain tensor E(X), its components independent Gaussian fields, changes the length of a spring along n
     by the share n' E n, so that two springs have the covariance sd² exp(-d² / 2 l²) (n · n')², d between their middles.
-    sd: of the strain along any direction [1]; length: l by the body's longest side [1]
+    sd: of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
-    the spring that the ones before leave most uncertain
+    the spring that the earlier ones leave most uncertain
 
     Source: [harbrecht2012].
     """
@@ -130,7 +130,7 @@ def strain_uncertainty(
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
     """The positive constants of these kinds, of springs and of free nodes, kind by kind.
 
-    A continuum has the stiffness of each tissue.
+    For a continuum, the stiffness of each tissue.
     """
     if network.continuum is not None:
         n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0
@@ -145,7 +145,7 @@ def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tupl
 
 
 def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
-    """Its name: `stiffness M1-M2`, `drag M1`, `stiffness fat`."""
+    """Name of a constant: `stiffness M1-M2`, `drag M1`, `stiffness fat`."""
     if network.continuum is not None:
         return f"{parameter.kind} {network.continuum.tissues[parameter.index]}"
     if parameter.kind in OF_SPRINGS:
@@ -155,7 +155,7 @@ def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
 
 
 def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
-    """The constant of that name; NetworkError if there is none."""
+    """The constant with this name; NetworkError if there is none."""
     for parameter in parameters(network):
         if parameter_label(network, parameter) == text:
             return parameter
@@ -163,12 +163,12 @@ def parameter_named(network: MassSpringNetwork, text: str) -> Parameter:
 
 
 def parameter_value(network: MassSpringNetwork, parameter: Parameter) -> float:
-    """Its value in SI units."""
+    """Value of a constant in SI units."""
     return float(getattr(network, FIELDS[parameter.kind])[parameter.index])
 
 
 def scale_parameters(network: MassSpringNetwork, which: Sequence[Parameter], change: ArrayLike) -> MassSpringNetwork:
-    """The network with each of these constants times exp(change) [1], (n_parameters,), all else as it was."""
+    """The network with each of these constants multiplied by exp(change) [1], (n_parameters,)."""
     if network.continuum is not None:
         logs = np.zeros(len(network.continuum.tissues))
         np.add.at(logs, [parameter.index for parameter in which], np.asarray(change, dtype=float))
@@ -209,7 +209,7 @@ def parameter_forces(
 
 
 class ParameterForces:
-    """The function `parameter_forces` for states of one network, compiled: a filter calls it at every step."""
+    """Compiled `parameter_forces` for states of one network; a filter calls it at every step."""
 
     def __init__(self, network: MassSpringNetwork, which: Sequence[Parameter]) -> None:
         self._network, self._packed = network, packed(network)
@@ -221,7 +221,7 @@ class ParameterForces:
         return type(self), (self._network, self._which)
 
     def __call__(self, states: NDArray[np.float64]) -> Floats:
-        """For states of the free nodes, (..., n_state): (..., n_parameters, n_state / 2)."""
+        """Derivatives for states of the free nodes, (..., n_state): (..., n_parameters, n_state / 2)."""
         each = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
         own = self._packed, self._kinds, self._indices, self._network.free
         forces = parameter_forces_each(each, self._network.positions, *own)

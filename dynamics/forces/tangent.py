@@ -1,4 +1,4 @@
-"""The network linearised about a shape: stiffness and damping matrices, and the longest stable step."""
+"""Linearised network about a shape: stiffness and damping matrices, and the longest stable step."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """Derivative of resisting forces with respect to free velocities, at rest [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: above 0, nodes have the secant resistance at this speed, force over speed, in place of the derivative
+    speed_m_s: above 0, nodes have the secant resistance at this speed, force by speed, in place of the derivative
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -54,7 +54,7 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
 
 
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
-    """Matrix A of d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
+    """State matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
     positions: of all nodes at rest [m], (n_nodes, dim)
     speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
@@ -72,9 +72,9 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes a spring's tangent stiffness is at most k in size in every direction, k the largest dT/dl or T / l;
-    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Linear
-    springs are no stiffer where they are longer.) With w² and d the largest eigenvalues by mass, every eigenvalue of
-    the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Longer linear
+    springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per mass, every eigenvalue
+    of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

@@ -1,6 +1,6 @@
-"""Compiled Runge-Kutta and implicit steps, adaptive ones for reference.
+"""Time integration: compiled Runge-Kutta and implicit steps, adaptive reference steps.
 
-What may enter: another integrator.
+Another integrator belongs here.
 """
 
 from dynamics.integration.implicit import DRIVEN, ImplicitStepper, Linearised

@@ -1,4 +1,4 @@
-"""Implicit steps for stiff or large networks, with the transition matrices of what they do."""
+"""Implicit steps for stiff or large networks, with their transition matrices."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Coordinates up to which tangents are made at each iteration: as stiff as 2e7 N/m, a link needs it. For more, those at
-the start of each step serve, a factorisation in place of five, which holds up to 2e5 N/m."""
+"""Number of coordinates up to which each iteration computes its tangents: a link of 2e7 N/m needs it. For more, the
+tangents at the start of a step suffice up to 2e5 N/m: one factorisation in place of five."""
 
 ROUNDING = 1e-9
-"""Stiffness by the largest that is rounding's."""
+"""Relative stiffness below which it is rounding."""
 
 DRIVEN = 1e12
-"""Factor on the mass of a node that keeps its velocity whatever the forces on it [1]; numerical."""
+"""Factor on the mass of a node whose velocity forces must not change [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """What a step of several states does, to first order.
+    """Derivatives of a step for several states.
 
     F: by the states at its start, (k, n_state, n_state); by_force: by forces on the free coordinates that are constant
     in it [m/N, m/(s N)], (k, n_state, n_state / 2); half: as F, over the second half of the step, or over all of a step
@@ -39,9 +39,9 @@ class Linearised:
 
 
 class ImplicitStepper:
-    """Moves states of one network ahead by compiled steps of TR-BDF2, at most LONGEST_STEP long.
+    """Implicit integrator for states of one network: compiled steps of TR-BDF2, at most LONGEST_STEP long.
 
-    L-stable: no stiffness shortens the step; what it does not resolve, it damps. Source: [bank1985].
+    L-stable: no stiffness shortens the step, and motions that are too fast for it are damped. Source: [bank1985].
     """
 
     def __init__(self, network: MassSpringNetwork) -> None:
@@ -53,13 +53,13 @@ class ImplicitStepper:
         return type(self), (self.network,)
 
     def n_steps(self, dt: float) -> int:
-        """How many equal steps an interval of dt [s] takes: a power of two, so that matrices can be squared."""
+        """Number of equal steps for an interval of dt [s]: a power of two, so that matrices can be squared."""
         return 1 << max(0, int(np.ceil(np.log2(max(dt / LONGEST_STEP * (1.0 - SAME_STEP), 1.0)))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
-        """States (n_points, n_state) dt [s] later under constant forces on the free coordinates [N], default none.
+        """States (n_points, n_state) after dt [s] under constant forces on the free coordinates [N], default none.
 
-        driven: free nodes that keep their velocity whatever the forces on them
+        driven: free nodes that keep their velocity under any force
         """
         n, nodes = self.n_steps(dt), self.network.positions
         points = np.ascontiguousarray(states)
@@ -68,17 +68,17 @@ class ImplicitStepper:
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
     def _masses_with(self, driven: Sequence[int]) -> Floats:
-        """Masses of the free coordinates [kg], (n_state / 2,), those of driven nodes too large to be moved."""
+        """Masses of the free coordinates [kg], (n_state / 2,); those of driven nodes are too large to accelerate."""
         if not len(driven):
             return self._masses
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)
 
     def linearised(self, states: Floats, dt: float, *, driven: Sequence[int] = ()) -> Linearised:
-        """`advance` over dt [s], linearised about these states (n_points, n_state).
+        """Derivatives of `advance` over dt [s] at these states (n_points, n_state).
 
         driven: as for `advance`
 
-        Where the tissue would buckle, springs under compression have no stiffness across themselves: a linear motion
+        Where the tissue would buckle, springs under compression get no transverse stiffness: a linear motion
         would grow without limit, but the tissue stops at the next rest.
         """
         n = self.n_steps(dt)
@@ -105,7 +105,7 @@ class ImplicitStepper:
         return Linearised(F, by_force, before)
 
     def _tangents(self, states: Floats) -> tuple[Floats, Floats]:
-        """Stiffness and damping about each state, (k, n_half, n_half); definite ones where a motion would grow."""
+        """Stiffness and damping about each state, (k, n_half, n_half); semidefinite ones where a motion would grow."""
         own = self.network.positions, self.network.free, self._packed
         K, C = tangents_each(states, False, *own)
         if _are_semidefinite(K):
@@ -118,14 +118,14 @@ class ImplicitStepper:
 
 
 def _times(lower: Floats, step: float, right: Floats) -> Floats:
-    """W right of W = (1, 0; 0, 0) + (step, 1)' lower: lower (k, n, 2 n), right (k, 2 n, m)."""
+    """Product W right with W = (1, 0; 0, 0) + (step, 1)' lower: lower (k, n, 2 n), right (k, 2 n, m)."""
     n = lower.shape[1]
     below = lower @ right
     return np.concatenate([right[:, :n] + step * below, below], axis=1)
 
 
 def _are_semidefinite(K: Floats) -> bool:
-    """Whether stiffnesses (..., n, n) are all positive up to rounding, as that of a body that moves freely is."""
+    """Whether stiffnesses (..., n, n) are all positive up to rounding, as for a body that moves freely."""
     largest = np.abs(K).max(axis=(-2, -1), keepdims=True)
     try:
         np.linalg.cholesky(K + ROUNDING * largest * np.eye(K.shape[-1]))

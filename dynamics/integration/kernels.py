@@ -1,7 +1,7 @@
 """Compiled algebra of the implicit step of second order: its two stages and its derivative.
 
 Letters as in `dynamics.integration.rosenbrock`: J the derivative of the rates, g = gamma h, S = (M + g C + g² K)^-1,
-with which (1 - g J)^-1 is applied to rates of coordinates and velocities.
+which serves to apply (1 - g J)^-1 to rates of coordinates and velocities.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from numba import njit
 
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)
 TWICE, ONCE = (1.0 - GAMMA) / GAMMA, -(1.0 - 2.0 * GAMMA) / GAMMA
-"""The stability function in powers of the resolvent A = 1 / (1 - gamma h J): TWICE A² + ONCE A."""
+"""Coefficients of the stability function in powers of the resolvent A = 1 / (1 - gamma h J): TWICE A² + ONCE A."""
 
 
 @njit(cache=True, nogil=True)
 def _resolved(S, K, M, g, of_q, of_v):  # type: ignore[no-untyped-def]
-    """(1 - g J)^-1 of rates of coordinates and velocities, (n,) each, as one vector (2 n,)."""
+    """Product of (1 - g J)^-1 with rates of coordinates and velocities, (n,) each, as one vector (2 n,)."""
     speed = S @ (M * of_v - g * (K @ of_q))
     return np.concatenate((of_q + g * speed, speed))
 
 
 @njit(cache=True, nogil=True)
 def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-def]
-    """S, the first stage of motion (2 n,) and of accelerations (n_f,), and where it leads in h, (2 n,)."""
+    """S, the first stage of motion (2 n,) and of accelerations (n_f,), and the state to which it leads in h, (2 n,)."""
     n, g = len(M), GAMMA * h
     matrix = np.diag(M) + g * C + g * g * K
     is_finite = np.isfinite(matrix).all()
     S = np.linalg.inv(matrix if is_finite else np.eye(n))
-    if not is_finite:  # where the state is not: the caller sees it in the moved state
+    if not is_finite:  # if the state is not finite, the caller sees it in the moved state
         S[:] = np.nan
     v, f = state[n : 2 * n], state[2 * n :]
     faded = -rates * f / (1.0 + g * rates)
@@ -38,9 +38,9 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """The state after the step, and the largest difference of its two stages in any coordinate [m].
+    """State after the step, and the largest difference between its two stages in any coordinate [m].
 
-    force: at `middle`, where the first stage leads
+    force: at `middle`, the result of the first stage
     """
     n, g = len(M), GAMMA * h
     f = state[2 * n :]
@@ -82,7 +82,7 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
-    """Coordinates and velocities after a step, (2 n, k), by accelerations (n, k) that are the same all along it."""
+    """Change of coordinates and velocities over a step, (2 n, k), by constant accelerations (n, k)."""
     n, g = len(M), GAMMA * h
     once = g * (S @ (M.reshape(n, 1) * pushes))
     twice = once + S @ (M.reshape(n, 1) * once - g * g * (K @ once))

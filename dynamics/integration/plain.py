@@ -1,7 +1,7 @@
-"""The equations of motion in plain NumPy: the reference for the speed and the results of the compiled kernels.
+"""Equations of motion in plain NumPy: the reference for speed and results of the compiled kernels.
 
 `softaim bench` times the stock filter with this process model; tests compare the kernels with it. Both assemble the
-scalar force laws of `dynamics.forces.kernels`; the tests write the laws out once more.
+scalar force laws of `dynamics.forces.kernels`; the tests contain an independent version of the laws.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, all_positions, pack,
 
 
 def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
-    """d(state)/dt of one state [m, m/s], (n_state,), without outside forces; as `dynamics.forces.energy` has it."""
+    """Time derivative of one state [m, m/s], (n_state,), without outside forces; see `dynamics.forces.energy`."""
     free_x, free_v = unpack(state, network.dim)
     x = all_positions(network, free_x)
     v = np.zeros_like(x)
@@ -33,7 +33,7 @@ def plain_derivative(network: MassSpringNetwork, state: Floats) -> Floats:
 
 
 def plain_step(network: MassSpringNetwork, state: Floats, dt: float, n_steps: int) -> Floats:
-    """One state after n_steps classical Runge-Kutta steps over dt [s] in all, (n_state,)."""
+    """State after n_steps classical Runge-Kutta steps over a total time dt [s], (n_state,)."""
     h = dt / n_steps
     for _ in range(n_steps):
         k1 = plain_derivative(network, state)

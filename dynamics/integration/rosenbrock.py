@@ -1,8 +1,8 @@
-"""An implicit step of second order for assembled elements, with its derivative: ROS2.
+"""ROS2: an implicit step of second order for assembled elements, with its derivative.
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-f are accelerations that fade, so that a filter can carry them in its state. L-stable: stiff oscillations die away, slow
+The accelerations f decay, so that they can be states of a filter. L-stable: stiff oscillations are damped, slow
 ones keep their energy to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
@@ -19,12 +19,12 @@ from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_push, by_state, 
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
-"""Of the whole way, the shortest step, however large its error [1]; numerical."""
+"""Shortest step relative to the whole interval, whatever its error [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """One step: its length [s], the state after it (n_state,), and derivative of that by the state before.
+    """One step: its length [s], the state after it (n_state,), and its derivative by the previous state.
 
     by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,)
     S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): those of the step, see `dynamics.integration.kernels`
@@ -39,24 +39,24 @@ class Move:
     M: Floats
 
     def pushed(self, accelerations: Floats) -> Floats:
-        """Coordinates and velocities after the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities over the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
         return np.asarray(by_push(self.step_s, self.S, self.K, self.M, np.ascontiguousarray(accelerations)))
 
 
 class Rosenbrock:
-    """Steps of a state of coordinates [m], velocities [m/s], (n,) each, and accelerations [m/s²], (n_f,).
+    """Integrator for states of coordinates [m], velocities [m/s], (n,) each, and accelerations [m/s²], (n_f,).
 
     Parameters
     ----------
     assembly : Assembly or ReducedAssembly
     masses : (n,)
-        Of each free coordinate [kg].
+        Mass of each free coordinate [kg].
     basis : (n, n_f)
-        Acceleration of each coordinate by each of the fading ones.
+        Acceleration of each coordinate by each decaying acceleration.
     fading_s : (n_f,)
-        Their correlation times [s].
+        Correlation times of the decaying accelerations [s].
     tolerance_m : float
-        Difference of the two stages beyond which a step is halved [m].
+        Difference of the two stages above which a step is halved [m].
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Rosenbrock:
         self.rates, self.tolerance_m = 1.0 / fading_s, tolerance_m
 
     def moves(self, state: Floats, dt: float, longest_s: float, *, derivatives: bool = True) -> list[Move]:
-        """The steps from a state (n_state,) over dt [s], none longer than longest_s [s].
+        """The steps from a state (n_state,) over dt [s], each at most longest_s [s] long.
 
         Without derivatives `by_state` is empty, for a fraction of the time.
         """

@@ -16,19 +16,19 @@ from dynamics.forces.tangent import stable_step
 from dynamics.network.mass_spring import MassSpringNetwork
 
 LONGEST_STEP = 1.0 / 240.0
-"""Longest Runge-Kutta step [s]: numerical, its error is under 0.01 mm in half a second at 0.5 m/s, which
+"""Longest Runge-Kutta step [s]; numerical: its error is under 0.01 mm in half a second at 0.5 m/s, which
 `tests/dynamics/integration/test_stepping.py` checks."""
 
 SOLVERS = {"RK45": RK45, "DOP853": DOP853, "Radau": Radau}
 
 SAME_STEP = 1e-6
-"""Relative excess of an interval that takes no further step: times are often rounded to the nanosecond."""
+"""Relative excess of an interval that needs no further step: times are often rounded to the nanosecond."""
 
 
 class Stepper:
-    """Moves batches of states of one network ahead in time by compiled classical Runge-Kutta steps.
+    """Integrator for batches of states of one network: compiled classical Runge-Kutta steps.
 
-    max_step_s: longest step taken [s], never more than half the stability limit of the network, if it has one
+    max_step_s: longest step [s], at most half the stability limit of the network, if it has one
     """
 
     def __init__(self, network: MassSpringNetwork, longest_s: float = LONGEST_STEP) -> None:
@@ -46,15 +46,15 @@ class Stepper:
         return type(self), (self.network, self.max_step_s)
 
     def n_steps(self, dt: float) -> int:
-        """How many equal steps an interval of dt seconds takes."""
+        """Number of equal steps for an interval of dt seconds."""
         return max(1, int(np.ceil(dt / self.max_step_s * (1.0 - SAME_STEP))))
 
     def advance(self, states: Floats, dt: float, forces: Floats | None = None, *, driven: Sequence[int] = ()) -> Floats:
-        """States dt seconds later, (n_points, n_state), under constant outside forces.
+        """States after dt seconds, (n_points, n_state), under constant outside forces.
 
         states: (n_points, n_state); forces on the free coordinates [N], (n_points, n_state / 2), default none.
-        driven: free nodes that keep their velocity whatever the forces on them
-        Raises ValueError for other shapes or a dt below zero.
+        driven: free nodes that keep their velocity under any force
+        Raises ValueError for other shapes or a negative dt.
         """
         n_points, n_state = len(states), self._n_state
         outside = np.zeros((n_points, n_state // 2)) if forces is None else forces
@@ -84,7 +84,7 @@ class Stepper:
         )
 
     def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
-        """N steps of h [s] of a continuum by the trapezoidal rule: it is linear, and stable in any step."""
+        """N steps of h [s] for a continuum by the trapezoidal rule: it is linear, and stable in any step."""
         network, solid = self.network, self.network.continuum
         assert solid is not None
         half = self._n_state // 2
@@ -96,7 +96,7 @@ class Stepper:
         solve[np.ix_(moves, moves)] = np.linalg.inv(left[np.ix_(moves, moves)])
         x, v = states[:, :half] - network.positions[network.free].ravel(), states[:, half:].copy()
         for _ in range(n):
-            # change of velocity w: M w = h (F - K (x + h/2 v + h/4 w) - C (v + w/2)), of driven ones none
+            # change of velocity w: M w = h (F - K (x + h/2 v + h/4 w) - C (v + w/2)), zero for driven nodes
             force = outside - (x + 0.5 * h * v) @ K - v @ C
             w = h * force @ solve
             x += h * (v + 0.5 * w)
@@ -105,14 +105,14 @@ class Stepper:
 
 
 def derivative(network: MassSpringNetwork, state: Floats, force: ArrayLike = 0.0) -> Floats:
-    """d(state)/dt, (n_state,), under an outside force on the free nodes [N], (n_free, dim)."""
+    """Time derivative of a state, (n_state,), under an outside force on the free nodes [N], (n_free, dim)."""
     return motion(network)(state, force)
 
 
 def motion(network: MassSpringNetwork) -> Callable[[Floats, ArrayLike], Floats]:
-    """The function `derivative` of one network: of states (..., n_state) [m, m/s] and outside forces [N].
+    """Time derivative of a network's states as a function of states (..., n_state) [m, m/s] and outside forces [N].
 
-    Its arrays are made once: an adaptive integrator calls it 10,000 times.
+    Its arrays are allocated once: an adaptive integrator calls it 10,000 times.
     """
     x = network.positions[:, :, None].copy()
     v, force = np.zeros_like(x), np.empty_like(x)
@@ -146,11 +146,11 @@ def integrate_adaptive(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
 
-    method: explicit, or Radau's implicit one for networks that are stiff; its results agree to the tolerances
+    method: explicit, or Radau's implicit one for stiff networks; their results agree within the tolerances
 
-    force(t): outside force on the free nodes [N], (n_free, dim). Where it jumps or is brief, max_step_s must be
+    force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be
     small enough not to miss it. bends_s: times at which only the force's slope jumps [s]; no step crosses one, as it
-    would be rejected. Raises RuntimeError where the integrator gives up.
+    would be rejected. Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

@@ -1,6 +1,6 @@
-"""Boxes of tissue as springs that follow its structure, their constants, and virtual tests of their moduli.
+"""Lattices of springs along a tissue's structure, their constants, and virtual tests of their moduli.
 
-What may enter: another structure, formula or virtual test.
+Another structure, formula or virtual test belongs here.
 """
 
 from dynamics.lattices.constants import DIRECTIONS, Sample, directed, fitted_factors, lloyd, van_gelder

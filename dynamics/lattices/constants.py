@@ -16,11 +16,11 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Steps of the fit at most, the largest change of a factor in a step, and that at its end [1]; numerical."""
+"""Largest number of steps, largest change of a factor in a step, and largest change at the end [1]; numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
-    """Stiffness of the springs [N/m], (n_springs,), by Young's modulus of each tetrahedron [Pa], (m,).
+    """Stiffness of the springs [N/m], (n_springs,), from Young's modulus of each tetrahedron [Pa], (m,), by van Gelder.
 
     Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
     """
@@ -28,7 +28,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 
 
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
-    """Stiffness of the springs [N/m], (n_springs,), by Young's modulus of each tetrahedron [Pa], (m,).
+    """Stiffness of the springs [N/m], (n_springs,), from Young's modulus of each tetrahedron [Pa], (m,), by Lloyd.
 
     Each tetrahedron adds 2 sqrt(2) / 25 E l, l the edge of a regular one of its volume [lloyd2007].
     """
@@ -37,15 +37,15 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
 
 
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
-    """Stiffness [N/m], (n_springs,), times a factor by the direction n of each spring, by six numbers [1], (6,).
+    """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on each spring's direction.
 
-    The factor is exp(sum over q of factors_q (n_i n_j)²), i and j the axes of Voigt's component q.
+    factors: six numbers [1], (6,). With the direction n: exp(sum over q of factors_q (n_i n_j)²), i and j of Voigt's q.
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
 
 class Sample(NamedTuple):
-    """A lattice, first stiffness of its springs [N/m], (n_springs,), and Young's moduli wanted [Pa], (6,).
+    """A lattice, initial stiffness of its springs [N/m], (n_springs,), and wanted Young's moduli [Pa], (6,).
 
     The moduli are those along `DIRECTIONS`.
     """
@@ -56,11 +56,11 @@ class Sample(NamedTuple):
 
 
 def fitted_factors(samples: Sequence[Sample]) -> Floats:
-    """Factors of `directed` [1], (6,), by which lattices of one structure have the Young's moduli wanted.
+    """Factors for `directed` [1], (6,), that give lattices of one structure the wanted Young's moduli.
 
-    Gauss-Newton on logarithms of the moduli. With one lattice they are met, with several by least squares. A network of
-    central springs has no other moduli to choose: Poisson's ratios and shear moduli follow.
-    Raises ValueError where no factors are found.
+    Gauss-Newton on logarithms of the moduli: exact for one lattice, least squares for several. A network of central
+    springs has no other free moduli: Poisson's ratios and shear moduli follow.
+    Raises ValueError if no factors are found.
     """
     factors, boxes = np.zeros(len(DIRECTIONS)), [_elongations(sample.lattice) for sample in samples]
     for _ in range(STEPS):
@@ -78,7 +78,7 @@ def _quartics(lattice: Lattice) -> Floats:
 
 
 def _elongations(lattice: Lattice) -> csr_array:
-    """Elongation of the springs by the displacements of all nodes, (n_springs, 3 n)."""
+    """Derivative of the springs' elongation by the displacements of all nodes, (n_springs, 3 n)."""
     n, columns = len(lattice.springs), 3 * lattice.springs[:, :, None] + np.arange(3)
     entries = np.stack([-lattice.directions, lattice.directions], axis=1).ravel()
     where = (np.repeat(np.arange(n), 6), columns.ravel())
@@ -86,7 +86,7 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Logarithms of the moduli that are missing, (6,), and their derivatives by the factors, (6, 6).
+    """Logarithms of the missing factors on the moduli, (6,), and their derivatives by the factors, (6, 6).
 
     At equilibrium the derivative of the energy by a stiffness is half the squared elongation e of its spring. Under
     unit tension therefore d(1/E) = -sum over springs of e² dk / V.

@@ -1,4 +1,4 @@
-"""A cube of points that follow the structure of a tissue, tetrahedra between them, springs along their edges."""
+"""Lattice of a tissue cube: points along its structure, tetrahedra between them, springs along their edges."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from dynamics.network import MassSpringNetwork, spring_lengths
 Depth = Callable[[Floats], Floats]
 
 JITTER = 0.2
-"""How far points are moved aside at random, by the cell [1]; choice: a regular grid has flat tetrahedra."""
+"""Largest random shift of points, relative to the cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Distance of two points, by the cell, below which one is left out [1]; choice, for the same reason."""
+"""Distance of two points, relative to the cell, below which one is omitted [1]; choice, for the same reason."""
 
 FLATTEST = 1e-3
-"""Volume of a tetrahedron by its longest edge cubed, at least [1]; choice: flatter ones are left out,
-some 1e-5 of the cube."""
+"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice: flatter ones are omitted,
+about 1e-5 of the cube."""
 
 MOVES, STEP = 5, 1e-4
-"""Steps of Newton's method onto a surface, and the difference by which its normal is found, by the side; numerical."""
+"""Newton steps onto a surface, and the difference for its normal, relative to the side; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lattice:
-    """Points that follow the structure of a tissue, with springs along the edges of their tetrahedra.
+    """Points along the structure of a tissue, with springs along the edges of their tetrahedra.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ class Lattice:
 
     @property
     def lengths(self) -> Floats:
-        """Of the springs [m], (n_springs,)."""
+        """Lengths of the springs [m], (n_springs,)."""
         return spring_lengths(self.mesh.nodes, self.springs)
 
     @property
     def directions(self) -> Floats:
-        """Of the springs, from the first end to the second, (n_springs, 3)."""
+        """Unit vectors of the springs, from the first end to the second, (n_springs, 3)."""
         return _directions(self.mesh.nodes, self.springs)
 
     @property
@@ -75,15 +75,15 @@ class Lattice:
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 
     def of_elements(self, tissues: Sequence[Tissue], key: str) -> Floats:
-        """A constant of each element, (m,), by its tissue."""
+        """A constant of each element, (m,), from its tissue."""
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
     def of_springs(self, shares: Floats) -> Floats:
-        """Shares of the tetrahedra, (m,), added over those about each spring, (n_springs,)."""
+        """Shares of the tetrahedra, (m,), summed over those around each spring, (n_springs,)."""
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
-        """Stiffness of the tetrahedra of these tissues, by region [N/m], (3 n, 3 n), node-major."""
+        """Stiffness matrix of the tetrahedra with these tissues, by region [N/m], (3 n, 3 n), node-major."""
         young, poisson = (self.of_elements(tissues, key) for key in ("young_pa", "poisson"))
         return rest_stiffness(self.mesh, young, poisson, None, dilatation_patches(self.mesh, poisson))
 
@@ -94,13 +94,13 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
     Parameters
     ----------
     structure : Structure
-        Where the tissues lie in the unit cube.
+        Positions of the tissues in the unit cube.
     side_m : float
-        Of the cube [m].
+        Side of the cube [m].
     cells : int
-        Along a side; it has some (cells + 1)³ points.
+        Number of cells along a side; the cube has about (cells + 1)³ points.
     rng : numpy.random.Generator
-        For the places of points.
+        Random generator for the points.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
     Notes
     -----
-    Points of a grid, moved aside at random, are moved onto the nearest surface if it is within half a cell; those on a
+    Points of a grid are shifted at random, then moved onto the nearest surface if it is within half a cell; those on a
     face of the cube stay on it. Few edges of their Delaunay triangulation cross a surface, see `Lattice.crossing`.
     """
 
@@ -133,7 +133,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 
 
 def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
-    """The network of a lattice: nothing holds it, it has no weight and rests as drawn.
+    """The network of a lattice, without anchors and weight; it rests as drawn.
 
     stiffness: of the springs [N/m], (n_springs,); tissues: by region, for masses and damping
     """
@@ -151,7 +151,7 @@ def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissu
 
 
 def _points(depth: Depth, cells: int, rng: np.random.Generator) -> Floats:
-    """Points of the unit cube, (n, 3), those near a surface on it."""
+    """Points of the unit cube, (n, 3); those near a surface lie on it."""
     cell, along = 1.0 / cells, np.linspace(0.0, 1.0, cells + 1)
     x = np.stack(np.meshgrid(along, along, along, indexing="ij"), axis=-1).reshape(-1, 3)
     moves = (x > 0.5 * cell) & (x < 1.0 - 0.5 * cell)

@@ -1,6 +1,6 @@
-"""Elastic moduli of a box by virtual tests.
+"""Elastic moduli of a box, by virtual tests.
 
-Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
+Components have Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
 
 Boundaries are mixed, those of [pahr2008]: under a normal strain each face moves along its normal and slides without
 friction; under a shear strain the sheared faces move along their planes, and the others slide without friction. The
@@ -25,23 +25,23 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Axes of each component of strain."""
 
 ON_FACE = 1e-6
-"""Distance of a node to a face that it lies on, at most, by the side of the box [1]; numerical."""
+"""Largest distance of a node from the face that it lies on, relative to the side of the box [1]; numerical."""
 
 LOOSE = 1e-10
-"""Pivot of the factored stiffness, by its largest diagonal entry, below which a node is loose [1]; numerical: some
-1e-3 in lattices of tissues, rounding at a loose node."""
+"""Pivot of the factored stiffness, relative to its largest diagonal entry, below which a node is loose [1]; numerical:
+about 1e-3 in lattices of tissues, rounding at a loose node."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moduli:
-    """Moduli of an orthotropic material along its axes.
+    """Elastic moduli of an orthotropic material along its axes.
 
     Attributes
     ----------
     stiffness : (6, 6)
-        By Voigt's order [Pa].
+        Stiffness matrix in Voigt's order [Pa].
     young : (3,)
         Young's moduli along x, y, z [Pa].
     shear : (3,)
@@ -49,9 +49,9 @@ class Moduli:
     poisson : (3,)
         Contraction along the second axis by tension along the first, for yz, xz, xy [1].
     bulk : float
-        Bulk modulus [Pa]: pressure by the loss of volume.
+        Bulk modulus [Pa]: pressure divided by the relative loss of volume.
     anisotropy : float
-        Largest by smallest Young's modulus along axes and diagonals [1].
+        Ratio of the largest to the smallest Young's modulus along axes and diagonals [1].
     """
 
     stiffness: Floats
@@ -63,7 +63,7 @@ class Moduli:
 
 
 def effective_moduli(network: MassSpringNetwork) -> Moduli:
-    """The moduli of a box of springs, at rest as drawn; anchors move as other nodes do.
+    """Moduli of a box of springs that rests as drawn; anchors move as other nodes do.
 
     NetworkError for the plane and for a loose node.
     """
@@ -71,7 +71,7 @@ def effective_moduli(network: MassSpringNetwork) -> Moduli:
 
 
 def spring_stiffness(network: MassSpringNetwork) -> csc_array:
-    """Stiffness of the springs of a network, as drawn, [N/m], (3 n_nodes, 3 n_nodes). NetworkError for the plane."""
+    """Stiffness matrix of a network's springs as drawn [N/m], (3 n_nodes, 3 n_nodes). NetworkError for the plane."""
     if network.dim != 3:
         raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
     body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])
@@ -79,7 +79,7 @@ def spring_stiffness(network: MassSpringNetwork) -> csc_array:
 
 
 def orthotropic_moduli(stiffness: Floats) -> Moduli:
-    """The moduli of a material of this stiffness [Pa], (6, 6)."""
+    """Moduli of a material with this stiffness matrix [Pa], (6, 6)."""
     S = np.linalg.inv(stiffness)
     young, shear = 1.0 / np.diag(S)[:3], 1.0 / np.diag(S)[3:]
     poisson = np.array([-S[i, j] * young[i] for i, j in PAIRS[3:]])
@@ -88,33 +88,33 @@ def orthotropic_moduli(stiffness: Floats) -> Moduli:
 
 
 def directions_of(pairs: tuple[tuple[int, int], ...]) -> Floats:
-    """Unit vectors between pairs of axes, (n, 3): an axis itself, or the diagonal of two."""
+    """Unit vectors for pairs of axes, (n, 3): an axis itself, or the diagonal of two."""
     each = np.array([np.eye(3)[i] + np.eye(3)[j] for i, j in pairs])
     return np.asarray(each / np.linalg.norm(each, axis=1, keepdims=True))
 
 
 def young_along(stiffness: Floats, directions: Floats) -> Floats:
-    """Young's modulus [Pa], (n,), along unit vectors, (n, 3), by stiffness [Pa], (6, 6)."""
+    """Young's modulus [Pa], (n,), along unit vectors, (n, 3), from the stiffness [Pa], (6, 6)."""
     stress = tension(directions)
     return np.asarray(1.0 / np.einsum("da,ab,db->d", stress, np.linalg.inv(stiffness), stress))
 
 
 def tension(directions: Floats) -> Floats:
-    """Unit tension along unit vectors, (n, 3), as stress by Voigt's order, (n, 6)."""
+    """Unit tension along unit vectors, (n, 3), as stress in Voigt's order, (n, 6)."""
     return np.stack([directions[:, i] * directions[:, j] for i, j in PAIRS], axis=1)
 
 
 def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
-    """Stiffness [Pa], (6, 6), of a box by six virtual tests; normal and shear strains are taken as uncoupled.
+    """Stiffness [Pa], (6, 6), of a box from six virtual tests; normal and shear strains are assumed uncoupled.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3). NetworkError for a loose
-    node.
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their positions [m], (n, 3). NetworkError for a
+    loose node.
     """
     return mean_stiffness(K, strained(K, nodes), float(np.ptp(nodes, axis=0).prod()))
 
 
 def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
-    """Stiffness of a box of this volume by the energy of its six tests, (3 n, 6)."""
+    """Stiffness of a box of this volume from the energy of its six tests, (3 n, 6)."""
     C = moved.T @ (K @ moved) / volume
     C[:3, 3:] = C[3:, :3] = 0.0
     C[3:, 3:] = np.diag(np.diag(C)[3:])
@@ -124,7 +124,7 @@ def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
 def strained(K: csc_array, nodes: Floats) -> Floats:
     """Displacements of all nodes at unit strains, (3 n, 6)."""
     on, moved = _on_faces(nodes), np.zeros((len(nodes), 3, 6))
-    for q, (i, j) in enumerate(PAIRS):  # Affine: strain times place
+    for q, (i, j) in enumerate(PAIRS):  # Affine: strain times position
         moved[:, i, q] += 0.5 * nodes[:, j]
         moved[:, j, q] += 0.5 * nodes[:, i]
     flat = moved.reshape(-1, 6)
@@ -140,8 +140,8 @@ def strained(K: csc_array, nodes: Floats) -> Floats:
 def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
     """Young's moduli [Pa], (3,), along the axes of a box stretched between two faces without friction, its sides free.
 
-    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their places [m], (n, 3). NetworkError for a loose
-    node.
+    K: stiffness of all nodes [N/m], (3 n, 3 n), node-major; nodes: their positions [m], (n, 3). NetworkError for a
+    loose node.
     """
     lowest, size, on = nodes.min(axis=0), np.ptp(nodes, axis=0), _on_faces(nodes)
     found = np.empty(3)
@@ -159,7 +159,7 @@ def free_sided_young(K: csc_array, nodes: Floats) -> Floats:
 
 
 def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
-    """Whether each node lies on a face across each axis, (n, 3)."""
+    """Whether each node lies on a face perpendicular to each axis, (n, 3)."""
     lowest, highest = nodes.min(axis=0), nodes.max(axis=0)
     return np.asarray(np.minimum(nodes - lowest, highest - nodes) < ON_FACE * (highest - lowest))
 
@@ -167,7 +167,7 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
     """Set the displacements (3 n, k) that are not given, by node and axis (n, 3), to those without force.
 
-    NetworkError where a node moves without force.
+    NetworkError if a node moves without force.
     """
     free, held = np.flatnonzero(~given.ravel()), np.flatnonzero(given.ravel())
     rows = csc_array(K[:, free])

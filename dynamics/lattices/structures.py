@@ -1,6 +1,6 @@
-"""Where a second and third tissue lie in a cube: layers, cell walls, lobules with ducts, fibres.
+"""Structures of tissues in a cube: layers, cell walls, lobules with ducts, fibres.
 
-A structure is a function of points of the unit cube, (n, 3), by its side: distances to the surface of each of its
+A structure is a function of points of the unit cube, (n, 3): distances to the surface of each of its
 tissues, (n_tissues, n), negative inside. Every number below defines these structures; none is a setting.
 """
 
@@ -14,38 +14,38 @@ from scipy.spatial import cKDTree
 from dynamics.arrays import Floats
 
 Structure = Callable[[Floats], Floats]
-"""Distances to the surface of each tissue but the ground, (n_tissues, n), at points (n, 3), by the cube's side."""
+"""Distances to the surface of each tissue except the ground, (n_tissues, n), at points (n, 3), relative to the side."""
 
 THICK, WALL = 0.12, 0.08
-"""Thickness of layers, ducts and fibres, and of the walls of a foam, by the side.
+"""Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
 
 Ten cells of a lattice do not resolve the walls: over six foams 4.8 % of the springs cross a surface, and walls fill
 55.9 % of the mesh, 53.4 % of the structure."""
 
 LAYERS, WAVE = 3, 0.04
-"""Layers, and how far they wave, by the side."""
+"""Number of layers, and amplitude of their waves, relative to the side."""
 
 CELLS = 3
-"""Cells of a foam along a side; lobules are one fewer."""
+"""Number of foam cells along a side; lobules are one fewer."""
 
 RADIUS = 0.16
-"""Radius of lobules, by the side."""
+"""Radius of lobules, relative to the side."""
 
 FIBRES = 4
-"""Fibres along a side; all of them run along x."""
+"""Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""How far centres are moved aside at random, by the side; fibres by half of it, and their waves have the other half."""
+"""Largest random shift of centres, relative to the side; for fibres half of it is shift and half is waves."""
 
 
 def plain(rng: np.random.Generator) -> Structure:
-    """The ground alone."""
+    """Only the ground tissue."""
     del rng
     return lambda x: np.ones((1, len(x)))
 
 
 def sheet(rng: np.random.Generator) -> Structure:
-    """Wavy layers across z."""
+    """Wavy layers perpendicular to z."""
     phases, heights = rng.uniform(0.0, 2.0 * np.pi, 2), (np.arange(LAYERS) + 0.5) / LAYERS
 
     def distances(x: Floats) -> Floats:
@@ -56,7 +56,7 @@ def sheet(rng: np.random.Generator) -> Structure:
 
 
 def foam(rng: np.random.Generator) -> Structure:
-    """Walls between cells: those of the Voronoi diagram of shifted centres."""
+    """Walls between the cells of the Voronoi diagram of shifted centres."""
     centres = (_grid(np.arange(-1.0, CELLS + 1.0)) + 0.5) / CELLS
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     nearest = cKDTree(centres)
@@ -70,7 +70,7 @@ def foam(rng: np.random.Generator) -> Structure:
 
 
 def lobules(rng: np.random.Generator) -> Structure:
-    """Balls, and ducts that lead from each of them to a stem along z."""
+    """Balls, and ducts from each of them to a stem along z."""
     centres = (_grid(np.arange(CELLS - 1.0)) + 0.5) / (CELLS - 1)
     centres = centres + SHIFT * rng.uniform(-1.0, 1.0, centres.shape)
     fork = np.array([0.5, 0.5, 0.5])
@@ -112,4 +112,4 @@ STRUCTURES: Mapping[str, tuple[Callable[[np.random.Generator], Structure], tuple
     "lobules": (lobules, ("fat", "gland", "fibrous")),
     "fibres": (fibres, ("fat", "fibrous")),
 }
-"""Structures by name, each with its tissues, of `dynamics.mesh.tissues.TISSUES`: the ground, then those within it."""
+"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`: the ground, then the others."""

@@ -1,6 +1,6 @@
 """Meshes of tetrahedra: surface, points, patches, stiffness at rest and its factors.
 
-What may enter: geometry at rest.
+Geometry at rest belongs here.
 """
 
 from dynamics.mesh.cholesky import MeshCholesky

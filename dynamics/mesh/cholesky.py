@@ -1,7 +1,7 @@
-"""Cholesky factors of a matrix of a mesh by nested dissection [george1973] and dense fronts [duff1983].
+"""Cholesky factorisation of a mesh matrix by nested dissection [george1973] and dense fronts [duff1983].
 
-Cells are halved again and again. Each part eliminates the nodes that no cell outside it has, from the parts of its
-halves upwards; the Schur complement of the rest is its contribution to the part above.
+The cells are halved repeatedly. From the smallest parts upwards, each part eliminates the nodes that only its own cells
+have; the Schur complement of its other nodes is its contribution to the part above.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""Nodes of a part that is not halved, counted for each of their cells, at most [1]; numerical: with half or twice as
-many the factors of breasts of 14,000 nodes take up to a third longer."""
+"""Largest size of a part that is not halved, as the number of nodes counted for each of their cells [1]; numerical:
+with half or twice as many the factors of breasts of 14,000 nodes take up to a third longer."""
 
 Ints = NDArray[np.int64]
 
 
 class _Front(NamedTuple):
-    """Rows that a part eliminates, (m,), and those that they are coupled to, (k,): factor (m, m), coupling (m, k)."""
+    """Rows that a part eliminates, (m,), and the rows coupled to them, (k,): factor (m, m), coupling (m, k)."""
 
     own: Ints
     others: Ints
@@ -35,14 +35,14 @@ class _Front(NamedTuple):
 
 
 class MeshCholesky:
-    """Cholesky factors of a symmetric positive definite matrix.
+    """Cholesky factors of a symmetric positive definite matrix of a mesh.
 
     Parameters
     ----------
     K : (n dim, n dim) csc_array
-        Node-major, of n nodes.
+        Matrix, node-major, for n nodes.
     places : (n, 3)
-        Of the nodes [m].
+        Positions of the nodes [m].
     cells : (m, n) csr_array
         The nodes of each cell have entries; K couples only nodes of one cell.
 
@@ -66,7 +66,7 @@ class MeshCholesky:
         self._fronts = elimination.fronts
 
     def solve(self, forces: Floats) -> Floats:
-        """The solutions (n dim, k) of K x = forces, (n dim, k)."""
+        """Solutions (n dim, k) of K x = forces, (n dim, k)."""
         x = np.array(forces, dtype=float, order="C")
         for own, others, chol, coupling in self._fronts:
             x[own] = solve_triangular(chol, x[own], lower=True, check_finite=False)
@@ -77,7 +77,7 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Nodes that are left of a part, (k,), the cells there that have each, (k,), and the Schur complement's lower half.
+    """Remaining nodes of a part, (k,), the number of its cells with each, (k,), and the Schur complement's lower half.
 
     schur: (k dim, k dim)
     """
@@ -89,10 +89,10 @@ class _Contribution(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Elimination:
-    """Of K by parts of the cells.
+    """Elimination of K by parts of the cells.
 
-    lowest: corner of the box about each cell [m], (m, 3); shared: cells of each node, (n,)
-    local: place of each row of K in the present front, (n dim,), -1 of those that are eliminated
+    lowest: corner of the box around each cell [m], (m, 3); shared: number of cells of each node, (n,)
+    local: index of each row of K in the present front, (n dim,), -1 for eliminated rows
     """
 
     K: csc_array
@@ -103,7 +103,7 @@ class _Elimination:
     fronts: list[_Front]
 
     def part(self, cells: Ints) -> _Contribution:
-        """What a part of the cells leaves; its fronts are added."""
+        """Contribution of a part of the cells; its fronts are added."""
         half = len(cells) // 2
         if half and np.diff(self.cells.indptr)[cells].sum() > LEAF:
             along = self.lowest[cells, np.ptp(self.lowest[cells], axis=0).argmax()]
@@ -142,7 +142,7 @@ class _Elimination:
 
 @njit(cache=True, nogil=True)
 def _add(front, schur, at):  # type: ignore[no-untyped-def]
-    """Add the lower half of a symmetric matrix to that of a front, in the rows at."""
+    """Add the lower half of a symmetric matrix to that of a front, at these rows."""
     for j in range(len(at)):
         for i in range(j, len(at)):
             front[max(at[i], at[j]), min(at[i], at[j])] += schur[i, j]

@@ -1,4 +1,4 @@
-"""Points in a mesh and on its surface, by barycentric weights."""
+"""Location of points in a mesh and on its surface, by barycentric weights."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import MeshError, TetMesh
 
 INSIDE = -1e-9
-"""Least weight of a point that counts as inside an element [1]; numerical."""
+"""Least barycentric weight of a point that counts as inside an element [1]; numerical."""
 
 
 def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The element that holds each point, (k,) int, and the weights of its corners there, (k, 4).
+    """The element that contains each point, (k,) int, and the weights of its corners, (k, 4).
 
-    points: at rest [m], (k, 3); MeshError for one outside.
+    points: at rest [m], (k, 3); MeshError for a point outside.
     """
     elements, weights = nearest_elements(mesh, points)
     for k, (point, own) in enumerate(zip(points, weights, strict=True)):
@@ -27,7 +27,7 @@ def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 
 def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """As `locate`, but of a point outside the element that is left by the least weight, which is then negative."""
+    """As `locate`; a point outside gets the element with the least negative weight."""
     gradients = np.ascontiguousarray(mesh.gradients.transpose(1, 2, 0))
     centres = np.ascontiguousarray(mesh.nodes[mesh.elements].mean(axis=1).T)
     elements, weights = np.empty(len(points), dtype=np.int64), np.empty((len(points), 4))
@@ -41,9 +41,9 @@ def nearest_elements(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], 
 def locate_on_surface(
     mesh: TetMesh, faces: NDArray[np.int64], points: Floats
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """The face nearest to each point, (k,) int, the weights of its corners there, (k, 3), and the distance [m], (k,).
+    """The face nearest to each point, (k,) int, the weights of its corners, (k, 3), and the distance [m], (k,).
 
-    faces: (n_faces, 3) int as `surface` has them; points: [m], (k, 3)
+    faces: (n_faces, 3) int as in `surface`; points: [m], (k, 3)
     """
     corners, n = mesh.nodes[faces], len(faces)
     edges = corners[:, [1, 2, 0]] - corners
@@ -52,7 +52,7 @@ def locate_on_surface(
     found, weights, distances = np.empty(len(points), dtype=np.int64), np.empty((len(points), 3)), np.empty(len(points))
     for k, point in enumerate(points):
         away = point - corners
-        # Weight of each corner below the point, by the triangle that the opposite edge makes with it
+        # Weight of each corner below the point, from the triangle that the opposite edge makes with it
         below = np.einsum("fcd,fd->fc", np.cross(edges, away)[:, [1, 2, 0]], normal)
         along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
         candidates = np.zeros((4, n, 3))

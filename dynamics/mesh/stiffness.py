@@ -1,4 +1,4 @@
-"""Masses and linear stiffness of a mesh at rest, and patches of elements whose dilatation is averaged."""
+"""Masses and linear stiffness of a mesh at rest, and patches of elements that average the dilatation."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Elements of a patch [1]; choice: the beams of the tests bend alike from 8 on, and at 4 by a tenth less."""
+"""Number of elements in a patch [1]; choice: the beams of the tests bend equally from 8 on, and with 4 a tenth less."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
-    """Lamé's constants lambda and mu [Pa] by Young's modulus [Pa] and Poisson's ratio."""
+    """Lamé's constants lambda and mu [Pa] from Young's modulus [Pa] and Poisson's ratio."""
     E, nu = np.asarray(young, dtype=float), np.asarray(poisson, dtype=float)
     return E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), E / (2.0 * (1.0 + nu))
 
@@ -31,7 +31,7 @@ def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
 def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
     """The patch of each element, (m,) int: about `size` neighbours within one region, if the region has as many.
 
-    Halved again and again across the widest direction of the elements' centres.
+    The elements are halved repeatedly across the widest direction of their centres.
     """
     centres, patch = mesh.nodes[mesh.elements].mean(axis=1), np.empty(len(mesh.elements), dtype=np.int64)
     tissues = [np.flatnonzero(mesh.regions == region) for region in np.unique(mesh.regions)]
@@ -49,12 +49,12 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
 
 
 class Strains(NamedTuple):
-    """Strains of small displacements, whose squares by weight sum up to twice the stored energy [J].
+    """Matrix of small strains; the sum of their weighted squares is twice the stored energy [J].
 
     Attributes
     ----------
     matrix : (k, 3 n_free) csr_array
-        By displacements, node-major [1/m]: three normal strains of each element, three shears of each, and the mean
+        Strains per displacement, node-major [1/m]: three normal strains and three shears of each element, and the mean
         dilatation of each patch.
     weights : (k,)
         Moduli times volumes [N m].
@@ -68,7 +68,7 @@ class Strains(NamedTuple):
 
     @property
     def stiffness(self) -> csc_array:
-        """At rest [N/m], (3 n_free, 3 n_free)."""
+        """Stiffness matrix at rest [N/m], (3 n_free, 3 n_free)."""
         return csc_array(self.matrix.T @ (self.matrix * self.weights[:, None]))
 
 
@@ -79,13 +79,13 @@ def strains(
     free: NDArray[np.int64] | None = None,
     patch: NDArray[np.int64] | None = None,
 ) -> Strains:
-    """Strains of a mesh of small displacements; parameters with shapes and units as `rest_stiffness` has them."""
+    """Small strains of a mesh; shapes and units of the parameters are those of `rest_stiffness`."""
     m, n = len(mesh.elements), len(mesh.nodes)
     lam, mu = (c * mesh.volumes for c in lame(young, poisson))
     G = mesh.gradients.swapaxes(1, 2)
     columns = 3 * mesh.elements[:, None, :] + np.arange(3)[:, None]
     normal = _rows(G, columns, n)
-    b, c = [1, 2, 0], [2, 0, 1]  # shears between these axes
+    b, c = [1, 2, 0], [2, 0, 1]  # axes of the shears
     shear = _rows(np.concatenate([G[:, b], G[:, c]], 2), np.concatenate([columns[:, c], columns[:, b]], 2), n)
     of = np.arange(m) if patch is None else patch
     some = np.zeros(of.max() + 1, dtype=np.int64)
@@ -100,7 +100,7 @@ def strains(
 
 
 def _rows(entries: Floats, columns: NDArray[np.int64], n_nodes: int) -> csr_array:
-    """Rows (3 m, 3 n_nodes), three an element, of so many entries each, (m, 3, any)."""
+    """Rows (3 m, 3 n_nodes), three per element, from this number of entries each, (m, 3, any)."""
     m, _, many = entries.shape
     return csr_array((entries.ravel(), columns.ravel(), many * np.arange(3 * m + 1)), shape=(3 * m, 3 * n_nodes))
 
@@ -112,23 +112,23 @@ def rest_stiffness(
     free: NDArray[np.int64] | None = None,
     patch: NDArray[np.int64] | None = None,
 ) -> csc_array:
-    """Stiffness at rest [N/m], (3 n_free, 3 n_free), node-major, of small strains.
+    """Stiffness matrix of a mesh at rest for small strains [N/m], (3 n_free, 3 n_free), node-major.
 
     Parameters
     ----------
     mesh : TetMesh
-        Of m elements.
+        Mesh of m elements.
     young, poisson : (m,) or float
         Young's modulus [Pa] and Poisson's ratio of each element.
     free : (n_free,) int, optional
-        Nodes that move; all where it is not given.
+        Nodes that move; default: all.
     patch : (m,) int, optional
-        Of each element, over which the dilatation is averaged; each its own where it is not given.
+        Patch of each element, over which the dilatation is averaged; default: each element alone.
     """
     return strains(mesh, young, poisson, free, patch).stiffness
 
 
 def factored(K: csc_array) -> SuperLU:
-    """The factors of a symmetric positive definite matrix, (n, n); RuntimeError if it is exactly singular."""
+    """Factors of a symmetric positive definite matrix, (n, n); RuntimeError if it is exactly singular."""
     options = {"SymmetricMode": True}
     return splu(csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)

@@ -1,4 +1,4 @@
-"""The outside of a mesh: its faces, and the areas and normals of their nodes."""
+"""Surface of a mesh: its faces, and the areas and normals of their nodes."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
-"""Corners of the face opposite each corner of an element, counter-clockwise from outside."""
+"""Corners of the face opposite each corner of an element, counter-clockwise seen from outside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """The outside of a mesh.
+    """Surface of a mesh.
 
     Attributes
     ----------
     faces : (n_faces, 3) int
         Nodes of the mesh, counter-clockwise seen from outside.
     nodes : (k,) int
-        Those of the faces, ascending.
+        Nodes of the faces, ascending.
     areas : (k,)
-        A third of the faces about each of these nodes [m²].
+        A third of the area of the faces around each of these nodes [m²].
     normals : (k, 3)
-        Of these nodes, outward, of length 1: the mean over their faces by area.
+        Outward unit normals of these nodes: the mean over their faces, weighted by area.
     """
 
     faces: NDArray[np.int64]
@@ -37,7 +37,7 @@ class Surface:
 
 
 def surface(mesh: TetMesh) -> Surface:
-    """The faces that belong to one element only."""
+    """Surface of a mesh: the faces that belong to only one element."""
     n, faces = len(mesh.nodes), mesh.elements[:, FACES].reshape(-1, 3)
     ordered = np.sort(faces, axis=1)
     keys = (ordered[:, 0] * n + ordered[:, 1]) * n + ordered[:, 2]

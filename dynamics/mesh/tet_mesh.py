@@ -14,19 +14,19 @@ from scipy.sparse.csgraph import connected_components
 from dynamics.arrays import Floats, made_again
 
 LARGEST_M = 2.0
-"""Extent beyond which a mesh is taken to be in other units [m]; choice: no body of tissue is as long."""
+"""Extent above which a mesh is assumed to be in other units [m]; choice: no body of tissue is as long."""
 
 FLATTEST = 1e-4
-"""Volume of an element by its longest edge cubed, at least [1]; numerical, a regular one has 0.12."""
+"""Least volume of an element, relative to its longest edge cubed [1]; numerical, a regular one has 0.12."""
 
 
 class MeshError(ValueError):
-    """A mesh that cannot be used; the message says what was expected and what was found."""
+    """Error for a mesh that cannot be used; the message says what was expected and what was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TetMesh:
-    """A body of linear tetrahedra in one piece.
+    """A body of linear tetrahedra in one piece, checked at construction.
 
     Parameters
     ----------
@@ -35,14 +35,14 @@ class TetMesh:
     elements : (m, 4) int
         Nodes of each element: the fourth lies on the side of the first three to which they turn counter-clockwise.
     regions : (m,) int
-        Tissue of each element, or that of all, (1,).
+        Tissue of each element, or a single one for all, (1,).
 
     Attributes
     ----------
     volumes : (m,)
-        Of the elements [m³].
+        Volumes of the elements [m³].
     gradients : (m, 4, 3)
-        Of the barycentric weight of each corner [1/m].
+        Gradient of the barycentric weight of each corner [1/m].
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The constants of a kind of tissue."""
+"""Constants of a kind of tissue."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Tissue:
-    """A kind of tissue: Young's modulus [Pa], Poisson's ratio [1], density [kg/m³], damping by stiffness [s]."""
+    """A kind of tissue: Young's modulus [Pa], Poisson's ratio [1], density [kg/m³], damping / stiffness [s]."""
 
     name: str
     young_pa: float

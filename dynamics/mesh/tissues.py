@@ -1,7 +1,7 @@
 """Constants of the tissues of a breast, from measurements.
 
-Stiffness depends on how far a sample was compressed before, on its rate, and on whether it was inside a body, so that
-sources differ by a factor of ten: `YOUNG_RANGE_PA` has what they report.
+Measured stiffness depends on the compression and rate of the test, and on whether the sample was inside a body.
+Sources therefore differ by a factor of ten; `YOUNG_RANGE_PA` has the reported range.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ POISSON = 0.49
 """Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. At 0.495 the bulk is twice as stiff."""
 
 DAMPING_S = 0.01
-"""Damping by stiffness [s]; choice, as of the phantoms: no source has it below 1 Hz. Identification finds it."""
+"""Ratio of damping to stiffness [s]; choice, as for the phantoms: no source has it below 1 Hz. It is identified."""
 
 YOUNG_RANGE_PA = {
     "fat": (2.3e3, 22e3),  # samani2007 less its deviation, krouskop1998

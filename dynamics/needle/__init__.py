@@ -1,6 +1,6 @@
-"""The needle as a load: contact, cutting, friction.
+"""Needle mechanics: forces of contact, cutting, friction.
 
-What may enter: mechanics, not hits.
+Mechanics belong here, hits do not.
 """
 
 from dynamics.needle.insertion import InsertionHistory, force_on_free, forced_states, simulate_insertion

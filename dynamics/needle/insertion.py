@@ -1,4 +1,4 @@
-"""The tissue under a needle, in time: Runge-Kutta steps of a force that depends on the state, and whole insertions."""
+"""Simulation of tissue under a needle: Runge-Kutta steps with state-dependent forces, and whole insertions."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
 from dynamics.network.mass_spring import MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
-"""Longest step of the adaptive integrator [s]: numerical, it must not step over the moment of contact; at 50 mm/s the
-tip advances by half a millimetre meanwhile."""
+"""Longest step of the adaptive integrator [s]; numerical: it must not step over the moment of contact; at 50 mm/s the
+tip advances by half a millimetre in it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InsertionHistory:
-    """The history of an insertion: states, forces and puncture.
+    """States, forces and puncture of a simulated insertion over time.
 
     times_s: (n_times,); states: of the network (n_times, n_state)
     axial_forces: of the needle on the tissue, along the needle [N], (n_times,)
-    punctured_s: when the skin gave way [s], None where it did not
+    punctured_s: time of the skin's puncture [s], None without puncture
     """
 
     times_s: Floats
@@ -35,14 +35,14 @@ class InsertionHistory:
 
     @property
     def punctured(self) -> NDArray[np.bool_]:
-        """At which times the skin had given way, (n_times,)."""
+        """Whether the skin is punctured at each time, (n_times,)."""
         return self.times_s > (np.inf if self.punctured_s is None else self.punctured_s)
 
 
 def force_on_free(
     network: MassSpringNetwork, needle: NeedleMechanics, *, punctured: bool
 ) -> Callable[[float, Floats], Floats]:
-    """The needle's force on the free nodes [N], (..., n_free, dim), by time [s] and states (..., n_state)."""
+    """The needle's force on the free nodes [N], (..., n_free, dim), from time [s] and states (..., n_state)."""
     lead = network.positions
 
     def force(t: float, states: Floats) -> Floats:
@@ -62,9 +62,9 @@ def forced_states(
     times: ArrayLike,
     n_steps: int = 1,
 ) -> Floats:
-    """States at the times [s], (n_times, n_state), by n_steps classical Runge-Kutta steps from each time to the next.
+    """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps from each time to the next.
 
-    force(t, state): on the free nodes [N], (n_free, dim); evaluated at each stage, so that the fourth order is kept
+    force(t, state): on the free nodes [N], (n_free, dim); evaluated at each stage, which preserves the fourth order
     """
     t = np.asarray(times, dtype=float)
     rate = motion(network)
@@ -93,11 +93,11 @@ def simulate_insertion(
     rtol: float = 1e-8,
     atol: float = 1e-10,
 ) -> InsertionHistory:
-    """The tissue under a needle from `state` at the first of the times [s], by SciPy's DOP853.
+    """Simulate the tissue under a needle from `state` at the first of the times [s], with SciPy's DOP853.
 
     outside(t): other forces on the free nodes [N], (n_free, dim)
     The moment of the puncture is the root of contact force less puncture force; there the integration restarts. Raises
-    RuntimeError where the integrator gives up.
+    RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     rate = motion(network)

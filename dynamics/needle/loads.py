@@ -1,15 +1,15 @@
 """Needle forces of contact, cutting and friction: a known input of the tissue's equations of motion.
 
-Three phases, as [okamura2004] and [simone2002] take a measured force apart. Before the puncture the tip dents the skin
-like a spring. After it the tip cuts with a constant force and there is friction along the shaft:
+The force has three phases, as [okamura2004] and [simone2002] decompose measured forces. Before the puncture the tip
+dents the skin like a spring. Then the tip cuts with a constant force and there is friction along the shaft:
 
     contact   F = k (depth of the tip beyond the skin)          until F reaches the puncture force
     cutting   F = f_c s(v)  at the tip, forward only
     friction  F = f_f s(v)  per length, all along the shaft     s(v) = v / sqrt(v² + slip²)
 
-with v the needle's speed along itself, relative to the tissue beside it. Each force acts on a point of the tissue,
-whose displacement is a weighted mean of the nodes' displacements: the nodes share the force by the same weights, so
-that the work done at the point is the work done on the nodes.
+with v the needle's speed along itself, relative to the adjacent tissue. Each force acts on a point of the tissue,
+whose displacement is a weighted mean of the nodes' displacements. The same weights distribute the force over the nodes,
+so that the work at the point equals the work on the nodes.
 
 Differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction builds up
 over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
@@ -28,18 +28,18 @@ from dynamics.forces.kernels import contact_force, sliding_force
 from dynamics.network.mass_spring import MassSpringNetwork
 
 GAUGES_MM = {14: 2.1, 16: 1.6, 18: 1.2, 20: 0.9, 22: 0.7}
-"""Outer diameters of needles by gauge, nominal [mm]: [iso9626]."""
+"""Nominal outer diameters of needles by gauge [mm]: [iso9626]."""
 
 SHAFT = np.polynomial.legendre.leggauss(8)
-"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft: numerical, exact to degree 15."""
+"""Gauss-Legendre points and weights on (-1, 1) for the friction along the shaft; numerical: exact to degree 15."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePose:
-    """Where a needle is at one time.
+    """Position, direction and speed of a needle at one time.
 
     tip: [m], (dim,); direction: of insertion, of length 1, (dim,)
-    speed: along the direction [m/s], negative when it is drawn back; inserted_m: length of shaft in the tissue [m]
+    speed: along the direction [m/s], negative during retraction; inserted_m: length of shaft in the tissue [m]
     """
 
     tip: Floats
@@ -50,13 +50,13 @@ class NeedlePose:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleMechanics:
-    """A needle: its motion and the constants of its forces, which `docs/needle.md` explains.
+    """Motion of a needle and the constants of its forces, which `docs/needle.md` explains.
 
-    pose: where it is at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
+    pose: its pose at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
     radius_m: of the shaft [m]
-    puncture_N: contact force at which the skin gives way [N]; contact_N_m: stiffness of the contact before [N/m]
+    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of the contact before [N/m]
     cutting_N: at the tip [N]; friction_N_m: along the shaft, per length [N/m]
-    reach_m: width of the kernel by which nodes share a force [m]; slip_m_s: speed over which friction builds up [m/s]
+    reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
     The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are no settings of an estimator.
     Raises ValueError for numbers that no needle has.
@@ -86,8 +86,8 @@ class NeedleMechanics:
 class NeedleLoad:
     """Forces between needle and tissue at one time, for one state or a batch of them (...).
 
-    nodes: force on each node, anchors included [N], (..., n_nodes, dim)
-    on_needle: what a force sensor at its hub reads, the tissue's force on it [N], (..., dim)
+    nodes: force on each node, including anchors [N], (..., n_nodes, dim)
+    on_needle: reading of a sensor at the hub, the tissue's force on the needle [N], (..., dim)
     contact, cutting, friction: parts of the axial force on the tissue [N], (...)
     """
 
@@ -101,10 +101,10 @@ class NeedleLoad:
 def straight_insertion(
     entry: ArrayLike, towards: ArrayLike, speed: float, *, start_s: float = 0.0, depth_m: float = np.inf
 ) -> Callable[[float], NeedlePose]:
-    """The pose of a needle inserted along a line at a constant speed [m/s] from the entry on, to a depth [m].
+    """Pose function of a needle inserted along a line at a constant speed [m/s] from the entry to a depth [m].
 
     entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
-    Before, the needle approaches at the same speed; at the depth it stops. Raises ValueError if both points are equal.
+    Before start_s the needle approaches at the same speed; at the depth it stops. Raises ValueError for equal points.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
     length = float(np.linalg.norm(to - from_))
@@ -121,10 +121,10 @@ def straight_insertion(
 
 
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
-    """Each node's share of a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
+    """Share of each node in a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
 
     A Gaussian kernel of the distance to the nodes as drawn: the tissue moves by millimetres, and nodes are centimetres
-    apart. Far from all nodes the nearest takes everything.
+    apart. Far from all nodes the nearest has the whole force.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
@@ -133,7 +133,7 @@ def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) 
 
 
 def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
-    """Depth of the tip beyond the skin, which moves with the nodes [m], (...); below 0 before contact.
+    """Depth of the tip beyond the skin, which moves with the nodes [m], (...); negative before contact.
 
     positions: of all nodes [m], (..., n_nodes, dim)
     """
@@ -154,10 +154,10 @@ def needle_load(
     *,
     punctured: bool,
 ) -> NeedleLoad:
-    """Forces of the needle at time t [s] on the tissue and of the tissue on it.
+    """Compute the forces between needle and tissue at time t [s].
 
-    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin has given way,
-    which is permanent: `simulate_insertion` finds when.
+    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin is punctured,
+    which is permanent: `simulate_insertion` finds the time.
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])
@@ -180,7 +180,7 @@ def needle_load(
 def distributed_force(
     network: MassSpringNetwork, needle: NeedleMechanics, t: float, push_N: float, *, punctured: bool
 ) -> Floats:
-    """A measured axial force as forces on the free nodes [N], (n_free, dim), a known input for a filter.
+    """A measured axial force, distributed over the free nodes [N], (n_free, dim): a known input for a filter.
 
     push_N: force on the tissue along the needle [N]; a sensor at the hub reads its negative. Before the puncture it
     acts at the entry, then on tip and shaft in proportion to cutting force and full friction.
@@ -195,7 +195,7 @@ def distributed_force(
 
 
 def shaft(needle: NeedleMechanics, pose: NeedlePose) -> tuple[Floats, Floats]:
-    """The tip and points of the shaft [m], (n, dim), and the most that cutting and friction are at each [N], (n,)."""
+    """Tip and points of the shaft [m], (n, dim), and the largest cutting and friction force at each [N], (n,)."""
     back = 0.5 * pose.inserted_m * (SHAFT[0] + 1.0)
     points = pose.tip - np.r_[0.0, back][:, None] * pose.direction
     return points, np.r_[needle.cutting_N, needle.friction_N_m * 0.5 * pose.inserted_m * SHAFT[1]]

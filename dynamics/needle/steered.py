@@ -1,11 +1,10 @@
-"""The tissue under a needle that a robot steers: fine compiled steps for experiments that close the loop.
+"""Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
-The forces are those of `dynamics.needle.loads`. `simulate_insertion` follows one needle whose motion is known
-beforehand, by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests
-compare the two.
+The forces are those of `dynamics.needle.loads`. `simulate_insertion` simulates a needle whose whole motion is known,
+by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare both.
 
 A continuum moves in its modes, by the trapezoidal rule, implicit in cutting and friction: a needle that hardly slides
-resists far more than inertia does. What its points give way beyond the modes follows the forces at once, by the
+resists far more than inertia does. The displacement of its points beyond the modes follows the forces at once, by the
 residual flexibility [macneal1971].
 """
 
@@ -26,25 +25,25 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step [s]: numerical, the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
+"""Longest step [s]; numerical: the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
 `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
-"""The same of a continuum [s]: numerical, to 5 µm, which `tests/dynamics/needle/test_steered_solid.py` checks."""
+"""Longest step for a continuum [s]; numerical: to 5 µm, which `tests/dynamics/needle/test_steered_solid.py` checks."""
 
 SLIDES, SLID = 50, 1e-3
-"""Iterations for the speeds of sliding, at most, and their change by the slip velocity at which they end; numerical."""
+"""Most iterations for sliding speeds, and their final change relative to the slip velocity; numerical."""
 
 OF_STABLE = 0.25
-"""Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % a step."""
+"""Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleMotion:
-    """The straight motion of a needle until the next command.
+    """Straight motion of a needle until the next command.
 
-    tip: where it is now [m], (dim,); velocity: of the needle, along and across itself [m/s], (dim,)
-    direction: of length 1, (dim,); inserted_m: how deep the tip is in the tissue now, below 0 before the skin [m]
+    tip: present position [m], (dim,); velocity: of the needle, along and across itself [m/s], (dim,)
+    direction: of length 1, (dim,); inserted_m: present depth of the tip in the tissue, negative before the skin [m]
     """
 
     tip: Floats
@@ -55,7 +54,7 @@ class NeedleMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledForces:
-    """Outside forces on the free nodes [N], (n, n_free, dim), every interval_s [s] from time 0, linear in between."""
+    """Outside forces on the free nodes [N], (n, n_free, dim), every interval_s [s] from 0, interpolated."""
 
     forces: Floats
     interval_s: float
@@ -72,7 +71,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State of free nodes held at these places [m], (n_free, dim): (n_state,), then modes for a continuum."""
+    """State of free nodes at rest at these places [m], (n_free, dim): (n_state,), then modes for a continuum."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -94,7 +93,7 @@ def advance_steered(
     """State (n,), ordered as in `steady_state`, at the later of two times [s], and whether the skin is punctured.
 
     state: at the earlier time, (n,); needle: for its constants; its pose and entry are not used
-    Raises ValueError where time goes back.
+    Raises ValueError if the second time is earlier.
     """
     start, end = between_s
     if not end >= start:
@@ -132,7 +131,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step taken [s]: that of a continuum; FINEST_STEP of springs, less where stiff ones need it."""
+    """Longest step that is used [s]: that of a continuum; for springs FINEST_STEP, less if stiff ones need it."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -151,7 +150,7 @@ def _solid_steps(
     steps: the forces, start, dt, n
     """
     solid, (outside, start, dt, n) = network.continuum, steps
-    assert solid is not None  # the caller's
+    assert solid is not None  # by the caller
     give, r, drawn = _residual(network), len(solid.rates), network.positions
     q, s = state[network.n_state : -r].copy(), state[-r:].copy()
     speed, entry = float(motion.velocity @ motion.direction), motion.tip - motion.inserted_m * motion.direction
@@ -164,7 +163,7 @@ def _solid_steps(
 
     at_entry = node_weights(network, entry, needle.reach_m)[network.free]
     along = np.outer(at_entry, motion.direction).ravel()
-    # Contact and residual flexibility give way in series
+    # Contact and residual flexibility are in series
     in_series = 1.0 / (1.0 / needle.contact_N_m + max(0.0, float(along @ give @ along)))
     needle = replace(needle, pose=pose, entry=entry, contact_N_m=in_series)
 
@@ -174,7 +173,7 @@ def _solid_steps(
         return found
 
     def forces(t: float) -> tuple[Floats, float]:
-        """All forces on the free coordinates [N], and that of the contact."""
+        """All forces on the free coordinates [N], and the contact force."""
         acting = outside.at(t).ravel()
         if pose(t).inserted_m <= 0.0:
             return acting, 0.0
@@ -203,7 +202,7 @@ def _solid_steps(
         q += dt * (s + 0.5 * w)
         s += w
     end = start + n * dt
-    # At the end the speeds ring: friction is that of the last step
+    # At the end the speeds oscillate: friction is that of the last step
     acting = forces(end)[0] if shared is None else outside.at(end).ravel() + np.kron(shared, motion.direction)
     places = nodes(solid.shapes @ q + give @ acting, drawn)[network.free]
     speeds = (solid.shapes @ s).reshape(places.shape)
@@ -213,7 +212,7 @@ def _solid_steps(
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
     """Cutting and friction f at speeds u of sliding [N], (n,): u = free - gives f(u), by secants of f.
 
-    free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as `shaft` has it
+    free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as in `shaft`
     """
     u, secant = free, np.zeros_like(most)
     for _ in range(SLIDES):
@@ -228,7 +227,7 @@ def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
 @lru_cache(maxsize=16)
 def _residual(network: MassSpringNetwork) -> Floats:
     """The residual flexibility of a network's continuum [m/N], (n_free dim, n_free dim)."""
-    assert network.continuum is not None  # the caller's
+    assert network.continuum is not None  # by the caller
     return network.continuum.residual
 
 

@@ -1,6 +1,6 @@
-"""Validated nodes and springs, and the order of a state vector.
+"""Validated networks of nodes and springs; order of state vectors.
 
-What may enter: parts of tissue, no forces.
+Parts of tissue belong here, forces do not.
 """
 
 from dynamics.network.continuum import Continuum

@@ -1,4 +1,4 @@
-"""A solid between the nodes of a network: elements reduced to few coordinates, linear about the drawn shape."""
+"""Solid between the nodes of a network: elements reduced to a few coordinates, linear about the drawn shape."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Rate of a mode, by the largest, below which nothing resists it."""
+"""Relative rate of a mode below which it has no resistance."""
 
 FREE = 0.2
-"""Rate at which the body is taken to accelerate in its responses, so that one that nothing holds has them [1/s];
+"""Assumed growth rate of responses, so that a free body has responses, too [1/s];
 numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn, as its named points show it: in modal coordinates, and condensed to the points.
+    """A solid that rests as drawn, described by named points: in modal coordinates, and condensed to the points.
 
     A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
-    the whole body. Unit forces are fields of standard deviation 1 m/s², as if they accelerated the whole mass.
+    the whole body. Unit forces are fields of standard deviation 1 m/s², expressed as accelerations of the whole mass.
 
     Attributes
     ----------
     tissues : tuple of str
         Names of the n_tissues tissues.
     mass : float
-        Of the whole body [kg].
+        Mass of the whole body [kg].
     extent_m : float
         Diagonal of the box around it [m].
     shapes : (n_free dim, n_modes)
-        Displacement of the free nodes of the network by modal coordinate [1].
+        Displacement of the network's free nodes per modal coordinate [1].
     rates : (n_modes,)
         Squares of the angular frequencies [1/s²].
     damping : (n_modes,)
-        Damping by mass [1/s].
+        Damping divided by mass [1/s].
     by_tissue : (n_tissues, n_modes, n_modes)
-        Stiffness of each tissue by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
+        Stiffness of each tissue divided by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
     forces : (n_modes, any)
         Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three: of the whole body.
     stiffness, dashpots : (n_free dim, n_free dim)
-        Condensed to the free nodes [N/m], [N s/m].
+        Matrices condensed to the free nodes [N/m], [N s/m].
     """
 
     tissues: tuple[str, ...]
@@ -83,16 +83,16 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Displacement of the points where all of the body is accelerated, as by a turn of gravity [s²].
+        """Displacement of the points if the whole body is accelerated, as by a change of gravity's direction [s²].
 
-        (n_free dim, dim): by each axis
+        (n_free dim, dim): for each axis
         """
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: what points give way under forces on them beyond the modes [m/N].
+        """Residual flexibility [macneal1971]: displacement of points beyond the modes by forces on them [m/N].
 
         (n_free dim, n_free dim)
         """
@@ -100,10 +100,10 @@ class Continuum:
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with each tissue as many times as stiff, (n_tissues,): in the same shapes, with other modes."""
+        """The continuum with each tissue's stiffness times a factor, (n_tissues,): the same shapes, other modes."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
-        # Compliance of the points: what the modes show of its change
+        # Change of the points' compliance in the modes
         before = np.linalg.inv(self.stiffness)
         by_rate = [
             np.where(w > LOOSE * w.max(), 1.0 / np.maximum(w, LOOSE * w.max()), 0.0) for w in (rates, self.rates)
@@ -125,7 +125,7 @@ class Continuum:
     def by_log_stiffness(self, shift: Floats) -> Floats:
         """Derivative of the force on the points by the log of each tissue's stiffness [N], (n_tissues, n_free dim).
 
-        shift: of the points from where they are drawn [m], (n_free dim,)
+        shift: displacement of the points from the drawn shape [m], (n_free dim,)
         """
         rates = np.maximum(self.rates, LOOSE * self.rates.max())
         modal = self.shapes.T @ (self.stiffness @ shift) / (rates * self.mass)

@@ -1,4 +1,4 @@
-"""Mass-spring networks: what the tissue is made of, checked at construction."""
+"""Mass-spring networks, the model of the tissue, checked at construction."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from dynamics.arrays import Floats, made_again
 from dynamics.network.continuum import Continuum
 
 NODE_CONSTANTS = {"drag": "0 or more", "friction": "0 or more"}
-"""Fields that have one constant for each node, and what they must be."""
+"""Fields with one constant for each node, and their permitted values."""
 
 SPRING_CONSTANTS = {"stiffness": "more than 0", "rest_lengths": "more than 0", "damping": "0 or more"}
-"""Fields that have one constant for each spring, and what they must be."""
+"""Fields with one constant for each spring, and their permitted values."""
 
 
 class NetworkError(ValueError):
-    """A network that cannot be simulated; the message names the field, what was expected and what was found."""
+    """Error for a network that cannot be simulated; the message names field, expectation and finding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MassSpringNetwork:
-    """Point masses joined by two-way springs with dashpots, in the plane or in space.
+    """Point masses joined by springs with dashpots, in the plane or in space.
 
-    names: node names, unique, n_nodes of them
-    positions: where each node is in the drawn shape, at rest [m], shape (n_nodes, dim), dim 2 or 3
+    names: unique names of the n_nodes nodes
+    positions: position of each node in the drawn shape, at rest [m], shape (n_nodes, dim), dim 2 or 3
     masses: [kg], shape (n_nodes,), positive; an anchor's mass is not used
     fixed: True for an anchor, shape (n_nodes,)
     drag: viscous friction against the ground [N s/m], shape (n_nodes,)
@@ -38,9 +38,9 @@ class MassSpringNetwork:
     rest_lengths: [m], shape (n_springs,), positive
     damping: dashpot along the spring [N s/m], shape (n_springs,)
     gravity: acceleration [m/s²], shape (dim,)
-    continuum: a solid that the free nodes are points of, with its own mass and at rest as drawn; none by default
+    continuum: a solid whose points are the free nodes, with its own mass, at rest as drawn; default: none
 
-    Raises NetworkError for anything that cannot be simulated.
+    Raises NetworkError for values that cannot be simulated.
     """
 
     names: tuple[str, ...]
@@ -130,12 +130,12 @@ class MassSpringNetwork:
 
     @property
     def dim(self) -> int:
-        """Two in the plane, three in space."""
+        """Dimension: two in the plane, three in space."""
         return int(self.positions.shape[1])
 
     @property
     def n_nodes(self) -> int:
-        """Nodes, anchors included."""
+        """Number of nodes, including anchors."""
         return len(self.names)
 
     @property
@@ -144,13 +144,13 @@ class MassSpringNetwork:
         return 2 * len(self.free) * self.dim
 
     def index(self, name: str) -> int:
-        """Place of the node of that name among all nodes; NetworkError if there is none."""
+        """Index of the node with this name among all nodes; NetworkError if there is none."""
         if name not in self.names:
             raise NetworkError(f'no node named "{name}"')
         return self.names.index(name)
 
     def coordinates(self, name: str) -> slice:
-        """Where the free node's position stands in a state vector; NetworkError for an anchor."""
+        """Position of a free node's coordinates in a state vector; NetworkError for an anchor."""
         place = np.flatnonzero(self.free == self.index(name))
         if not len(place):
             raise NetworkError(f'node "{name}": expected a free node, found an anchor')
@@ -210,7 +210,7 @@ def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
 
 
 def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
-    """Positions of all nodes [m], (n_nodes, dim): the free ones as given, (n_free, dim), anchors where they stand."""
+    """Positions of all nodes [m], (n_nodes, dim): the given free ones, (n_free, dim), and the anchors."""
     positions = network.positions.copy()
     positions[network.free] = free_positions
     return positions

@@ -1,6 +1,6 @@
-"""Built-in phantoms, and bodies from given nodes.
+"""Built-in phantoms; elastic bodies from given nodes.
 
-What may enter: another network.
+Another network belongs here.
 """
 
 from dynamics.phantoms.breast import breast_phantom

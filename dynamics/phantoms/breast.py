@@ -1,4 +1,4 @@
-"""A soft hemisphere on a chest wall, like a breast: nodes on its skin and inside, springs like an elastic body.
+"""Breast phantom: a soft hemisphere on a chest wall, with nodes on its skin and inside, and elastic springs.
 
 x right, y up, z away from the chest wall; gravity is down, as for a standing patient. Every number below defines this
 phantom; none is a setting.
@@ -21,13 +21,13 @@ SKIN_SHARE = 0.6
 """Share of the masses on the skin; the others are inside."""
 
 N_WALL = 8
-"""Anchors around the foot; one more is in its middle."""
+"""Number of anchors around the base; one more is in its middle."""
 
 TARGET = (0.15, 0.1, 0.45)
-"""Position of the target, by the radius."""
+"""Position of the target, relative to the radius."""
 
 INNER = 0.55
-"""Distance of the other inner masses from the middle of the foot, by the radius."""
+"""Distance of the other inner masses from the middle of the base, relative to the radius."""
 
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
@@ -63,7 +63,7 @@ def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
 
 
 def _dome(n: int) -> Floats:
-    """Points spread evenly over the unit hemisphere above z = 0, none at its foot, (n, 3): a spiral."""
+    """Points spread evenly over the unit hemisphere above z = 0, none at its base, (n, 3): a spiral."""
     z = 1.0 - 0.9 * (np.arange(n) + 0.5) / n
     around = GOLDEN * np.arange(n)
     return np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)

@@ -1,4 +1,4 @@
-"""A breast of tetrahedra: a half ellipsoid on a chest wall, gland in a core of fat. Any number of elements.
+"""Breast phantom as a mesh: a half ellipsoid on a chest wall, with a core of gland in fat.
 
 x right, y up, z away from the chest wall, at z = 0. Every number below defines this phantom; none is a setting.
 """
@@ -12,25 +12,25 @@ from dynamics.arrays import Floats
 from dynamics.mesh import TetMesh, Tissue, far_apart, grid_tetrahedra, surface
 
 SEMI_AXES_M = (0.065, 0.065, 0.055)
-"""Half width, half height, depth."""
+"""Half width, half height and depth [m]."""
 
 ROUND = 0.8
-"""How far the grid of a box is rounded towards an ellipsoid [1]: all of it would flatten elements at its edges."""
+"""Share by which a box's grid is rounded towards an ellipsoid [1]; fully rounded, its edges have flat elements."""
 
 CORE = 0.6
-"""Extent of the gland by that of the breast [1]."""
+"""Extent of the gland, relative to that of the breast [1]."""
 
 TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
-"""By the number of the region; of the order of what is measured in compression [samani2007]."""
+"""Tissues in the order of the regions; moduli of the order of those measured in compression [samani2007]."""
 
 TARGET = (0.2, 0.15, 0.45)
-"""Place of the target, by the semi-axes."""
+"""Position of the target, relative to the semi-axes."""
 
 
 def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.int64]]:
-    """The mesh of so many cells across and deep, and its nodes on the chest wall, (n_fixed,).
+    """The mesh with these numbers of cells across and deep, and its nodes on the chest wall, (n_fixed,).
 
-    It has (across + 1)² (deep + 1) nodes, and six tetrahedra a cell.
+    It has (across + 1)² (deep + 1) nodes, and six tetrahedra per cell.
     """
     counts = (across, across, deep)
     axes = [np.linspace(-1.0, 1.0, across + 1)] * 2 + [np.linspace(0.0, 1.0, deep + 1)]
@@ -43,7 +43,7 @@ def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.in
 
 
 def breast_points(mesh: TetMesh, fixed: NDArray[np.int64], n_marks: int = 40) -> dict[str, Floats]:
-    """Places [m] of marks far from each other on its skin, `M1` and so on, and of a `target` inside."""
+    """Positions [m] of marks far from each other on the skin, `M1` and so on, and of a `target` inside."""
     on_skin = mesh.nodes[np.setdiff1d(surface(mesh).nodes, fixed)]
     chosen = far_apart(on_skin, n_marks, [int(on_skin[:, 2].argmax())])
     marks = {f"M{k}": on_skin[i] for k, i in enumerate(chosen, start=1)}

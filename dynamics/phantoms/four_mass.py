@@ -1,8 +1,8 @@
 """The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
 
-[paper] gives the topology (Fig. 3, Fig. 5) and that constants are known, not their values. The constants below are the
-definition of this phantom, not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs sturdy enough to
-stay the right way up under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. The reasons:
+[paper] gives the topology (Fig. 3, Fig. 5) and says that constants are known, but not their values. The constants below
+define this phantom; they are no settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs stiff enough to
+stay upright under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. The reasons:
 `docs/decisions/02-phantom-constants.md`.
 """
 
@@ -45,14 +45,14 @@ _SPRINGS = [
     ("M4", "In2"),
 ]
 OUTER = ("M1", "M3", "M4")
-"""The masses of the phantom whose marks a camera sees."""
+"""Masses of the phantom whose marks a camera sees."""
 
 HIDDEN = "M2"
-"""The mass of the phantom that is estimated: its target."""
+"""Hidden mass of the phantom: the target."""
 
 
 def four_mass_phantom() -> MassSpringNetwork:
-    """The phantom standing at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
+    """The paper's phantom at rest under gravity: M1, M3, M4 outside, M2 hidden, anchors In1 to In3 on the floor.
 
     Rest lengths are the distances on the grid on which the masses would stand without gravity.
     """

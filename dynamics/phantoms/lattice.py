@@ -1,4 +1,4 @@
-"""Bodies of given nodes: which pairs springs join, how stiff they are for an elastic body, and at rest as drawn."""
+"""Elastic bodies from given nodes: springs between them and their stiffness, at rest as drawn."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Springs of a triangulation longer than this many times their median bridge hollows and are left out [1]."""
+"""Length above which springs of a triangulation bridge hollows and are omitted, relative to their median [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
-"""Thickness of a body in the plane."""
+"""Thickness of a body in the plane [m]."""
 
 DAMPING_S = 0.01
-"""Damping of a dashpot by the stiffness of its spring."""
+"""Damping of a dashpot divided by the stiffness of its spring [s]."""
 
 GRAVITY_M_S2 = 9.81
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phantom:
-    """A body to practise on: a network that rests where it is drawn.
+    """A practice body: a network that rests where it is drawn, with its target.
 
     target: name of the hidden target node; outer: names of the free nodes on the outside, where marks can be
-    groups: name of each spring's group, the same for all that are alike, (n_springs,)
+    groups: name of each spring's group, the same for similar springs, (n_springs,)
     """
 
     network: MassSpringNetwork
@@ -41,9 +41,9 @@ class Phantom:
 
 
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Pairs of nodes joined by the Delaunay triangulation of all, (n_springs, 2), but for two anchors and across gaps.
+    """Pairs of nodes in the Delaunay triangulation, (n_springs, 2), except pairs of anchors and across gaps.
 
-    positions [m], (n_nodes, dim). Raises NetworkError where the nodes lie on one line, in space in one plane.
+    positions [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line, in space in one plane.
     """
     n_corners = positions.shape[1] + 1
     try:
@@ -61,7 +61,7 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     """One stiffness for all springs [N/m], with which a lattice is as stiff as an elastic body.
 
     positions: of the nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
-    young: Young's modulus [Pa] of a body in space; of a sheet in the plane, that times its thickness [N/m]
+    young: Young's modulus [Pa] of a body in space; for a sheet in the plane, times its thickness [N/m]
     By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
     k l² over springs is n E V, V the body's volume, n the edges of a simplex; equal stiffnesses have the same sum.
     Under uniform stretch it is as stiff as a body of that modulus and Poisson's ratio 1/4; a sheet, 1/3.
@@ -85,8 +85,8 @@ def elastic_body(
 
     young: Young's modulus [Pa], in the plane of a sheet of `SHEET_M`
     springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
-        those of that modulus; masses [kg], (n_nodes,), None: that of water, the same on each free node
-    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, for nodes that form none.
+        from that modulus; masses [kg], (n_nodes,), None: that of water, divided equally among the free nodes
+    Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, and for unusable nodes.
     """
     dim = positions.shape[1]
     thick = 1.0 if dim == 3 else SHEET_M
@@ -109,14 +109,14 @@ def elastic_body(
 
 
 def volume(positions: Floats) -> float:
-    """Volume of the convex hull of the nodes [m³], or area in the plane [m²]. Raises NetworkError where it has none."""
+    """Volume of the convex hull of the nodes [m³], or area in the plane [m²]. Raises NetworkError if it has none."""
     return float(_hull(positions).volume)
 
 
 def on_hull(positions: Floats) -> NDArray[np.bool_]:
-    """Which nodes, by positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
+    """Which nodes, with positions [m], (n_nodes, dim), are corners of the convex hull of all, (n_nodes,).
 
-    Raises NetworkError where the hull has no volume.
+    Raises NetworkError if the hull has no volume.
     """
     corners = np.zeros(len(positions), dtype=bool)
     corners[_hull(positions).vertices] = True
@@ -127,7 +127,7 @@ def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
     """Distance from a point inside the convex hull of the nodes to its surface along a unit vector [m].
 
     positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
-    Raises NetworkError where the hull has no volume.
+    Raises NetworkError if the hull has no volume.
     """
     facets = _hull(positions).equations
     slopes, depths = facets[:, :-1] @ direction, -(facets[:, :-1] @ start + facets[:, -1])

@@ -1,4 +1,4 @@
-"""A flat phantom like the paper's, with any number of masses: staggered rows that stand on the floor.
+"""Flat phantom like the paper's, with any number of masses in staggered rows that stand on the floor.
 
 Every number below defines this phantom; none is a setting.
 """
@@ -12,24 +12,24 @@ from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
-"""Spacing of neighbours in a row; the next row is half as far above, shifted by half a spacing."""
+"""Spacing of neighbours in a row [m]; the next row is half as far above, shifted by half a spacing."""
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Stiffness by the number of masses: the phantom sags by some 10 % of its spacing at any number."""
+"""Spring stiffness per mass of the phantom [N/m]: it sags by about 10 % of its spacing with any number of masses."""
 
 DAMPING_S = 0.0025
-"""Damping of a dashpot by the stiffness of its spring."""
+"""Damping of a dashpot divided by the stiffness of its spring [s]."""
 
 DRAG_N_S_M = 0.1
 FRICTION_N = 0.01
 FEWEST, MOST = 4, 60
 SLENDER = 1.7
-"""Ratio of the number of masses to the square of those in a row: the phantom is about as high as wide."""
+"""Ratio of the number of masses to the squared number in a row: the phantom is about as high as wide."""
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
-    """A flat phantom at rest under gravity, the innermost mass hidden; raises NetworkError beyond 4 to 60 masses."""
+    """A flat phantom at rest under gravity, with the innermost mass hidden; NetworkError unless 4 to 60 masses."""
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
     masses, rim, wide = _rows(n_masses)
@@ -64,7 +64,7 @@ def planar_phantom(n_masses: int = 5) -> Phantom:
 
 
 def _rows(n_masses: int) -> tuple[list[tuple[float, float]], set[int], int]:
-    """Places of the masses row by row from below [m], which of them are on the rim, and how many a full row has."""
+    """Positions of the masses row by row from below [m], indices of those on the rim, and length of a full row."""
     wide = max(2, int(np.ceil(np.sqrt(n_masses / SLENDER))))
     rows: list[list[float]] = []
     while (left := n_masses - sum(map(len, rows))) > 0:

@@ -1,6 +1,6 @@
-"""Interchangeable marks: exchanged names as hypotheses, each with its filter.
+"""Association of interchangeable marks: a filter for each hypothesis of names.
 
-What may enter: decisions over several frames.
+Decisions over several frames belong here.
 """
 
 from estimators.association.identity import AssociatedEstimate, AssociationFilter, IdentitySwap

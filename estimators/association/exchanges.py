@@ -1,6 +1,6 @@
-"""Names of interchangeable marks: the cost of each assignment in one frame, and the exchanges that it leaves plausible.
+"""Names of interchangeable marks: the cost of each assignment in a frame, and the plausible exchanges.
 
-Names are a tuple over the interchangeable nodes: for each, the place of the node that carries the mark of that name.
+Names are a tuple over the interchangeable nodes: for each node, the index of the node that bears the mark of its name.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ class InterchangeableMarks:
         self._place = {node: i for i, node in enumerate(self.nodes)}
 
     def by_node(self, names: Names) -> dict[str, str]:
-        """The node that a mark named after each node is on."""
+        """The node that bears the mark named after each node."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
         """Cost of the mark named after node j being on node i, by the filter's present prediction: (n, n).
 
-        The cost is -log of a density; 0 for a mark that is not seen. starting: use the distribution at a start.
+        The cost is -log of a density; 0 for an absent mark. starting: use the distribution at a start.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
@@ -56,9 +56,9 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Names at this many exchanges of two from these, none worse by more than `worst` in this frame.
+        """Names at this many exchanges from the given ones, none worse by more than `worst` in this frame.
 
-        The best first, and no more than `most`.
+        Sorted, the most probable first, at most `most`.
         """
         if names == self.own and not ambiguous_exchanges(costs, self._pairs, worst):
             return {}
@@ -84,7 +84,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """These names, once marks bear the new ones."""
+    """Given names, relative to the new names of the marks."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]
@@ -92,7 +92,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each on the node that its name stands for; a mark that is not among the names keeps its node."""
+    """The marks, each moved to the node of its name; a mark with another name keeps its node."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

@@ -1,4 +1,4 @@
-"""Which of interchangeable marks is which: names as hypotheses, a filter for each while they are uncertain."""
+"""Identification of interchangeable marks: names as hypotheses, with one filter each while they are uncertain."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 
 @dataclass(frozen=True, slots=True)
 class IdentitySwap:
-    """An exchange of marks that was found and undone.
+    """An exchange of marks that was detected and corrected.
 
-    time_s, since_s: when it was undone, and when it began [s]; nodes: the nodes of these marks
+    time_s, since_s: when it was corrected, and when it began [s]; nodes: nodes of the exchanged marks
     """
 
     time_s: float
@@ -30,7 +30,7 @@ class IdentitySwap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedEstimate:
-    """Result of a frame: the estimate, the marks by their present names, a swap if one was undone."""
+    """Result of a frame: the estimate, the marks with their present names, and an exchange if one was corrected."""
 
     estimate: TargetEstimate
     marks: tuple[MarkMeasurement, ...]
@@ -39,7 +39,7 @@ class AssociatedEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """Other names for the marks, and the filter's state under them.
+    """Alternative names for the marks, and the filter's state with them.
 
     ahead: log odds of these names against the present names, negative while they are less probable
     since_s: time since which the names differ [s]
@@ -56,23 +56,23 @@ Hypotheses = dict[Names, Hypothesis]
 
 
 class AssociationFilter:
-    """A filter that adopts other names for interchangeable marks once they are decisively more probable.
+    """Filter for interchangeable marks, which adopts other names once they are decisively more probable.
 
-    This is a hidden Markov model of the names. Each frame adds an alternative for each exchange of two names that this
-    frame does not rule out: a copy of the filter that uses the exchanged names from then on. If two paths lead to the
-    same names, the more probable is kept (Viterbi's algorithm). The probability of an alternative is the product of the
-    likelihoods of its marks, frame by frame, with the odds against each exchange. It is dropped when it is clearly
-    worse. When it is clearly better, and TRACKING, the filter goes on as if it had been adopted from the start.
+    This is a hidden Markov model of the names. In each frame, every exchange of two names that the frame does not
+    exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same
+    names, the more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of
+    its marks' likelihoods and of the odds against each exchange. A clearly worse alternative is dropped. If one is
+    clearly better and TRACKING, its names and its filter replace the present ones.
 
-    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are refused. Then
-    the filter restarts under each of the names that fit the rest shape best. Since the tissue may be turned or
-    displaced, that fit counts for no more than `settings.decisive`. One filter also restarts under the present names,
-    and the others must beat it: otherwise a filter could win by its large covariance alone.
+    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are refused.
+    Then the filter restarts with each of the names that best fit the rest shape. Since the tissue may be turned or
+    displaced, that fit contributes at most `settings.decisive`. One filter restarts with the present names, and the
+    others have to beat it: otherwise a filter could win only by a large covariance.
 
     tissue: the filter; predict it first, then call `update` here
     groups: of nodes whose marks are interchangeable; names are never exchanged between groups
     State: node_of, the node of each named mark, where it differs from the name; alternatives, and same_names, the
-    restart under the present names; swaps undone; when names may next be tried from a start, and the pause after that.
+    restart with the present names; corrected swaps; next time for trying names from a start, and the pause after it.
     """
 
     def __init__(
@@ -88,13 +88,13 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """Marks of another tracker, moved to the nodes of the present names."""
+        """Marks of another tracker, each moved to the node of its present name."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a sighting of the target [m], (dim,), with covariance [m²], (dim, dim), as `TissueFilter.fix`.
+        """Update with a direct measurement of the target [m], (dim,), its covariance [m²], (dim, dim).
 
-        A sighting does not depend on names.
+        It is used as by `TissueFilter.fix`, for all names.
         """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)
@@ -110,7 +110,7 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with marks on the nodes of the present names, at the filter's time.
+        """Update with marks at the filter's time, each on the node of its present name.
 
         Raises ValueError and CovarianceError as the filter does.
         """
@@ -145,23 +145,23 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Pause before names are tried from a start again [s]; by then the wrong ones are ruled out."""
+        """Shortest pause before names are tried from a start again [s], long enough to exclude wrong names."""
         return 2.0 * self.tissue.settings.test_s
 
     @property
     def _least_ahead(self) -> float:
-        """Log odds against the best names below which names are dropped."""
+        """Log odds, relative to the best names, below which names are dropped."""
         return -self.settings.exchange - 2.0 * self.settings.decisive
 
     def _others(self, names: Names, costs: Floats, worst: float) -> Mapping[Names, int]:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """Other names from the state of an alternative, after this many exchanges of two."""
+        """Alternative with other names and the state of a given one, after this many exchanges of two."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
-        """Whether marks are refused, so that any names may be right, and it is time to try them."""
+        """Whether marks are refused, so that any names may be right, and the pause is over."""
         now_s, seen = estimate.time_s, {mark.node for mark in marks}.intersection(self.interchangeable.nodes)
         refuted = estimate.status is Status.DIVERGED or not seen <= estimate.information_share.keys()
         if now_s < self._next_s or not refuted:
@@ -175,7 +175,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Restart the filter under other names, as far ahead as the best is now, and under the present names."""
+        """Restart the filter with other names, with the log odds of the best, and with the present names."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive
@@ -189,7 +189,7 @@ class AssociationFilter:
     def _follow(
         self, hypotheses: Hypotheses, alternative: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
     ) -> None:
-        """Update an alternative with this frame, and add the names that are uncertain given its state."""
+        """Update an alternative with this frame, and add the exchanges that are plausible given its state."""
         predicted = self._predicted(alternative, time_s)
         if predicted is None:
             return
@@ -205,7 +205,7 @@ class AssociationFilter:
     def _predicted(
         self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """The alternative predicted to a later time [s], after `then`; None where its filter fails."""
+        """The alternative predicted to a later time [s], after calling `then`; None if its filter fails."""
         self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
@@ -215,10 +215,10 @@ class AssociationFilter:
         return replace(alternative, state=self.tissue.snapshot())
 
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The alternative updated with the marks under its names; None where its filter fails.
+        """The alternative updated with the marks by its names; None if its filter fails.
 
-        Also None where they are clearly less probable, given its prediction, than they need to be: of a body that the
-        wrong names bend, an update costs a hundred times that of the right ones.
+        Also None if the predicted marks are clearly too improbable. This saves time: an update that would bend the body
+        by wrong names costs a hundred times more than one with the right names.
         """
         self.tissue.restore(alternative.state)
         seen = renamed(marks, self.interchangeable.by_node(alternative.names))
@@ -236,7 +236,7 @@ class AssociationFilter:
         )
 
     def _decided(self, hypotheses: Hypotheses, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Adopt the best names if they are decisively better, and keep those that are not decisively worse."""
+        """Adopt the best names if they are decisively better, and drop those that are decisively worse."""
         own, settings = self.interchangeable.own, self.settings
         best = _best(hypotheses)
         same = 0.0 if self.same_names is None else max(0.0, self.same_names.ahead)
@@ -266,6 +266,6 @@ def _best(hypotheses: Hypotheses) -> Hypothesis:
 
 
 def _keep(hypotheses: Hypotheses, one: Hypothesis | None) -> None:
-    """Keep the more probable of two paths to the same names."""
+    """Of two paths to the same names, keep the more probable one."""
     if one is not None and (one.names not in hypotheses or one.ahead > hypotheses[one.names].ahead):
         hypotheses[one.names] = one

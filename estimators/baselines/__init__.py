@@ -1,6 +1,6 @@
-"""Methods to compare with: open loop, EKF, stock filterpy UKF, EnKF, particle filter.
+"""Methods for comparison: open loop, EKF, filterpy's UKF, EnKF, particle filter, smoother.
 
-What may enter: another `Baseline`, named in `registry.py`.
+Another `Baseline` belongs here, with its name in `registry.py`.
 """
 
 from estimators.baselines.baseline import Baseline

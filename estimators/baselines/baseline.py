@@ -1,4 +1,4 @@
-"""Baseline: what all compared methods share, so that they differ by the method alone."""
+"""Common part of the compared methods, so that they differ only in the method."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class Baseline(ABC):
-    """A method for comparison; the project recommends `TissueFilter`.
+    """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
     It starts at rest, with the covariance that pokes for `settings.lost_s` cause, and stays there until the first
     marks. Marks are not gated.
@@ -49,14 +49,14 @@ class Baseline(ABC):
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update by z = x[rows] + noise of covariance R, (m,), (m, m); gives the NIS if there is one."""
+        """Update by z = x[rows] + noise of covariance R, (m,), (m, m); returns the NIS, None if the method has none."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:
         """Mean and covariance of the state, (n,), (n, n), which begins with the free coordinates."""
 
     def _poked(self) -> float | None:
-        """Probability that an external force acts; None where the method has a single mode."""
+        """Probability that an external force acts; None for a method with a single mode."""
         return None
 
     def run(
@@ -64,9 +64,9 @@ class Baseline(ABC):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of frames, (time [s], marks) in order, one at a time: predict, then update.
+        """Estimates for frames, (time [s], marks) in order, one by one: predict, then update.
 
-        advance: is called with the share done.
+        advance: called with the completed share.
         """
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
@@ -75,18 +75,18 @@ class Baseline(ABC):
             yield [estimate]
 
     def predict(self, time_s: float) -> None:
-        """Predict to this exposure time [s]; raises ValueError where time goes back or is not finite."""
+        """Predict to this exposure time [s]; raises ValueError for an earlier time and one that is not finite."""
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if self.time_s is None:
             self._begin()
         elif self.seen_s is not None and time_s > self.time_s:
-            # after a longer gap a filter forgets the state; steps through days would only cost time
+            # a filter forgets its state in a longer gap: steps through days would only cost time
             self._advance(min(time_s - self.time_s, self.settings.forget_s))
         self.time_s = time_s
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The estimate of the target after an update by the marks of the present time, any number of them.
+        """Update with any number of marks at the present time, and estimate the target.
 
         Raises ValueError for a mark that is not on a free node or has another dimension.
         """

@@ -1,4 +1,4 @@
-"""The ensemble Kalman filter of the tissue, in its deterministic form."""
+"""Ensemble Kalman filter of the tissue, in deterministic form."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ N_MEMBERS = 200
 
 
 class EnsembleKalmanFilter(Baseline):
-    """The ensemble transform Kalman filter: the poked mode only, noise drawn at each step of at most 1/120 s.
+    """Ensemble transform Kalman filter with the poked mode only, and noise drawn at each step of at most 1/120 s.
 
-    The update moves the ensemble to the Kalman update of its own mean and covariance; no perturbed marks, no inflation,
-    no localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part in place of
-    an eigenvalue problem of the ensemble's size.
+    The update moves the ensemble to the Kalman update of its own mean and covariance, without perturbed marks,
+    inflation or localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part
+    in place of an eigenvalue problem of the ensemble's size.
 
-    State: members (n_members, dim_x), beside what `Baseline` has.
+    State: members (n_members, dim_x), besides the state of `Baseline`.
     """
 
     members: Floats

@@ -1,4 +1,4 @@
-"""The extended Kalman filter of the tissue."""
+"""Extended Kalman filter of the tissue."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
-"""Half the width of a central difference [m, m/s, N]: friction bends over 5e-3 m/s, rounding is 1e-10 of a slope."""
+"""Half the width of a central difference [m, m/s, N]: friction changes over 5e-3 m/s, rounding is 1e-10 of a slope."""
 
 
 def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
@@ -24,11 +24,11 @@ def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tup
 
 
 class ExtendedKalmanFilter(Baseline):
-    """The extended Kalman filter: the poked mode only, linearised again at each step of at most 1/120 s.
+    """Extended Kalman filter with the poked mode only, linearised at each step of at most 1/120 s.
 
-    Source: [barshalom2001], section 10.3; the update is Joseph's.
+    Source: [barshalom2001], section 10.3; the update has Joseph's form.
 
-    State: x (dim_x,) and P (dim_x, dim_x), beside what `Baseline` has.
+    State: x (dim_x,) and P (dim_x, dim_x), besides the state of `Baseline`.
     """
 
     x: Floats

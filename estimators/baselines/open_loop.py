@@ -1,4 +1,4 @@
-"""The paper's open loop: marked masses are set to their marks, hidden ones follow by their equations."""
+"""The paper's open loop: marked masses follow their marks, hidden ones follow their equations of motion."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Most time that is simulated between two frames [s]; after it the filter forgets its state, too."""
+"""Longest simulated time between two frames [s]; after it the filter forgets its state, too."""
 
 
 class OpenLoop:
-    """The target by open-loop simulation, driven by the marks. Source: [paper], section III and Fig. 5.
+    """The paper's method: open-loop simulation of the target, driven by the marks.
 
-    Between two frames a measured mass moves in a straight line at constant speed: the paper leaves that open, and this
-    serves the method best without using later frames. A marked mass that was not seen is integrated like the hidden
-    ones, from its last position, as in the paper ("additional second-order integration ... in case of losing of data").
-    The integrator is the classical Runge-Kutta one.
+    Source: [paper], section III and Fig. 5. Between frames a measured mass moves straight at constant speed: the paper
+    leaves that open, and this is best for the method without later frames. A marked mass that was not visible is
+    integrated like the hidden ones, as in the paper ("additional second-order integration ... in case of losing of
+    data"). The integrator is the classical Runge-Kutta method.
 
     State: positions and velocities of all nodes [m, m/s], (n_nodes, dim), at time_s.
     """
@@ -36,7 +36,7 @@ class OpenLoop:
         self._free = set(network.free.tolist())
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Simulate to this exposure time [s]; the marked masses move to where they were seen."""
+        """Simulate to this exposure time [s]; the marked masses move to their measured positions."""
         seen = {self.network.index(mark.node): np.asarray(mark.position, dtype=float) for mark in marks}
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
@@ -51,7 +51,7 @@ class OpenLoop:
             moved = self._stepper.advance(state[None], dt, driven=sorted(seen))[0]
             positions[free], velocities[free] = unpack(moved, self.network.dim)
         for node, place in seen.items():
-            positions[node] = place  # without the last rounding
+            positions[node] = place  # removes the last rounding error
         self.positions, self.velocities, self.time_s = positions, velocities, time_s
         status = Status.TRACKING if marks else Status.COASTING
         mean = self.target.position(self.positions[self.network.free].ravel())

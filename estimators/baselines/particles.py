@@ -1,4 +1,4 @@
-"""A particle filter of the tissue, large enough to approximate the optimal filter."""
+"""Particle filter of the tissue, large enough to approximate the optimal filter."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_PARTICLES = 100
-"""Size of the sample: with 100 histories kept the two modes are resolved over six intervals (2^6)."""
+"""Size of the sample: 100 histories resolve the two modes over six intervals (2^6)."""
 
 BRANCH_S = 1.0 / 30.0
 """Interval between branchings of the particles [s]; choice."""
 
 
 class ParticleFilter(Baseline):
-    """Particles of the history of the modes (calm, poked), each with an unscented filter of the state.
+    """Particle filter for the history of the modes (calm, poked), with an unscented filter of the state per particle.
 
-    Rao-Blackwellised [doucet2000]: given the times of pokes, the state is nearly Gaussian. A particle filter of
-    the state itself leaves no particle alive: without pokes its 16 dimensions have hardly any noise. Each particle
-    branches into one weighted successor for each mode; at most n_particles are kept, without bias or duplicates
-    [fearnhead2003]. Modes last as long as `Disturbances` says.
+    Rao-Blackwellised [doucet2000]: given the times of pokes, the state is nearly Gaussian. Particles of the state
+    itself would all die, because without pokes its 16 dimensions have hardly any noise. Each particle branches into one
+    weighted successor for each mode; at most n_particles are kept, without bias or duplicates [fearnhead2003].
+    `Disturbances` gives the durations of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.
     """
@@ -74,7 +74,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Reduce the particles to the number kept, then branch each into one successor for each mode, dt [s] later."""
+        """Reduce the particles to the number kept, then branch each into a successor for each mode, dt [s] later."""
         self._thin()
         odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]
@@ -116,7 +116,7 @@ class ParticleFilter(Baseline):
 def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray[np.int64], Floats]:
     """Indices of at most n weights to keep, and their new weights: unbiased, with the least variance.
 
-    Above a threshold c a weight is kept as it is; below, one of weight w is kept with probability w / c and weighs c.
+    A weight above a threshold c stays unchanged. A weight w below c is kept with probability w / c and becomes c.
     Source: [fearnhead2003].
     """
     alive = np.flatnonzero(weights > 0.0)
@@ -124,7 +124,7 @@ def resample(weights: Floats, n: int, rng: np.random.Generator) -> tuple[NDArray
         return alive, weights[alive] / weights.sum()
     ordered = np.sort(weights)
     below = np.cumsum(ordered)
-    # c with sum of min(w / c, 1) = n: below the k largest lie the rest, whose sum is (n - k) c
+    # c with sum of min(w / c, 1) = n: the weights below the k largest have the sum (n - k) c
     larger = np.arange(len(weights))[::-1]
     thresholds = below / np.maximum(n - larger, 1)
     upper = np.append(ordered[1:], np.inf)

@@ -1,6 +1,6 @@
-"""The table of compared methods, by name: `softaim compare` runs them beside the filter and the open loop.
+"""Table of the compared methods by name; `softaim compare` runs them together with the filter and the open loop.
 
-A new method: a file with its `Baseline`, and one line in METHODS.
+A new method needs a file with its `Baseline`, and one line in METHODS.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from estimators.tissue.settings import FilterSettings
 
 
 class UnknownMethodError(LookupError):
-    """A name that is not in METHODS; the message lists those that are."""
+    """Error for a name that is not in METHODS; the message lists those that are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TrackingProblem:
-    """Input of every method: the tissue, the target (a node or a point beside it), and the prior of the forces.
+    """Input of every method: tissue, target (a node or a point relative to nodes), and prior of the forces.
 
-    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as `TissueFilter`
-    seed: for methods that draw random numbers; fixes: direct sightings of the target, for methods that use them
+    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as in `TissueFilter`
+    seed: for methods that draw random numbers; fixes: direct measurements of the target, for methods that use them
     """
 
     network: MassSpringNetwork
@@ -46,17 +46,17 @@ class TrackingProblem:
 
     @property
     def physics(self) -> tuple[MassSpringNetwork, str | TargetPoint, Sequence[str], FilterSettings]:
-        """The arguments that all baselines have in common."""
+        """Arguments that all baselines have in common."""
         return self.network, self.target, self.marked, self.settings
 
     @property
     def rng(self) -> np.random.Generator:
-        """A new generator from the seed: the same recording gives the same tables."""
+        """New random generator from the seed, so that the same recording gives the same tables."""
         return np.random.default_rng(self.seed)
 
 
 class Method(Protocol):
-    """A method in its initial state."""
+    """Protocol of a method in its initial state."""
 
     def run(
         self,
@@ -65,7 +65,7 @@ class Method(Protocol):
     ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames, (time [s], marks) in order, in blocks that become known together.
 
-        A filter yields one a frame, a smoother all of them at the end. advance: is called with the share done.
+        A filter yields one per frame, a smoother all of them at the end. advance: called with the completed share.
         """
 
 
@@ -82,7 +82,7 @@ METHODS: dict[str, Callable[[TrackingProblem], Method]] = {
 
 
 def make_method(name: str, problem: TrackingProblem) -> Method:
-    """The method of this name in its initial state; raises UnknownMethodError."""
+    """Create the method of this name in its initial state; raises UnknownMethodError."""
     if name not in METHODS:
         raise UnknownMethodError(f'method: expected one of {", ".join(METHODS)}, found "{name}"')
     return METHODS[name](problem)

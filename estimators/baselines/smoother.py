@@ -1,4 +1,4 @@
-"""The fixed-interval smoother for comparison: it uses the marks of all frames."""
+"""Fixed-interval smoother for comparison, which uses the marks of all frames."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 
 
 class FixedIntervalSmoother:
-    """The filter forwards and the smoother backwards: a lower bound on the error of filters with the same model.
+    """Filter and smoother: its error is a lower limit for filters with the same model.
 
-    fixes: direct sightings of the target, used at their times
+    fixes: direct measurements of the target, used at their times
     State: tissue, the filter, before or after its frames.
     """
 
@@ -42,6 +42,6 @@ class FixedIntervalSmoother:
     ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames, (time [s], marks) in order, in one block after the last.
 
-        advance: is called with the share done.
+        advance: called with the completed share.
         """
         yield fixed_interval(self.tissue, frames, advance, fixes=self._fixes)

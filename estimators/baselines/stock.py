@@ -1,4 +1,4 @@
-"""filterpy's own unscented Kalman filter of the tissue, used as its users use it."""
+"""filterpy's own unscented Kalman filter of the tissue, unchanged."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
 
 ALPHA, BETA = 0.1, 2.0
-"""Of the sigma points, with kappa = 3 - n: what filterpy's documentation [labbe2015] recommends."""
+"""Parameters of the sigma points, with kappa = 3 - n, as filterpy's documentation [labbe2015] recommends."""
 
 
 class StockUnscented(Baseline):
-    """filterpy's UnscentedKalmanFilter, unchanged: the poked mode only, and one prediction a frame.
+    """filterpy's UnscentedKalmanFilter, unchanged: the poked mode only, and one prediction per frame.
 
-    Sigma points move in steps of at most 1/120 s, but points are drawn, and noise is added, once a frame: the noise of
-    masses that move freely between frames (`TissueModel.noise`), where the other methods add noise at each step. At 30
-    frames/s this costs little; from 10 frames/s down it makes the difference, which is the purpose here.
+    Sigma points move in steps of at most 1/120 s, but they are drawn, and noise is added, only once per frame: the
+    noise of masses that move freely between frames (`TissueModel.noise`). The other methods add noise at each step. At
+    30 frames/s the difference is small; from 10 frames/s down it dominates, which this method shows.
 
-    State: filter, filterpy's, beside the state of `Baseline`; restarts: how often it restarted from its first state
-    because its covariance was no longer positive definite.
+    State: filter, filterpy's, besides the state of `Baseline`; restarts: number of restarts from the first state
+    because the covariance was no longer positive definite.
     """
 
     filter: filterpy.UnscentedKalmanFilter
@@ -39,7 +39,7 @@ class StockUnscented(Baseline):
         return self.model.propagate(point[None], dt, self.settings.poked)[0]
 
     def _draw(self) -> None:
-        # filterpy draws points in predict only; another update for the same time needs its own
+        # filterpy draws points only in predict; a further update at the same time needs its own
         try:
             self.filter.compute_process_sigmas(0.0, fx=lambda point, _dt: point)
         except np.linalg.LinAlgError:

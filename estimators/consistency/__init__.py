@@ -1,6 +1,6 @@
-"""NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
+"""Consistency tests: NEES, NIS, scores, whiteness, reliability, posterior Cramér-Rao bound.
 
-What may enter: tests that change no estimate.
+Tests that change no estimate belong here.
 """
 
 from estimators.consistency.cramer_rao import posterior_bound

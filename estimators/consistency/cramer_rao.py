@@ -1,4 +1,4 @@
-"""The posterior Cramér-Rao bound of a network, its unknown force and its marks: a limit for any filter."""
+"""Posterior Cramér-Rao bound for a network under unknown forces with marks: a limit for any filter."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from estimators.filters.kernels import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6
-"""Half-width of central differences [m, m/s]: their error is of second order, rounding 1e-10 of a slope."""
+"""Half-width of central differences [m, m/s]: their error is of second order, rounding is 1e-10 of a slope."""
 
 
 def posterior_bound(
@@ -29,15 +29,15 @@ def posterior_bound(
 ) -> Floats:
     """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
 
-    states: the true ones, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
-    marks: for each time the nodes seen and the covariance of each mark [m²], (dim, dim); none where nothing is seen
+    states: true states, (n_times, n_state), at times_s [s], so dense that the motion between two is nearly linear
+    marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if none is visible
     mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
-    start_cov: before the first marks, (dim_x, dim_x)
+    start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, which a force on few states needs: a Kalman
-    filter with the transition matrices of the true states. This is the bound for one truth. The bound for many takes
-    the mean of their information matrices; the mean of their covariances is an upper bound of it (Jensen). Here the
-    matrices hardly differ, so that both agree.
+    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, as noise in only some states requires: a
+    Kalman filter with the transition matrices of the true states. This is the bound for one trajectory. The bound for
+    many takes the mean of their information matrices; the mean of their covariances is an upper limit of it (Jensen).
+    Here the matrices differ so little that both agree.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -67,7 +67,7 @@ def posterior_bound(
 
 
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """Transition matrix and noise of a step of dt [s] from a state of the network (n_state,), each (dim_x, dim_x).
+    """Transition matrix and noise over dt [s] from a state of the network (n_state,), each (dim_x, dim_x).
 
     For the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
     """

@@ -1,4 +1,4 @@
-"""The error budget of an estimate: errors of the target that innovations do not show, each as a covariance at rest.
+"""Error budget of the target: covariances at rest of errors that innovations do not show.
 
 An estimate that follows its marks places the hidden nodes (h) by the model between the marked ones (m).
 An error s of the marks' positions then moves them by -Khh^-1 Khm s, and an unmodelled force g moves them by Khh^-1 gh,
@@ -20,9 +20,9 @@ from estimators.process.process_model import LOOSE
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorSource:
-    """One source of error of the target.
+    """One source of error of the target, with the covariance that it causes.
 
-    name: in a few words; cov: the target's covariance by it [m²], (dim, dim); considered: whether the filter's
+    name: a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the filter's
     covariance includes it
     variance: trace of cov [m²]
     """
@@ -37,14 +37,14 @@ class ErrorSource:
 
     @classmethod
     def of(cls, name: str, directions: Floats, *, considered: bool) -> ErrorSource:
-        """A source of independent directions of one standard deviation each [m], (dim, r)."""
+        """An error source from independent directions of one standard deviation each [m], (dim, r)."""
         return cls(name, directions @ directions.T, considered)
 
 
 class StaticResponse:
-    """The static response of a filter's target to errors, where its estimate follows the marks of these nodes.
+    """Static response of a filter's target to errors, if its estimate follows the marks of these nodes.
 
-    rest: where the body rests [m], (n_nodes, dim)
+    rest: positions at rest [m], (n_nodes, dim)
     State: the factorised stiffness of the hidden coordinates.
     """
 
@@ -58,16 +58,16 @@ class StaticResponse:
         self._hidden, self._coupling = K[np.ix_(self._h, self._h)], K[np.ix_(self._h, self._m)]
 
     def to_marks(self, shifts: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), by errors of the marked coordinates [m], (m, r)."""
+        """Shift of the target [m], (dim, r), due to errors of the marked coordinates [m], (m, r)."""
         return self._moved(shifts, -self._coupling @ shifts)
 
     def to_forces(self, forces: Floats) -> Floats:
-        """Shift of the target [m], (dim, r), by forces on the free coordinates [N], (n_free dim, r)."""
+        """Shift of the target [m], (dim, r), due to forces on the free coordinates [N], (n_free dim, r)."""
         return self._moved(np.zeros((len(self._m), forces.shape[1])), forces[self._h])
 
     def _moved(self, marked: Floats, forces: Floats) -> Floats:
         shifts = np.zeros((len(self._m) + len(self._h), forces.shape[1]))
         shifts[self._m] = marked
-        # a turn about the marks that meets no resistance is not excited either
+        # a rotation about the marks without resistance is not excited either
         shifts[self._h] = np.linalg.lstsq(self._hidden, forces, rcond=LOOSE)[0]
         return self._target.linear(shifts)

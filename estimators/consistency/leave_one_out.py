@@ -1,4 +1,4 @@
-"""The check that needs no truth: each mark predicted as if it were hidden."""
+"""Consistency check without ground truth: each mark is predicted as if it were hidden."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LeaveOneOutCheck:
-    """Prediction error for one mark in one frame, by the filter that does not use it.
+    """Error of the prediction of one mark in one frame, by a filter that does not use this mark.
 
-    error: measured less predicted [m], (dim,); nees: its square by the covariance of prediction and mark
+    error: measured less predicted [m], (dim,); nees: its square, normalised by the covariance of prediction and mark
     """
 
     error: Floats
@@ -28,10 +28,10 @@ class LeaveOneOutCheck:
 
 
 class LeaveOneOut:
-    """A filter of the target, and for each marked node a filter that predicts its mark without ever using it.
+    """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
 
-    Where the errors of withheld marks exceed their predicted covariance, the model is wrong, also for the target: the
-    target's covariance is scaled by the maximum-likelihood factor on the predicted variance, 1 or more.
+    If these predictions err by more than their covariance, the model is wrong, also for the target: the target's
+    covariance is multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
 
     State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks of the last
     frame by node.
@@ -60,21 +60,21 @@ class LeaveOneOut:
 
     @property
     def scale(self) -> float:
-        """Factor on the target's covariance, 1 or more."""
+        """Factor on the target's covariance, at least 1."""
         return self._scales.scale
 
     def predict(self, time_s: float) -> None:
-        """Move all filters to this exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
+        """Predict all filters at this exposure time [s]; raises ValueError as `TissueFilter.predict` does."""
         self.tissue.predict(time_s)
         for other in self.without.values():
             other.predict(time_s)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """The estimate of the target after an update with the marks, each checked by the filter that never uses it."""
+        """Update with the marks, check each with the filter that does not use it, and estimate the target."""
         return self.checked(self.tissue.update(marks), marks)
 
     def checked(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """As `update`, for marks that the target's filter has already used, with its estimate after them.
+        """As `update`, for marks that the target's filter has already used; estimate: its result.
 
         Marks that this filter rejected are not checked.
         """
@@ -86,7 +86,7 @@ class LeaveOneOut:
             seen = [mark for mark in marks if mark.node == node]
             if not seen or predicted.cov is None or predicted.status is not Status.TRACKING:
                 continue
-            if node not in estimate.information_share:  # an outlier says nothing of the model
+            if node not in estimate.information_share:  # an outlier does not test the model
                 continue
             error = seen[0].position - predicted.mean
             own = seen[0].cov + _with_calibration(other, seen[0])
@@ -97,10 +97,10 @@ class LeaveOneOut:
 
 
 def _with_calibration(other: TissueFilter, mark: MarkMeasurement) -> Floats:
-    """What a calibration error adds to the variance of a mark about a filter's target [m²], (dim, dim).
+    """Contribution of calibration errors to the variance of a mark's prediction error [m²], (dim, dim).
 
-    Where the filter considers that error, both errors have the same cause: with the filter's columns C and the mark's F
-    it adds (C + F)(C + F)' - C C'.
+    Filter and mark have the same calibration errors: with the filter's columns C and the mark's F, the contribution is
+    (C + F)(C + F)' - C C'.
     """
     if mark.shared is None:
         return np.zeros_like(mark.cov)

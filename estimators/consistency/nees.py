@@ -1,4 +1,4 @@
-"""Consistency of a covariance: squared errors against their chi-square bounds, coverage.
+"""Consistency of a covariance: normalised squared errors, their chi-square bounds, and coverage.
 
 Source: [barshalom2001], section 5.4.
 """
@@ -13,9 +13,9 @@ from estimators.arrays import Floats
 
 
 def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
-    """Squared Mahalanobis length of each error: NEES of estimation errors, NIS of innovations; (n,).
+    """Squared Mahalanobis distance of each error, (n,): NEES of estimation errors, NIS of innovations.
 
-    errors (n, d), covs (n, d, d) in the same units. Raises numpy's LinAlgError where a covariance is singular.
+    errors (n, d), covs (n, d, d) in the same units. Raises numpy's LinAlgError if a covariance is singular.
     """
     e = np.asarray(errors, dtype=float)
     solved = np.linalg.solve(np.asarray(covs, dtype=float), e[..., None])[..., 0]
@@ -23,25 +23,25 @@ def normalised_error_squared(errors: ArrayLike, covs: ArrayLike) -> Floats:
 
 
 def chi_square_bounds(degrees: int | float, share: float = 0.95) -> tuple[float, float]:
-    """Interval of a chi-square variable with this many degrees of freedom at this probability, equal tails."""
+    """Interval, with equal tails, that contains a chi-square variable of these degrees with this probability."""
     tail = 0.5 * (1.0 - share)
     return float(chi2.ppf(tail, degrees)), float(chi2.ppf(1.0 - tail, degrees))
 
 
 def mean_bounds(degrees: float, n: int, share: float = 0.95) -> tuple[float, float]:
-    """Interval of the mean of n independent chi-square variables at this probability.
+    """Interval that contains the mean of n independent chi-square variables with this probability.
 
-    degrees: of freedom of each, or their mean where they differ
+    degrees: degrees of freedom of each variable, or their mean if they differ
     """
     low, high = chi_square_bounds(degrees * n, share)
     return low / n, high / n
 
 
 def coverage(squared: ArrayLike, degrees: int, share: float = 0.95) -> float:
-    """Share of the normalised squared errors, (n,), inside the region that should hold this share of them."""
+    """Share of the normalised squared errors, (n,), inside the region that should contain the given share."""
     return float(np.mean(np.asarray(squared, dtype=float) <= chi2.ppf(share, degrees)))
 
 
 def anees(squared: ArrayLike, degrees: int) -> float:
-    """Average NEES, (n,), by degrees of freedom: 1 is right, above it the covariance is too small. Source: [li2006]."""
+    """Average NEES per degree of freedom, from squares (n,): 1 consistent, above 1 overconfident. Source: [li2006]."""
     return float(np.mean(np.asarray(squared, dtype=float))) / degrees

@@ -1,4 +1,4 @@
-"""The steady-state posterior Cramér-Rao bound of a body at rest: a limit for any filter."""
+"""Steady-state posterior Cramér-Rao bound for a body at rest: a limit for any filter."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Where there is no steady state, as for a part that marks do not show, the bound after this time of marks is taken
+"""Time after which the bound is taken if it has no steady state, as for a part that the marks do not determine
 [s]."""
 
 SETTLED = 1e-6
-"""Relative change of the bound by twice as many frames below which it is steady; numerical."""
+"""Relative change of the bound by twice as many frames, below which it is steady; numerical."""
 
 STATIONARY_S = 60.0
-"""Time after which a body with friction moves steadily under the same forces; numerical."""
+"""Time after which the motion of a body with friction is stationary under constant forces; numerical."""
 
 PASSES = 20
-"""Fixed-point iterations, each of which leaves a third or less of the change before; numerical."""
+"""Number of fixed-point iterations; each reduces the change to a third or less; numerical."""
 
 
 def resting_bound(
@@ -36,11 +36,11 @@ def resting_bound(
 ) -> Floats:
     """Lower bound on the covariance of any unbiased estimate of a body about its rest after marks, (dim_x, dim_x).
 
-    marks: of the nodes seen in every frame, the covariance of each mark [m²], (dim, dim); interval_s: of the frames [s]
+    marks: covariance of each mark [m²], (dim, dim), for the nodes visible in every frame; interval_s: of the frames [s]
     mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
 
     The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
-    exact; dry friction is a drag, by `friction_as_drag`. Raises NetworkError where there is no rest.
+    exact; dry friction becomes drag, by `friction_as_drag`. Raises NetworkError if the body has no rest.
     """
     body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
@@ -66,10 +66,10 @@ def resting_bound(
 def friction_as_drag(
     network: MassSpringNetwork, rest: Floats, mode: ForceMode, poked: Sequence[str]
 ) -> MassSpringNetwork:
-    """The network with drag in place of dry friction: friction over the speed at which these forces keep each node.
+    """The network with drag in place of dry friction: friction divided by the speed of each node under these forces.
 
-    Statistical linearisation [gelb1974] by fixed-point iteration: speeds are those of the linear motion
-    about the rest, positions (n_nodes, dim) [m], that this drag leaves.
+    Statistical linearisation [gelb1974] by fixed-point iteration. The speeds are those of the linear motion about the
+    rest, positions (n_nodes, dim) [m], with this drag.
     """
     smooth = replace(network, friction=np.zeros(network.n_nodes))
     if not network.friction[network.free].any():

@@ -1,4 +1,4 @@
-"""Proper scores and PIT of Gaussian predictions: error and covariance together.
+"""Proper scores and PIT of Gaussian predictions, which test error and covariance together.
 
 Source: [gneiting2007].
 """
@@ -13,9 +13,9 @@ from estimators.arrays import Floats
 
 
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
-    """Continuous ranked probability score of normal predictions, in the unit of what is predicted; lower is better.
+    """Continuous ranked probability score of normal predictions, in the predicted unit; lower is better.
 
-    means, sds, truths: of one shape (...), which is that of the scores. Source: [gneiting2007], equation (21).
+    means, sds, truths: of one shape (...), also that of the scores. Source: [gneiting2007], equation (21).
     """
     mean, sd = np.asarray(means, dtype=float), np.asarray(sds, dtype=float)
     z = (np.asarray(truths, dtype=float) - mean) / sd
@@ -27,8 +27,8 @@ def energy_score(
 ) -> Floats:
     """Energy score of Gaussian predictions of points, (n,), in their unit; lower is better.
 
-    E ‖X - truth‖ - E ‖X - X'‖ / 2 by drawn X, X'; in one dimension it is the CRPS. means and truths (n, d), covs
-    (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for a matrix that is no covariance.
+    E ‖X - truth‖ - E ‖X - X'‖ / 2 with random draws X, X'; in one dimension it is the CRPS. means and truths (n, d),
+    covs (n, d, d). Source: [gneiting2007], equation (22). Raises numpy's LinAlgError for an invalid covariance.
     """
     mean, truth = np.asarray(means, dtype=float), np.asarray(truths, dtype=float)
     roots = np.linalg.cholesky(np.asarray(covs, dtype=float))
@@ -40,6 +40,6 @@ def energy_score(
 
 
 def pit_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
-    """Probability integral transform of normal predictions: uniform on (0, 1) for a right model."""
+    """Probability integral transform of normal predictions: uniform on (0, 1) if the model is right."""
     z = (np.asarray(truths, dtype=float) - np.asarray(means, dtype=float)) / np.asarray(sds, dtype=float)
     return np.asarray(norm.cdf(z))

@@ -1,18 +1,18 @@
-"""The mean force over a second that the marks require, and whether pokes, a breath and stated errors explain it.
+"""Test of the mean external force over a second against pokes, breathing and the stated errors.
 
-A filter explains what it sees by forces that come and go. After a spring is cut or a mark is moved, it follows the
-marks by a force that persists: its innovations look right, and the hidden target is elsewhere. Averaged over a second a
-body moves slowly: the external force f on the marked nodes is then what the springs do not balance, averaged over the
-frames,
+A filter explains innovations by forces that come and go. After a spring is cut or a mark is moved, it follows the
+marks with a force that persists: its innovations look right, but the hidden target is elsewhere. The mean force shows
+this. Averaged over a second a body moves slowly. The external force f on the marked nodes is then what the springs do
+not balance, averaged over the frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
 follow them, and K the stiffness at rest of marked (m) and hidden (h) nodes: static condensation. Near rest f is Kc (z -
-rest). For a body that sways far, Kc would take the turn of a spring for a change of its length. A chi-square test
-compares f with its covariance if nothing contradicts the model: pokes, which average out; one force on all nodes in
-proportion to their mass, such as a breath or a tilt; stated or usual errors of marks, of the camera's calibration and
-of the constants.
+rest); far from rest that would take the turn of a spring for a change of its length. A chi-square test compares f with
+its covariance for a right model. That covariance has three causes: pokes, which average out; one force on all
+nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera calibration
+and constants.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from estimators.tissue.estimate import MarkMeasurement
 
 @dataclass(frozen=True, slots=True)
 class BalanceSettings:
-    """The time over which a force is averaged.
+    """Settings of the static balance: the time over which the force is averaged.
 
-    mean_s: the time [s]; choice: pokes do not average out in half of it, and twice is the longest delay for a fault
-    that no frame shows
+    mean_s: the time [s]; choice: pokes do not average out in half of it, and twice it would be the longest delay for a
+    fault that no frame shows
     least_share: least share of that time with frames, and of its frames with a given mark [1]; choice
-    often: share of the time for which a poke acts where there are pokes [1]; choice: 0.3 s of every 1.8 s
+    often: share of the time during which a poke acts where there are pokes [1]; choice: 0.3 s of every 1.8 s
     """
 
     mean_s: float = 1.0
@@ -60,10 +60,10 @@ BALANCE = BalanceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Balance:
-    """The mean force that the marks require.
+    """Mean external force that explains the marks.
 
-    nodes: the k marked nodes that were seen; force: external force on them [N], (k, dim); cov: its covariance if
-    nothing contradicts the model [N²], (k dim, k dim)
+    nodes: the k marked nodes that were visible; force: external force on them [N], (k, dim); cov: its covariance if
+    the model is right [N²], (k dim, k dim)
     """
 
     nodes: tuple[str, ...]
@@ -72,7 +72,7 @@ class Balance:
 
     @property
     def probability(self) -> float:
-        """P-value: probability of a force at least as large, if nothing contradicts the model."""
+        """P-value: probability of a force at least as large, if the model is right."""
         f = self.force.ravel()
         return float(chi2.sf(f @ np.linalg.solve(self.cov, f), len(f)))
 
@@ -82,10 +82,10 @@ Calibration = Callable[[Floats], Floats]
 
 
 class StaticBalance:
-    """The balance of a filter's body, from its marks, frame by frame; None for a body that may be led.
+    """Test of a body's static balance from its marks, frame by frame; None for a body that may be led.
 
     uncertainty: of the constants; None: exact; calibration: of the camera; None: exact
-    State: the marks of the last frames; cached factors for nodes that are seen together.
+    State: the marks of the last frames; cached factors for each set of visible nodes.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.network
-        # who leads a body may hold it for any time, and links turn
+        # a led body may be held for any time, and links rotate
         self._of = None if tissue.may_be_led else tissue.settings.poked
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()
@@ -106,15 +106,15 @@ class StaticBalance:
 
     @property
     def mean_s(self) -> float:
-        """The time over which forces are averaged [s]; 0 for a body without a balance."""
+        """Time over which forces are averaged [s]; 0 for a body without a balance."""
         return 0.0 if self._of is None else self._settings.mean_s
 
     def forget(self) -> None:
-        """Forget the marks."""
+        """Discard the marks."""
         self._frames.clear()
 
     def update(self, time_s: float, marks: Sequence[MarkMeasurement]) -> Balance | None:
-        """The balance after the marks of a frame at this time [s]; None while too little was seen."""
+        """The balance after the marks of a frame at this time [s]; None until enough marks were visible."""
         if self._of is None:
             return None
         s = self._settings
@@ -130,7 +130,7 @@ class StaticBalance:
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
     def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
-        """frames: those that have all of the nodes."""
+        """The balance from frames that have all of the nodes."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
         poke = np.repeat(of.poke * network.masses[at], dim)
@@ -147,7 +147,7 @@ class StaticBalance:
         return Balance(nodes, force, cov + directions @ directions.T)
 
     def _force(self, nodes: tuple[str, ...], frame: _Frame) -> Floats:
-        """The force that the springs do not balance, by the marks of a frame [N], (m,)."""
+        """Force that the springs do not balance at the marks of a frame [N], (m,)."""
         if nodes not in frame.forces:
             network, seen = self._network, self._condensed(nodes)
             x = self._rest[network.free].ravel()
@@ -173,7 +173,7 @@ class StaticBalance:
             marks = np.zeros((len(m), 0))
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
-            # a turn about the marks that meets no resistance is not caused by wrong constants
+            # a rotation about the marks without resistance is not caused by wrong constants
             to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
             stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
             self._seen[nodes] = _Condensed(m, h, to_hidden, stiffness, forces[m] - to_hidden @ forces[h], marks)
@@ -182,7 +182,7 @@ class StaticBalance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Frame:
-    """The marks of a frame by node; factors are computed once for nodes that are seen together."""
+    """Marks of a frame by node; frames with the same visible nodes share factors."""
 
     time_s: float
     marks: dict[str, MarkMeasurement]
@@ -191,7 +191,7 @@ class _Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Condensed:
-    """A body condensed to the m coordinates of nodes that are seen.
+    """A body condensed statically to the m coordinates of visible nodes.
 
     m, h: indices of these coordinates, and of those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
     stiffness: Kc [N/m], (m, m); forces: on them by one sd of each uncertain constant [N], (m, n)

@@ -1,4 +1,4 @@
-"""Tests whether innovations are white, as for a filter with the right model: autocorrelations."""
+"""Tests whether innovations are white, as a filter with the right model has them."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from estimators.arrays import Floats
 
 
 def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
-    """Correlation matrices of a series (n, m) with itself 1 to n_lags steps later, (n_lags, m, m).
+    """Autocorrelation matrices of a series (n, m) at lags of 1 to n_lags steps, (n_lags, m, m).
 
     For a white series each entry is normal about 0 with a standard deviation of nearly 1 / sqrt(n). Raises ValueError
-    where there are not more steps than lags.
+    if there are not more steps than lags.
     """
     z = _standardised(series, n_lags)
     n = len(z)
@@ -21,7 +21,7 @@ def autocorrelation(series: ArrayLike, n_lags: int) -> Floats:
 
 
 def portmanteau(series: ArrayLike, n_lags: int) -> float:
-    """P-value: probability that a white series (n, m) has such autocorrelations at the lags 1 to n_lags.
+    """P-value: probability of autocorrelations at least as large in a white series (n, m), at lags 1 to n_lags.
 
     Ljung and Box's test [ljung1978] for one coordinate; Hosking's [hosking1980] for several, which does not depend on
     their scale or rotation. Raises ValueError as `autocorrelation` does.
@@ -37,10 +37,10 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 
 
 def effective_count(series: ArrayLike) -> float:
-    """Effective sample size of a stationary series (n,) for its mean: 1 to n.
+    """Effective sample size of a stationary series (n,) for its mean, from 1 to n.
 
-    By the initial positive sequence of its autocovariances [geyer1992], section 3.3: sums of neighbouring ones are
-    added until one is not positive. For a constant series it is 1.
+    From the initial positive sequence of its autocovariances [geyer1992], section 3.3: sums of adjacent pairs are
+    added until one is not positive. It is 1 for a constant series.
     """
     x = np.asarray(series, dtype=float)
     n, away = len(x), x - x.mean()

@@ -1,6 +1,6 @@
-"""One filter for any process model and observation: hypotheses, one iterated update.
+"""The filter for any process model: Gaussian hypotheses, iterated update.
 
-What may enter: another model or observation.
+A new process model or observation belongs here.
 """
 
 from estimators.core.ahead import AheadTables

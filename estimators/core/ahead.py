@@ -1,9 +1,9 @@
-"""The target ahead in time, for a live loop: one linear motion about rest, made once for all times.
+"""Fast predictions of the target for a live loop, with matrices of the motion about rest that are computed once.
 
-All modes share the transition T and differ in the variance of their noise alone. Mean m and covariance P of the whole
-mixture therefore move without merging: m <- T m, P <- T P T' + sum over sources of E[variance] N, with the expected
-variances by the chain of modes. With G_k = H T^k, H the target's map, its covariance after k steps is
-G_k P G_k' + sum over j of the noise of step j by G_(k-j).
+All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
+whole mixture therefore need no merging: m <- T m, P <- T P T' + sum over sources of E[variance] N. The chain of modes
+gives the expected variances. With the target's map H and G_k = H T^k, its covariance after k steps is
+G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ from estimators.core.posterior import TissuePosterior
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AheadTables:
-    """Tables that predict the target from the state now and later noise, at n_times times, cycle_s [s] apart.
+    """Matrices that predict the target at n_times future times, cycle_s [s] apart, from the present state.
 
     Attributes
     ----------
     shape : (n_nodes, dim)
-        At rest [m].
+        Positions at rest [m].
     rest : (n,)
         State at rest.
     by_state : (n_times, dim, n)
-        Effect of the state now on the target.
+        Derivative of the target by the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Its covariance by unit noise of each source, as many steps before.
+        Covariance of the target from unit noise of each source, by the number of steps since that noise.
     by_push : (n_times, dim, n_free dim)
-        Its shift by a force on each free coordinate in one step, as many steps later [m/N].
+        Shift of the target by a unit force on each free coordinate in one step, by the number of steps since [m/N].
     chain : (n_modes, n_modes)
         Probability of each mode after a step, given the mode before.
     """
@@ -49,7 +49,7 @@ class AheadTables:
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables of a filter; its posterior does not matter."""
+        """Tables of a filter's model; they do not depend on its posterior."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
         rest[process.parts["position"]] = process.coordinates(tissue.rest)
@@ -80,14 +80,14 @@ class AheadTables:
     def ahead(self, tissue: TissuePosterior, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target.
 
-        push: a known force on the free nodes [N], held in each step ahead, (k - 1, n_free, dim)
+        push: known force on the free nodes [N], constant in each future step, (k - 1, n_free, dim)
         Raises ValueError before the filter's first frame and for a push of another shape.
         """
         times, means, covs = self._whole(tissue)
         return times, means if push is None else means + self.shift(push), covs
 
     def shift(self, push: Floats) -> Floats:
-        """By how much a known force moves the target [m], (k, dim); push and errors as for `ahead`."""
+        """Displacement of the target by a known force [m], (k, dim); push and errors as for `ahead`."""
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
             raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")
@@ -96,11 +96,11 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """As `ahead`, and the probability (k,) that no force grows until each time, with the moments if so.
+        """As `ahead`; also the probability (k,) that no force grows until each time, and the moments in that case.
 
-        That is: no short force acts, and slow ones become no stronger than they are now.
+        No force grows if no short force acts and no slow force becomes stronger than it is now.
         """
-        calm = np.flatnonzero(tissue.process.disturbances.calm_modes)  # by the strength of the slow force
+        calm = np.flatnonzero(tissue.process.disturbances.calm_modes)  # in order of the strength of the slow force
         weights, kept = np.zeros_like(tissue.filter.weights), np.zeros_like(self.chain)
         weights[calm] = tissue.filter.weights[calm]
         kept[np.ix_(calm, calm)] = np.tril(self.chain[np.ix_(calm, calm)])
@@ -114,7 +114,7 @@ class AheadTables:
         return tissue.time_s + times, means, covs
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) that modes change by this part of the chain, and mean (k, dim) and covariance if they do."""
+        """Probability (k,) of the mode changes in this part of the chain; mean (k, dim) and covariance given them."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)
@@ -126,6 +126,6 @@ class AheadTables:
         by_cov = (self.by_state.reshape(-1, len(cov)) @ cov).reshape(self.by_state.shape)
         covs = by_cov @ self.by_state.swapaxes(1, 2)
         variances, steps = shares @ tissue.filter.variances, np.arange(self.n_times)
-        since = steps[:, None] - steps  # a time's step less that of noise
+        since = steps[:, None] - steps  # number of steps from the noise to each time
         noise = np.where(since[..., None] > 0, variances[since], 0.0)
         return total, means, covs + np.tensordot(noise, self.by_noise, axes=2)

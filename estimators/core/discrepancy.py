@@ -1,4 +1,4 @@
-"""The discrepancy: displacements that the equations of motion leave out, and how large they are."""
+"""The discrepancy: displacements that the model does not explain, as a random field of unknown level."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
-"""Levels of continua, whose strains are taken to be small, and the least variance of a function [1]; choice."""
+"""Discrepancy levels of continua, whose strains are small; least relative variance of a function [1]; choice."""
 
 JITTER = 1e-6
-"""Variance added to places that are held, by the field's own [1]; numerical."""
+"""Variance added at fixed places, relative to the field's variance [1]; numerical."""
 
 
 def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
-    """Columns L (n, r), r at most `rank`, with L L' next to a covariance (n, n).
+    """Columns L (n, r), with r at most `rank`, such that L L' approximates a covariance (n, n).
 
-    least: variance of a column that is kept, by the largest
+    least: smallest variance of a column, relative to the largest
     """
     values, vectors = np.linalg.eigh(cov)
     kept = np.flatnonzero(values > least * values[-1])[::-1][:rank]
@@ -34,27 +34,27 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: a smooth part and a short one, both zero where the body is held.
+    """Prior of the discrepancy: a field of long and one of short correlation length, both zero where the body is fixed.
 
     Attributes
     ----------
     levels : tuple of float
-        Standard deviations of the smooth part, by the body's extent, among which the marks choose, as probable at first
-        [1]; choice.
+        Standard deviations of the long field, relative to the body's extent, with equal prior probability; the marks
+        determine their posterior [1]; choice.
     short : float
-        Standard deviation of the short part by that of the smooth one [1]; choice.
+        Standard deviation of the short field, relative to that of the long one [1]; choice.
     lengths : tuple of float
-        Over which the two are smooth, by the body's extent [1]; choice.
+        Correlation lengths of the two fields, relative to the body's extent [1]; choice.
     lasting_s : float
         Correlation time [s]; choice.
     memory_s : float
-        Over which the evidence for a level is forgotten [s]; choice.
+        Time constant with which the evidence for a level is forgotten [s]; choice.
     weight : float
-        Weight of the evidence of one frame, for frames repeat each other [1]; choice.
+        Weight of the evidence of one frame, below 1 because frames are correlated [1]; choice.
     rank : int
-        Functions of the field at most, by each axis; numerical.
+        Largest number of functions of the field for each axis; numerical.
     least : float
-        Variance of a function that is kept, by that of the largest [1]; numerical.
+        Smallest variance of a function, relative to the largest [1]; numerical.
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -68,12 +68,12 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Of the level that the settings state; else the marks choose among several. solid: of a continuum."""
+        """The prior with the settings' level, if they state one, else with several levels. solid: for a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Unit functions at level 1 [m], (n, r), at places (n, dim), zero where held; variance left out [m²], (n,)."""
+        """Functions at level 1 [m], (n, r), at places (n, dim), zero where held; omitted variance [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -91,10 +91,10 @@ class Discrepancy:
 
 
 class LevelPosterior:
-    """The level of the discrepancy, by how well each mark follows from the others of its frame.
+    """Posterior of the discrepancy's level, from how well the other marks of a frame predict each mark.
 
-    The joint likelihood of all marks hardly asks how well one place follows from others, which is all that matters for
-    a hidden one: it chooses levels that are too small.
+    The joint likelihood of all marks is not used: it says little about the prediction of one place from others, which
+    matters for a hidden target, and favours levels that are too small.
 
     State: log-probability of each level, (n_levels,); log_withheld, the log likelihood of the marks of the last frame,
     each given those that are not withheld with it.
@@ -108,26 +108,26 @@ class LevelPosterior:
 
     @property
     def level(self) -> float:
-        """Root of the mean square of the level [1]."""
+        """Root mean square of the level [1]."""
         weights = np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
         return float(np.sqrt(weights @ self.levels**2))
 
     def forget(self, dt: float) -> None:
-        """Let dt [s] pass."""
+        """Forget evidence over dt [s]."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
     def update(self, innovation: Floats, S: Floats, fresh: Floats, groups: Sequence[NDArray[np.int64]]) -> None:
-        """Weigh the levels by a frame.
+        """Update the probabilities of the levels with the marks of a frame.
 
         Parameters
         ----------
         innovation, S : (m,), (m, m)
-            Of all that was observed, at the present level.
+            Innovation of all observations and its covariance, at the present level.
         fresh : (m, m)
-            Covariance of what is new in the discrepancy in this frame, at level 1.
+            Covariance of the part of the discrepancy that is new in this frame, at level 1.
         groups : sequence of (k, dim) int
-            For each name the rows that are withheld with it, its own first; without any nothing is learnt.
+            For each name, the rows that are withheld with it, its own first; without groups nothing is learnt.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -143,21 +143,21 @@ class LevelPosterior:
 
 @dataclass(frozen=True, slots=True)
 class WithheldGroups:
-    """Marks that are withheld together: those nearer to each other than the target is to any mark.
+    """Groups of marks that are withheld together: marks nearer to each other than the target is to any mark.
 
-    The target is hidden among no marks that are so near.
+    The target has no such near marks, so they would make the prediction of a mark too easy.
 
     Attributes
     ----------
     near : mapping of str to tuple of str
-        By node of each mark, those of the others that are near it.
+        For the node of each mark, the nodes of the other marks near it.
     """
 
     near: Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
-        """Of marks on these nodes of a network."""
+        """The groups of marks on these nodes of a network, for a target."""
         places = {name: network.positions[network.index(name)] for name in marked}
         nodes = [network.positions[network.index(name)] for name in point.nodes]
         where = np.average(nodes, axis=0, weights=point.weights)
@@ -172,7 +172,7 @@ class WithheldGroups:
         )
 
     def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        """For each mark the rows that are withheld with it, (k, dim), its own first."""
+        """For each mark, the rows that are withheld with it, (k, dim), its own first."""
         rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
         return [
             np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])

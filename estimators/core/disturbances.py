@@ -1,4 +1,4 @@
-"""Disturbances: the forces that nobody states, as modes of a Markov chain."""
+"""Disturbances: unknown forces, whose strengths switch with the modes of a Markov chain."""
 
 from __future__ import annotations
 
@@ -11,41 +11,40 @@ from estimators.arrays import Floats
 from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
-"""Slow forces of continua, by those of a poke [1], and their correlation time [s]; choice. A continuum always is
-pressed or leans somewhere: its two strengths differ in how fast such forces change."""
+"""Strengths of a continuum's slow forces, relative to a poke [1], and correlation time [s]; choice. A continuum is
+always loaded: the two strengths differ in how fast the load changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
-    """Prior of the unknown forces, given as accelerations.
+    """Prior of the unknown forces, as accelerations.
 
-    Short forces act on each marked node by itself: calm, poked or led. Slow ones, such as a breath or leaning, are a
-    smooth field over all of the nodes where forces may act, and one acceleration of all mass, as by a turn of gravity.
-    Each has its own chain, and a mode is a pair of their states, of a continuum a slow state alone. Strengths but those
-    of calm and white noise are raised with the acceleration by which a stiff body returns when it is bent. Those of a
-    continuum are lowered, too: its forces bend all of it.
+    Short forces act on each marked node independently; a node is calm, poked or, for longer, led. Slow forces, such as
+    breathing or leaning, are a smooth field over the nodes that forces may act on, plus a uniform acceleration, as from
+    a turn of gravity. Both have a Markov chain, and a mode is a pair of their states; a continuum has only slow forces.
+    All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
 
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
-        Standard deviation of a short force [m/s²]; choice.
+        Standard deviation of a short force in each state [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Standard deviation of a slow force in each of its states [m/s²], rising; choice.
+        Standard deviation of a slow force in each of its states [m/s²], increasing; choice.
     white : float
-        Of white noise on every free node [m/s²/sqrt(Hz)]; choice.
+        Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
         Correlation times [s]; choice.
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
     calm_s, poked_s, led_each_s, led_s : float
-        Mean durations of calm and of a poke, mean time between two times of being led and mean duration of one [s];
-        choice.
+        Mean durations of calm and of a poke, mean time between periods of being led, mean duration of such a period
+        [s]; choice.
     rise_s, fall_s : float
-        Mean time until a slow force grows to any stronger state, and falls to any weaker [s]; choice.
+        Mean time until a slow force changes to a stronger state, and to a weaker state [s]; choice.
     smooth : float
-        Length over which slow forces are smooth, by the body's extent [1]; choice.
+        Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
-        States of short forces: these three; of a continuum, whose forces are all smooth and so slow, calm alone.
+        Number of states of short forces: three; 1 for a continuum.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -70,24 +69,24 @@ class Disturbances:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
-        """Pokes as strong and as lasting as the settings say; solid: whether the body is a continuum."""
+        """The prior with strength and duration of pokes from the settings. solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths [1], at least `least`.
+        """Factor on the strengths for a stiff body [1], at least `least`.
 
         returning_m_s2: acceleration with which the body returns when it is bent by its extent
         """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
-        """Correlation times of forces (n_f,) [s], by whether they are slow."""
+        """Correlation time of each force (n_f,) [s], depending on whether it is slow."""
         return np.where(are_slow, self.slow_s, self.short_s)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths of white, short, led and slow forces in each mode; raised: factor on all but white and calm."""
+        """Strengths of white, short, led and slow forces in each mode; raised: factor on all except white and calm."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -96,26 +95,26 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """That of the strongest slow force, of networks with a poke."""
+        """Index of the mode with the strongest slow force; for networks also with a poke."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strengths by name in the strongest mode [m/s²]."""
+        """Strength of each source by name, in the strongest mode [m/s²]."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
     def short_m_s2(self) -> tuple[float, float, float]:
-        """Strengths of short forces: calm, poked, led [m/s²]."""
+        """Strengths of short forces in the states calm, poked and led [m/s²]."""
         return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
-        """Modes without a short force, (n_modes,)."""
+        """Whether each mode is without a short force, (n_modes,)."""
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Of the modes, slow states by short ones, the short ones together [1/s], (n_modes, n_modes)."""
+        """Transition rates between the modes [1/s], (n_modes, n_modes); the modes of one slow state are adjacent."""
         short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s

@@ -1,4 +1,4 @@
-"""The filter: one Gaussian for each mode, mixed as interacting multiple models, and one iterated update."""
+"""The filter: an interacting multiple model with one Gaussian for each mode and an iterated update."""
 
 from __future__ import annotations
 
@@ -26,74 +26,63 @@ from estimators.core.moments import Move, Prior, add_noise, mixed, mixed_each, m
 from estimators.core.protocols import Observation, ProcessModel, Transition
 
 DISCREPANCY = "discrepancy"
-"""Name of the part of a state whose variance is the square of the level."""
+"""Name of the part of a state whose variance is the square of the discrepancy's level."""
 
 LEAST_SHARE = 1e-3
-"""Share of a mode below which another is not mixed into it: it would only be widened by what the marks refute [1];
-choice."""
+"""Least share with which a mode is mixed into another [1]; choice: smaller ones only widen it by what the marks
+refute."""
 
 REBORN = 0.05
-"""Probability of a hypothesis, by that with which others turn into its mode, below which it is left out until they do
+"""Ratio of a mode's probability to that of changes into it, below which its hypothesis is omitted until a change
 [1]; choice."""
 
 LINEARISATIONS = 10
-"""Most linearisations of a transition, and of an observation, in a frame: a stiff, thin body that turns needs many;
-numerical."""
+"""Largest number of linearisations of a transition and of an observation in a frame; numerical. A stiff, thin body that
+turns needs many."""
 
 LEAST_STEP = 0.125
-"""Share of a Gauss-Newton step that is tried last [1]; numerical."""
+"""Smallest share of a Gauss-Newton step that is tried [1]; numerical."""
 
 CURVED = 0.1
-"""Standard deviations of an observation by which it may differ from its linearisation [1]; numerical."""
+"""Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
-STATE = (
-    "means",
-    "covs",
-    "weights",
-    "_before",
-    "_transition",
-    "_reference",
-    "_dt",
-    "log_likelihood",
-    "outlying",
-    "found",
-)
-"""What each step of `HypothesisFilter` replaces whole."""
+MOMENTS = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
+STATE = [*MOMENTS, "_before", "_transition", "_reference", "_dt"]
+"""Attributes of `HypothesisFilter` that each step replaces."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 
 
 class HypothesisFilter:
-    """Gaussian hypotheses of a state, one for each mode of the process.
+    """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    All of them share one linearisation of the transition, about their mean, and about their smoothed mean where the
-    marks show that it was taken in the wrong place: an iterated update through the process. Source: [blom1988] for the
-    mixing, [garciafernandez2017] for the iteration.
+    All share one linearisation of the transition about their mean. If the marks show that this mean was wrong, it is
+    repeated about the smoothed mean: an iterated update. Sources: [blom1988], [garciafernandez2017] for the iteration.
 
     Parameters
     ----------
     process : ProcessModel
     level : LevelPosterior, optional
-        Of the discrepancy; without one its level is 1.
+        Level of the discrepancy; default: 1.
     groups : callable, optional
-        Of names and their blocks of rows: for each name the rows that are withheld with it, (k, dim).
+        From names and their blocks of rows: for each name, the rows that are withheld with it, (k, dim).
     outliers : Outliers, optional
-        Prior of outliers; without one there are none.
+        Prior of outliers; default: no outliers.
     considered : (n_considered,) int
-        States that no observation corrects, though their error counts: Schmidt's filter [schmidt1966].
+        Indices of states that no observation corrects but whose error counts: Schmidt's filter [schmidt1966].
 
     Attributes
     ----------
     means, covs, weights : (k, n), (k, n, n), (k,)
         The hypotheses; covariances of those with weight 0 are zero after an update.
     log_likelihood : float
-        Of the last observations.
+        Log likelihood of the last observations.
     outlying : (n_names,) bool
-        Which of the last observations are outliers by the most probable hypothesis.
+        Which of the last observations are outliers, by the most probable hypothesis.
     found : Innovations or None
-        Of the last update.
+        Innovations of the last update.
     trace : list of Move, or None
-        Gets each prediction, by its last linearisation.
+        If a list, each prediction is appended to it, with its last linearisation.
     """
 
     def __init__(
@@ -117,7 +106,7 @@ class HypothesisFilter:
         self.restart()
 
     def restart(self) -> None:
-        """Begin at the prior of the process."""
+        """Reset to the prior of the process."""
         mean, covs = self.process.prior(self._level)
         k = len(covs)
         self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs, np.full(k, 1.0 / k)
@@ -126,12 +115,12 @@ class HypothesisFilter:
         self.found: Innovations | None = None
 
     def state(self) -> dict[str, Any]:
-        """The whole state now, for `resume`."""
+        """The complete present state, for `resume`."""
         levels = None if self.level is None else self.level.log_weights
         return {**{key: getattr(self, key) for key in STATE}, "levels": levels}
 
     def resume(self, state: Mapping[str, Any]) -> None:
-        """Set the state back."""
+        """Reset to a state from `state`."""
         for key in STATE:
             setattr(self, key, state[key])
         self._latest = None
@@ -140,7 +129,7 @@ class HypothesisFilter:
 
     @property
     def variances(self) -> Floats:
-        """Variance of each source of noise in each mode now, (n_modes, n_sources)."""
+        """Present variance of each source of noise in each mode, (n_modes, n_sources)."""
         return self.process.variances(self._level)
 
     @property
@@ -160,9 +149,9 @@ class HypothesisFilter:
         return mixed(weights, self.means, self.covs)
 
     def predict(self, dt: float, kick: Floats | None = None) -> None:
-        """Move all hypotheses by dt [s], more than 0.
+        """Predict all hypotheses over dt [s], more than 0.
 
-        kick: what a known force adds to the state meanwhile, (n,)
+        kick: addition to the state by a known force, (n,)
         """
         live, chain = np.flatnonzero(self.weights), expm(self.process.rates * dt)
         joint = self.weights[live, None] * chain[live]
@@ -196,7 +185,7 @@ class HypothesisFilter:
         self._transition, self._reference, self._latest = found, reference, None
 
     def _traced(self, before: Prior) -> Move:
-        assert self._transition is not None  # there is one after a prior
+        assert self._transition is not None  # it exists after a prior
         start = mixed(before.weights, before.means, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
 
@@ -205,22 +194,22 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Of each hypothesis, linearised at these states, (k, n), its mean where there are none."""
+        """Innovations of each hypothesis, linearised at these states, (k, n), or at the hypotheses' means."""
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
         linear = [[one.linearize(at) for one in observations] for at in (self.means if points is None else points)]
         predicted = np.array([joined([place for place, _ in row]) for row in linear])
         matrices = [[matrix for _, matrix in row] for row in linear]
-        if all(are_same(row, matrices[0]) for row in matrices):  # linear: the products are those of all hypotheses
+        if all(are_same(row, matrices[0]) for row in matrices):  # linear: all hypotheses have the same products
             del matrices[1:]
         H = np.array([joined(row) for row in matrices])
         y = value - predicted if points is None else value - predicted - of_each(H, self.means - points)
-        seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that it depends on
+        seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that the observation depends on
         HP = H[:, :, seen] @ self.covs[:, seen]
         S = HP[:, :, seen] @ H[:, :, seen].swapaxes(1, 2) + R
         overall = mixed(self.weights, y, S)
-        with np.errstate(divide="ignore"):  # what is left out remains so until the next prediction
+        with np.errstate(divide="ignore"):  # an omitted hypothesis stays omitted until the next prediction
             logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
         root = inverse_roots(S)
         white = of_each(root, y)
@@ -236,7 +225,7 @@ class HypothesisFilter:
                 logs[found] += added
                 root[found] = inverse_roots(S[found])
                 white[found] = of_each(root[found], y[found])
-                # they say nothing of the state
+                # they contain no information about the state
                 HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
         nis = (white * white).sum(axis=1)
         logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
@@ -246,7 +235,7 @@ class HypothesisFilter:
         return result
 
     def update(self, observations: Sequence[Observation]) -> float:
-        """Take in all that was observed at this time; the least normalised innovation squared of any hypothesis."""
+        """Update with all observations of this time; returns the least normalised innovation squared."""
         found = self._fitted(observations)
         if self.trace and self._before is not None:
             self.trace[-1] = self._traced(self._before)
@@ -273,16 +262,16 @@ class HypothesisFilter:
         means[:, own] = self.means[:, own]
         self.means, self.covs, self.weights = means, covs, weights
         self._before, self._latest, self.found = None, None, found
-        self._dt = 0.0  # of what is new in the discrepancy a part is known from now on: it is no independent noise
+        self._dt = 0.0  # a part of the new discrepancy is now known: it is no longer independent noise
         self.outlying = found.outlying[int(np.argmax(self.weights))]
         return float(found.nis.min())
 
     def _fitted(self, observations: Sequence[Observation]) -> Innovations:
-        """Innovations, the transition linearised about the state before it that fits the prior and the observations.
+        """Innovations, the transition linearised about the previous state that fits prior and observations.
 
-        By Gauss-Newton steps of the hypothesis that is the most probable at first, each halved until the state fits
-        better than before. The error at the end of the last step counts as process noise, of each part of the state by
-        its mean square: where else the transition is bent is not known.
+        Gauss-Newton steps of the initially most probable hypothesis find that state; each is halved until the fit
+        improves. The error at the end of the last step counts as process noise, with its mean square in each part of
+        the state, because the nonlinearity elsewhere is not known.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -292,7 +281,7 @@ class HypothesisFilter:
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
-            """Twice the negative log of the posterior of a start, prior + P dual, but for a constant; inf of none."""
+            """Twice the negative log posterior of a start, prior + P dual, up to a constant; inf if not finite."""
             if not np.isfinite(end).all():
                 return np.inf
             y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))
@@ -300,8 +289,8 @@ class HypothesisFilter:
 
         for _ in range(LINEARISATIONS - 1):
             transition, start = self._transition, self._reference
-            assert transition is not None  # there is one after a prior
-            counted = found.HP[best].any(axis=1)  # those of no outlier
+            assert transition is not None  # it exists after a prior
+            counted = found.HP[best].any(axis=1)  # names that are no outliers
             by_start = counted[:, None] * (found.H[best % len(found.H)] @ transition.matrix)
             wanted = by_start.T @ (found.root[best].T @ found.white[best])
             step = prior + before.times(best, wanted) - start
@@ -323,7 +312,7 @@ class HypothesisFilter:
         return found
 
     def _is_linear(self, observations: Sequence[Observation], found: Innovations, means: Floats) -> bool:
-        """Whether the observations at the updated means are as their linearisation says."""
+        """Whether the observations at the updated means agree with their linearisation."""
         best = int(np.argmax(found.logs))
         value, R = together(observations)
         there = joined([one.linearize(means[best])[0] for one in observations])
@@ -332,7 +321,7 @@ class HypothesisFilter:
         return bool(np.all((np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())) | is_out))
 
     def _weigh_levels(self, level: LevelPosterior, observations: Sequence[Observation], found: Innovations) -> None:
-        """By the hypothesis that is most probable now."""
+        """Update the probabilities of the levels, with the now most probable hypothesis."""
         best = int(np.argmax(found.logs))
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
         names, blocks = named(observations)

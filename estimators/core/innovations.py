@@ -1,4 +1,4 @@
-"""What was observed, less what each hypothesis predicted; and what of it may be an outlier."""
+"""Innovations of each hypothesis, and detection of outliers among the observations."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from estimators.core.protocols import Observation
 from estimators.filters.unscented import CovarianceError
 
 FAR = 1e4
-"""Variance that stands for that of an outlier, by the square of the reach [1]; numerical."""
+"""Variance of an outlier, relative to the square of the reach [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Innovations:
-    """What was observed, less what each hypothesis predicted.
+    """Innovations of each hypothesis: the observation less its prediction.
 
     Attributes
     ----------
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Derivative of the observation by the state, once where it is the same for all hypotheses, and that times P.
+        Derivative of the observation by the state, one if it is the same for all hypotheses; its product with P.
     root, white : (k, m, m), (k, m)
-        Inverse of the lower Cholesky factor of S, and that times the innovation.
+        Inverse of the lower Cholesky factor of S, and its product with the innovation.
     nis, logs : (k,)
-        Normalised innovation squared; logarithm of the weight after the update, but for a constant.
+        Normalised innovation squared; logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Which names each hypothesis takes for outliers; their innovation is nought and its variance large.
+        Which names are outliers by each hypothesis; their innovation is set to zero and their variance is large.
     overall : (m,), (m, m)
-        Mean and covariance of the innovation by the whole mixture, outliers included.
+        Mean and covariance of the innovation over all hypotheses, outliers included.
     """
 
     y: Floats
@@ -52,19 +52,19 @@ class Innovations:
 
 
 def joined(parts: Sequence[Floats]) -> Floats:
-    """Vectors, or rows of matrices, one after the other."""
+    """Concatenation of vectors, or of the rows of matrices."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
-    """Values one after the other, (m,), and the covariance of their errors, (m, m)."""
+    """All values concatenated, (m,), and the covariance of their errors, (m, m)."""
     if len(observations) == 1:
         return observations[0].value, observations[0].cov
     return joined([one.value for one in observations]), block_diag(*(one.cov for one in observations))
 
 
 def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
-    """Names of all blocks, and their rows in all values together."""
+    """Names of all blocks, and the rows of each in the concatenated values."""
     names: list[str] = []
     blocks: list[slice] = []
     start = 0
@@ -87,25 +87,25 @@ def inverse_roots(S: Floats) -> Floats:
     except np.linalg.LinAlgError:
         raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
     for root in roots:
-        root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is Fortran's: nothing is copied to get there
+        root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is a Fortran array: nothing is copied
     return roots
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """Each name is withheld by itself."""
+    """Groups with one name each: every name is withheld alone."""
     return [np.arange(block.start, block.stop)[None] for block in blocks]
 
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Prior of a place that is not what its name says: anywhere within reach.
+    """Prior of an outlier: a position that is not that of its name, uniform within a region.
 
     Attributes
     ----------
     names : collection of str
-        Those that may be outliers; others never are.
+        Names that may be outliers.
     odds : float
-        Of each [1].
+        Prior odds of an outlier, for each name [1].
     reach_m : float
         Extent of the region in each coordinate [m].
     """
@@ -115,7 +115,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of odds times density of each block if it is an outlier, (n_blocks,); -inf of those that never are."""
+        """Log of odds times density of each block as an outlier, (n_blocks,); -inf for names that never are."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)
@@ -124,5 +124,5 @@ class Outliers:
 
     @property
     def far_m2(self) -> float:
-        """Variance that stands for that of an outlier [m²]."""
+        """Variance that represents an outlier [m²]."""
         return FAR * self.reach_m**2

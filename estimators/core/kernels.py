@@ -1,4 +1,4 @@
-"""Compiled sums of the filter: motion and noise of several steps together, and withheld likelihoods."""
+"""Compiled loops of the filter: motion and noise of several steps together, and withheld likelihoods."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def _add(to, columns, scale):  # type: ignore[no-untyped-def]
-    """Add the products of the rows of columns (k, any) to the first k rows and columns of a matrix."""
+    """Add the products of the rows of columns (k, any) to the leading k x k block of a matrix."""
     squares = columns @ columns.T
     for i in range(len(squares)):
         for j in range(len(squares)):
@@ -17,19 +17,19 @@ def _add(to, columns, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
-    """Derivative of the end by the start (2 n, m), how much forces fade (n_f,), and noises (1 + n_sources, m, m).
+    """Derivative of the final by the initial state (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
 
-    The m states are n places and velocities each, and n_f forces that only fade. Noises are of unit variance: white
-    one of velocities, then that of forces, each of one of the sources (n_f,).
+    The m states are n positions, n velocities and n_f forces that only decay. Noises have unit variance: white noise of
+    velocities, then noise of the forces, each from one of the sources (n_f,).
     by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
     white (n,): standard deviation of the white noise of each velocity
     """
     n_steps, moving, m = by_states.shape
     half = moving // 2
-    motion, force = np.eye(moving, m), np.ones(m - moving)  # derivatives of the end by what is after a step
+    motion, force = np.eye(moving, m), np.ones(m - moving)  # derivatives of the end by the state after a step
     noises = np.zeros((1 + n_sources, m, m))
     for step in range(n_steps - 1, -1, -1):
-        if step == n_steps - 1:  # nothing follows
+        if step == n_steps - 1:  # the last step
             for f in range(m - moving):
                 noises[1 + sources[f], moving + f, moving + f] = 1.0 - fadings[step, f] ** 2
             before = by_states[step].copy()
@@ -44,7 +44,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
             driven *= np.sqrt(1.0 - fadings[step] ** 2)
             for source in range(n_sources):
                 _add(noises[1 + source], driven[:, sources == source], 1.0)
-        # Simpson's rule over when white noise acts in the step: F F' + (F + L) (F + L)' + L L', first and last
+        # Simpson's rule over the time of the noise in the step: F F' + (F + L) (F + L)' + L L', first and last
         first, last = before[:, half:moving] * white, motion[:, half:moving] * white
         _add(noises[0], np.sqrt(2.0) * first + np.sqrt(0.5) * last, steps_s[step] / 6.0)
         _add(noises[0], np.sqrt(1.5) * last, steps_s[step] / 6.0)
@@ -54,11 +54,11 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """For each S (k, m, m) the sum over groups of the log-likelihood of some rows as all but the group predict them.
+    """For each S (k, m, m), the sum over groups of the log likelihood of some rows given the rows outside the group.
 
     With W = S^-1 the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1. With
-    W_gg = L L' and the rows that count the last, both follow from the last block of L alone.
-    rows (any,), ends (n_groups,): the rows of a group up to where it ends; own (n_groups,): how many count, the first
+    W_gg = L L' and the rows that count last, both follow from the last block of L.
+    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of rows that count, the first
     """
     totals = np.zeros(len(S))
     for k in range(len(S)):
@@ -81,9 +81,9 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
-    """Whether each hypothesis takes a block for an outlier, (k,); arguments as for `without_outliers`.
+    """Whether each hypothesis finds an outlier, (k,); arguments as for `without_outliers`.
 
-    root (k, m, m), white (k, m): inverse of the lower Cholesky factor of S, and that times the innovation
+    root (k, m, m), white (k, m): inverse of the lower Cholesky factor of S, and its product with the innovation
     """
     found = np.zeros(len(root), dtype=np.bool_)
     for k in range(len(root)):
@@ -103,20 +103,20 @@ def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gain(weighted, information, log):  # type: ignore[no-untyped-def]
-    """How much more probable a block is as an outlier, in logarithms."""
+    """Log probability ratio of a block as an outlier."""
     misfit = weighted @ np.linalg.solve(information, weighted)
     return log + 0.5 * (misfit - np.log(np.linalg.det(information)) + len(weighted) * np.log(2.0 * np.pi))
 
 
 @njit(cache=True, nogil=True)
 def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
-    """Which blocks each hypothesis takes for outliers, (k, n_blocks), and what their log-densities add, (k,).
+    """Outlier blocks of each hypothesis, (k, n_blocks), and the sum of their log densities, (k,).
 
-    y (k, m), S (k, m, m): innovations and covariances, in which outliers are set to nothing of variance `far`
-    ends (n_blocks,): rows of a block up to where it ends; logs (n_blocks,): log-density of each as an outlier
+    y (k, m), S (k, m, m): innovations and covariances; those of outliers are set to zero and variance `far`
+    ends (n_blocks,): rows of a block up to its end; logs (n_blocks,): log density of each as an outlier
 
-    The block that the others contradict most goes first, until none is more probable as an outlier. With W = S^-1 the
-    error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    The block that the others contradict most is removed first, until none is more probable as an outlier. With W = S^-1
+    the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
     """
     n_blocks = len(ends)
     out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))

@@ -1,4 +1,4 @@
-"""Observed places of points of the body: marks, fixes, reference marks."""
+"""Observed positions of points of the body: marks, fixes of the target, reference marks."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from estimators.tissue.estimate import MarkMeasurement
 
 
 class Places:
-    """Places of named points, as linear maps of the state.
+    """Observation of the positions of named points, which are linear in the state.
 
     Parameters
     ----------
     marks : sequence of MarkMeasurement
         One or more.
     maps : mapping of str to (dim, n)
-        Place of each point by the state.
+        Map from the state to the position of each point.
     calibration : slice, optional
-        States of the errors that marks share, where these are the same in every frame; else they are new in each.
+        States of the errors that the marks share, if these are the same in every frame; else they are new in each.
 
     Attributes
     ----------
     value, cov : (m,), (m, m)
-        Places one after the other [m], and the covariance of their errors [m²].
+        Positions, concatenated [m], and the covariance of their errors [m²].
     """
 
     def __init__(
@@ -46,12 +46,12 @@ class Places:
             self.cov[own, own] += mark.cov
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
-        """Predicted places (m,) at a state (n,), and their derivative (m, n)."""
+        """Predicted positions (m,) at a state (n,), and their derivative (m, n)."""
         return self._rows @ state, self._rows
 
 
 def _shared(marks: Sequence[MarkMeasurement]) -> Floats:
-    """What the errors that all marks share move them by, (m, n_shared); marks without move by none."""
+    """Displacement of the marks by each error that they share, (m, n_shared); zero for marks without shared errors."""
     dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
     columns = np.zeros((len(marks) * dim, n))
     for k, mark in enumerate(marks):

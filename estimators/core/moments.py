@@ -1,4 +1,4 @@
-"""Several hypotheses at once: their moments mixed, moved and mapped, and what is kept of them."""
+"""Moments of several Gaussian hypotheses: mixing, prediction and mapping."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 
 
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
-    """T P T' of each of k covariances P (n, n).
+    """Covariances T P T' for each of k covariances P (n, n).
 
-    Last states that only fade, each by itself, are not multiplied out, nor are last columns of zeros in the others.
+    Not multiplied: the last states, if each only decays, and the last columns of zeros in the other rows.
     """
     T, fading = matrix, matrix.diagonal()
     acting = T != 0.0
@@ -43,7 +43,7 @@ def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
 def mixed_each(shares: Floats, means: Floats, centres: Floats, covs: Floats) -> Floats:
     """Covariances of k mixtures of l Gaussians, (k, n, n).
 
-    shares (l, k): of each Gaussian in each mixture; centres (k, n): means of the mixtures
+    shares (l, k): share of each Gaussian in each mixture; centres (k, n): means of the mixtures
     """
     out = (shares.T @ covs.reshape(len(covs), -1)).reshape(-1, *covs.shape[1:])
     for k, share in enumerate(shares.T):
@@ -54,7 +54,7 @@ def mixed_each(shares: Floats, means: Floats, centres: Floats, covs: Floats) -> 
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
-    """Add the noise of sources of these variances, (k, n_sources), to covariances (k, n, n)."""
+    """Add process noise, with a variance for each source, (k, n_sources), to covariances (k, n, n)."""
     n_noises, m, _ = transition.noises.shape
     covs[:, :m, :m] += (variances[:, :n_noises] @ transition.noises.reshape(n_noises, m * m)).reshape(-1, m, m)
     if transition.spread is not None:
@@ -64,7 +64,7 @@ def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
 
 
 def of_each(matrices: Floats, vectors: Floats) -> Floats:
-    """Each matrix (k, m, n), or the one, times each vector (k, n)."""
+    """Product of each matrix (k, m, n), or of a single one, with each vector (k, n)."""
     return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
@@ -72,8 +72,8 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s].
 
-    means (l, n), covs l times (n, n), weights (l,): those that are not left out; shares (l, k): of each in each mode
-    after; chain (k, k): probability of each mode after dt by that before; kick (n,): what a known force adds
+    means (l, n), covs l times (n, n), weights (l,): those that are not omitted; shares (l, k): of each in each mode
+    after dt; chain (k, k): probability of each mode after dt given the mode before; kick (n,): by a known force
     """
 
     means: Floats
@@ -85,7 +85,7 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability (k,) with which the other modes, of weights (k,), turn into each one within dt."""
+        """Probability (k,) of a change into each mode within dt from the other modes, which have weights (k,)."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
@@ -108,7 +108,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """Moments of the mixture before a prediction, (n,) and (n, n), and after, and the transition's matrix (n, n)."""
+    """Moments of the mixture before and after a prediction, (n,) and (n, n), and the transition's matrix (n, n)."""
 
     mean_before: Floats
     cov_before: Floats

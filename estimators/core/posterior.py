@@ -1,4 +1,4 @@
-"""The posterior of a tissue now: where its points are, and where marks are to be expected."""
+"""Posterior of a tissue at the present time: positions of its points, and search regions for marks."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the covariance of a start within which marks are looked for before the first: the body may be displaced
-[1]; choice."""
+"""Factor on the covariance of the start for the search of the first marks, because the body may be displaced [1];
+choice."""
 
 POSSIBLE = 1e-3
-"""Probability of a mode from which on marks are looked for where it lets them be [1]; choice."""
+"""Probability of a mode above which it determines where marks are searched [1]; choice."""
 
 
 class TissuePosterior:
-    """What is known of a tissue now, and of the target in it; `TissueFilter` moves and updates it, with its parameters.
+    """Posterior of a tissue and of its target at the present time; `TissueFilter` predicts and updates it.
 
     Attributes
     ----------
     time_s : float or None
-        Of the state; None before the first frame.
+        Time of the state; None before the first frame.
     health : Health
     filter : HypothesisFilter
     rejected, repairs : Counter
-        Marks taken for outliers by node; restarts.
+        Number of outliers by node; number of restarts by reason.
     log_likelihood : float
-        Of the last marks.
+        Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        What a known force displaces free nodes by beyond the state, as the modes of a continuum leave it out [m].
+        Displacement of free nodes by a known force that the modes of a continuum omit [m].
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class TissuePosterior:
             raise ValueError("marked: expected one free node or more, found none")
         self.settings = settings or FilterSettings()
         for name in (*marked, *self.settings.led_nodes):
-            network.coordinates(name)  # raises NetworkError for none, and for an anchor
+            network.coordinates(name)  # raises NetworkError if there is none, and for an anchor
         self.network, self.marked, self.n_calibration = network, tuple(marked), n_calibration
         self.target, self.rest = target_map(network, target), rest_shape(network)
         self.process = TissueProcess(
@@ -103,7 +103,7 @@ class TissuePosterior:
         self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
     def begin(self) -> None:
-        """Begin at the prior."""
+        """Start at the prior."""
         self.level = LevelPosterior(self.process.discrepancy)
         self.filter = HypothesisFilter(
             self.process, self.level, self._groups, outliers=self._outliers, considered=self.process.considered
@@ -111,34 +111,34 @@ class TissuePosterior:
 
     @property
     def seen_s(self) -> float | None:
-        """When a mark was last taken in [s], None before the first."""
+        """Time of the last mark that was used [s]; None before the first."""
         return None if self.health.since_s is None else self.health.seen_s
 
     @property
     def positions(self) -> Floats:
-        """Mean places of all nodes [m], (n_nodes, dim), without the discrepancy."""
+        """Mean positions of all nodes [m], (n_nodes, dim), without the discrepancy."""
         own = self.filter.mean[self.process.parts["position"]]
         places = self.process.at(own) + self.residual_m
         return all_positions(self.network, places.reshape(-1, self.network.dim))
 
     @property
     def is_finite(self) -> bool:
-        """Whether the state is one of numbers."""
+        """Whether all numbers of the state are finite."""
         return bool(np.isfinite(self.filter.means.sum() + self.filter.covs.sum()))
 
     @property
     def by_calibration(self) -> Floats:
-        """How each error of the calibration, one standard deviation, moves the target [m], (dim, n_calibration)."""
+        """Displacement of the target by each calibration error of one standard deviation [m], (dim, n_calibration)."""
         own = self.process.parts.get("calibration", slice(0, 0))
         return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
 
     @property
     def may_be_led(self) -> bool:
-        """Whether the body may be led for as long as it likes: one in space, or with nodes that are."""
+        """Whether a force may pull the body along for any time: in space, or with led nodes."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
-        """The map of a point's place, but for its constant, by the state, (dim, n)."""
+        """The linear map from the state to a point's position, (dim, n), without its constant."""
         rows = self.process.places(point.matrix)
         offset = self.process.parts.get("offset")
         if offset is not None and point is self.target:
@@ -153,16 +153,16 @@ class TissuePosterior:
         return mean + self.constant_of(point), cov + self.level.level**2 * left_out + own**2 * np.eye(len(mean))
 
     def constant_of(self, point: TargetMap) -> Floats:
-        """What places a point beside the state [m], (dim,)."""
+        """The constant part of a point's position [m], (dim,)."""
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance [m²], (dim, dim), less that of the error of its offset."""
+        """Trace of the target's covariance [m²], (dim, dim), without the error of its offset."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property
     def offset_cov(self) -> Floats:
-        """Covariance of the error of the target's offset, which lasts [m²], (dim, dim)."""
+        """Covariance of the constant error of the target's offset [m²], (dim, dim)."""
         offset, dim = self.process.parts.get("offset"), self.network.dim
         if offset is None:
             return np.zeros((dim, dim))
@@ -176,11 +176,11 @@ class TissuePosterior:
 
     @property
     def tissue_cov(self) -> Floats:
-        """Covariance of the target without the error of its offset [m²], (dim, dim): the motion's alone."""
+        """Covariance of the target from the motion only [m²], (dim, dim), without the error of its offset."""
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
-        """Raise ValueError for a mark twice, not on a marked node, of another dimension or with other shared errors."""
+        """Raise ValueError for a repeated mark, and for a wrong node, dimension or number of shared errors."""
         for node, n in Counter(mark.node for mark in marks).items():
             if n > 1:
                 raise ValueError(f"mark {node}: expected it once, found it {n} times")
@@ -196,7 +196,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """The marks, one or more, as one observation."""
+        """The marks, one or more, as a single observation."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"))
@@ -205,25 +205,25 @@ class TissuePosterior:
         return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
-        """Log of the density [m^-d] of marks given the prediction; 0 of none, and at a start."""
+        """Log density [m^-d] of marks given the prediction; 0 without marks, and at a start."""
         if not marks or self.health.since_s is None or self.health.status is Status.LOST:
             return 0.0
         found = self.filter.innovations([self.places(marks)])
         return float(np.logaddexp.reduce(found.logs)) - 0.5 * len(found.y[0]) * float(np.log(2.0 * np.pi))
 
     def innovation(self, places: Places) -> tuple[Floats, Floats]:
-        """Of marks that are not taken in yet, (m,) [m], and its covariance (m, m) [m²], by all hypotheses together."""
+        """Innovation of marks before the update, (m,) [m], and its covariance (m, m) [m²], over all hypotheses."""
         return self.filter.innovations([places]).overall
 
     def shift(self, y: Floats, S: Floats) -> CommonShift:
-        """What one shift of all marks explains of their innovation."""
+        """The part of the marks' innovation that a common shift of all marks explains."""
         dim, root = self.network.dim, inverse_roots(S[None])[0]
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
-        """By node of the last marks that are no outliers, by how much the target's variance would be larger without it.
+        """For the node of each last mark except outliers, relative growth of the target's variance without it.
 
-        By the best hypothesis.
+        The most probable hypothesis determines it.
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
@@ -235,10 +235,10 @@ class TissuePosterior:
         return {mark.node: share for mark, share, is_out in zip(marks, shares, out, strict=True) if not is_out}
 
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """Where to search for a free node's mark [m], (dim,), and the covariance of that [m²], (dim, dim).
+        """Centre of the search region for a free node's mark [m], (dim,), and its covariance [m²], (dim, dim).
 
-        By the mode in which it is the most uncertain of those that are possible.
-        shared: what errors of the calibration move the mark by, as `MarkMeasurement.shared`; None for the node itself
+        Both come from the possible mode with the largest uncertainty.
+        shared: effect of the calibration errors on the mark, as `MarkMeasurement.shared`; None for the node itself
         """
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:
@@ -253,14 +253,14 @@ class TissuePosterior:
 
     @property
     def _possible(self) -> list[int]:
-        """The modes that are possible, by number."""
+        """Indices of the possible modes."""
         weights = self.filter.weights
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), had an impulse on the node followed just after its last mark.
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), if an impulse acted on the node just after its last mark.
 
-        Before the first marks, and after the state was given up, a node may be anywhere in the network's reach.
+        Before the first marks and after a reset, a node may be anywhere in the network's reach.
         """
         mean, cov = self.expected(node, shared)
         if self.seen_s is None or self.time_s is None or self.health.status is Status.DIVERGED:
@@ -271,13 +271,13 @@ class TissuePosterior:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest, without marks; inflated: it may be displaced."""
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest without marks; inflated for displacement."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
         return self.rest[self.network.index(node)].copy(), BESIDE * cov
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
-        """Places of free nodes [m], (n, dim), and their covariances [m²], as `expected` of each."""
+        """Positions of free nodes [m], (n, dim), and their covariances [m²], as `expected` gives for each."""
         dim, possible = self.network.dim, self._possible
         rows = np.vstack([self._maps[node] for node in nodes])
         each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)

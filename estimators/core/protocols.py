@@ -1,4 +1,4 @@
-"""The protocols of a process model and of an observation: all that the filter knows of either."""
+"""Protocols of a process model and of an observation, the only interfaces that the filter uses."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class Transition:
     Attributes
     ----------
     mean : (n,)
-        The state that follows the reference, as `ProcessModel.moved`.
+        Next state from the reference state, as `ProcessModel.moved`.
     matrix : (n, n)
-        Derivative of the state that follows by the state before.
+        Derivative of the next state by the previous state.
     noises : (n_noises, m, m)
-        Covariance of the process noise of each source at unit variance, in the first m states, n or fewer.
+        Covariance of the process noise of each source at unit variance, in the first m states, m <= n.
     independent : (n_independent, n)
-        Variances of further sources, whose noise is independent in each state, at unit variance.
+        Variances of further sources at unit variance, whose noise is independent in each state.
     spread : (s, s), optional
-        Covariance of noise in the first s states that is the same in all modes: what is left over by a linearisation.
+        Covariance of the linearisation error in the first s states, the same in all modes.
     """
 
     mean: Floats
@@ -37,21 +37,21 @@ class Transition:
 
 
 class ProcessModel(Protocol):
-    """How a state moves, under each of several modes of noise.
+    """Process model: how a state moves under each of several modes of noise.
 
     Attributes
     ----------
     parts : mapping of str to slice
-        The parts of the state by name; with a `LevelPosterior` one is named discrepancy.
+        Parts of the state by name; with a `LevelPosterior`, one part is named discrepancy.
     rates : (n_modes, n_modes)
-        How often each mode turns into each other [1/s]; rows sum to zero.
+        Transition rates between the modes [1/s]; rows sum to zero.
     tolerance : (n,)
-        Difference of each state that matters: beyond it the filter linearises again.
+        Change of each state beyond which the filter linearises again.
     """
 
     @property
     def parts(self) -> Mapping[str, slice]:
-        """Parts of the state, by name."""
+        """Parts of the state by name."""
 
     @property
     def rates(self) -> Floats:
@@ -59,59 +59,59 @@ class ProcessModel(Protocol):
 
     @property
     def tolerance(self) -> Floats:
-        """Difference of each state that matters, (n,); infinite of those in which the model is linear."""
+        """Change of each state beyond which the filter linearises again, (n,); infinite where the model is linear."""
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance under each mode (n_modes, n, n), before anything is observed.
+        """Mean (n,) and covariance in each mode (n_modes, n, n) before any observation.
 
-        level: of the discrepancy
+        level: level of the discrepancy
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources), those of `Transition.noises` first.
+        """Variance of each source of noise in each mode, (n_modes, n_sources), first of `Transition.noises`.
 
-        level: of the discrepancy
+        level: level of the discrepancy
         """
 
     def moved(self, state: Floats, dt: float) -> Floats:
-        """The state (n,) that follows after dt [s] without noise."""
+        """Next state (n,) after dt [s] without noise."""
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
         """The model over dt [s], linearised about a state (n,).
 
-        cov: returns the covariance of the most probable hypothesis before, (n, n), for models that move sigma points
+        cov: returns the covariance of the most probable hypothesis, (n, n), for models with sigma points
         """
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is new after dt [s]; 0 where there is none."""
+        """Share of the discrepancy's variance that is new after dt [s]; 0 without discrepancy."""
 
 
 class Observation(Protocol):
-    """Something that was observed at the filter's time.
+    """Observation at the filter's time.
 
     Attributes
     ----------
     names : sequence of str
-        What each block of it is about, such as the node of a mark; each name once among all observations of a time.
+        Name of each block, such as the node of a mark; unique among all observations of a time.
     value : (m,)
-        In units of its own.
+        Observed value, in any unit.
     cov : (m, m)
-        Of the error of the value, positive definite; errors of different observations are independent.
+        Covariance of the value's error, positive definite; errors of different observations are independent.
     blocks : sequence of slice
         Rows of each name.
     """
 
     @property
     def names(self) -> Sequence[str]:
-        """What each block is about."""
+        """Name of each block."""
 
     @property
     def value(self) -> Floats:
-        """What was observed, (m,)."""
+        """Observed value, (m,)."""
 
     @property
     def cov(self) -> Floats:
-        """Covariance of its error, (m, m)."""
+        """Covariance of the value's error, (m, m)."""
 
     @property
     def blocks(self) -> Sequence[slice]:

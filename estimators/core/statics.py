@@ -1,4 +1,4 @@
-"""Errors that last: constants of the model and the calibration of cameras, a bias of fixes, the target's offset."""
+"""Constant errors as states: of model constants, camera calibration, bias of fixes, offset of the target."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from estimators.process.process_model import FixBias
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Statics:
-    """Priors of errors that last.
+    """Priors of constant errors.
 
     Attributes
     ----------
     uncertainty : ParameterUncertainty, optional
-        Of the constants; considered.
+        Uncertainty of model constants; considered, not estimated.
     n_calibration : int
-        Independent errors of the calibration of cameras; considered.
+        Number of independent calibration errors of the cameras; considered, not estimated.
     fix_bias : FixBias, optional
-        That fixes of the target have in common; estimated.
+        Common error of all fixes of the target; estimated.
     offset_sd_m : float
-        Of the target's place in the tissue, an axis [m]; estimated.
+        Standard deviation of the target's place in the tissue for each axis [m]; estimated.
     """
 
     uncertainty: ParameterUncertainty | None = None
@@ -34,7 +34,7 @@ class Statics:
     offset_sd_m: float = 0.0
 
     def parts(self, dim: int) -> dict[str, tuple[int, float, float]]:
-        """By name the number of states, their standard deviation and their correlation time [s]."""
+        """For each name: number of states, their standard deviation, and their correlation time [s]."""
         n_constants = 0 if self.uncertainty is None else len(self.uncertainty.directions)
         bias, offset_sd_m = self.fix_bias, self.offset_sd_m
         return {
@@ -46,16 +46,16 @@ class Statics:
 
 
 class StaticStates:
-    """The states of errors that last, in standard deviations or metres, behind the others of a tissue.
+    """States of constant errors, in standard deviations or metres; they follow the other states of a tissue.
 
     Attributes
     ----------
     n : int
     parts : dict of str to slice
-        Counted from the first of them.
+        Parts by name, counted from the first of these states.
     sd : (n,)
     considered : (n,) bool
-        Those that no observation corrects.
+        Which states no observation corrects.
     """
 
     def __init__(self, statics: Statics, dim: int) -> None:
@@ -73,5 +73,5 @@ class StaticStates:
         self.considered: NDArray[np.bool_] = np.array(considered, dtype=bool)
 
     def fading(self, dt: float) -> Floats:
-        """What is left of each after dt [s], (n,)."""
+        """Remaining share of each state after dt [s], (n,)."""
         return np.exp(-dt / self._lasting_s)

@@ -1,4 +1,4 @@
-"""The tissue as a process model: assembled elements under unknown forces, with a discrepancy of displacement."""
+"""Process model of a tissue: force elements under unknown forces, with a discrepancy of displacements."""
 
 from __future__ import annotations
 
@@ -17,42 +17,43 @@ from estimators.core.protocols import Transition
 from estimators.core.statics import Statics, StaticStates
 
 TOLERANCE = 1e-3
-"""Error of a linearised frame, by the body's extent [1]; numerical."""
+"""Largest error of a linearised frame, relative to the body's extent [1]; numerical."""
 
 PUSHED_S = 1.0
-"""At the start the body was at rest so long before, and pushed since then [s]; choice."""
+"""Time from rest to the start, during which the unknown forces act [s]; choice."""
 
 DISPLACED = 0.1
-"""Displacement at the start, root of the mean square over nodes and axes, by the extent, at most [1]; choice."""
+"""Largest root mean square displacement at the start over nodes and axes, relative to the extent [1]; choice."""
 
 START_SHARE = 0.001
-"""What each node may be displaced by itself at the start, by the extent, and its speed, by the extent a second [1];
-choice."""
+"""Independent displacement of each node at the start, relative to the extent, and its speed, relative to the extent per
+second [1]; choice."""
 
 
 class TissueProcess:
-    """The state of a network under unknown forces: position, velocity, force, discrepancy, and errors that last.
+    """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
-    Force is an acceleration of each marked node, then the slow field; the discrepancy is in standard deviations at
-    level 1. A point of the body is its position and its discrepancy together: `places`.
+    State: position, velocity, force, discrepancy at level 1 [1], constant errors. A force is the acceleration of a
+    marked node, or a function of the slow field. The position of a point of the body includes its discrepancy:
+    `places`.
 
     Parameters
     ----------
     network : MassSpringNetwork
-        One without anchors is weightless: what holds it is not known. One with a continuum moves in its modes.
+        A network without anchors has no weight, because its support is not known. A continuum moves in its modes.
     marked : sequence of str
-        Free nodes that short forces may act on.
+        Free nodes on which short forces may act.
     led : sequence of str
-        Those of the marked nodes that are led all the time.
+        The marked nodes that are always led.
     disturbances, discrepancy
         Priors.
     statics : Statics, optional
-        Errors that last: of constants, calibration, fixes, the target's offset; none where it is not given.
+        Constant errors of model constants, calibration, fixes, the target's offset; default: none.
     elements : sequence of ForceElement
-        Those that act besides the network's own springs, resistance and weight.
+        Elements besides the network's own springs, resistance and weight.
     sigma_points : bool
-        Whether the motion is linearised by sigma points, the unscented way, in place of its tangent; of a network
-        without other elements.
+        Whether sigma points linearise the motion, in place of its derivative; only for a network without other
+        elements.
     """
 
     def __init__(
@@ -103,11 +104,11 @@ class TissueProcess:
 
     @property
     def span(self) -> Span:
-        """Places of the free nodes by the coordinates of the state."""
+        """Map from the state's coordinates to the positions of the free nodes."""
         return self.motion.span
 
     def _prior_of_motion(self) -> Floats:
-        """Covariance of position and velocity at the start: at rest `PUSHED_S` before, pushed by all forces since."""
+        """Covariance of position and velocity at the start: at rest until `PUSHED_S` before, then under all forces."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
@@ -124,39 +125,39 @@ class TissueProcess:
 
     @property
     def _strongest(self) -> Floats:
-        """Variances of the sources in the strongest mode."""
+        """Variance of each source in the strongest mode."""
         return np.asarray(self.variances(0.0)[self.disturbances.strongest_mode])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
-        """Set the covariance of forces and discrepancy in cov (n, n), by the variances of the sources (n_sources,)."""
+        """Set the covariance of forces and discrepancy in cov (n, n) from the sources' variances (n_sources,)."""
         strengths, force = np.sqrt(variances[self.motion.driving]), self.parts["force"]
         cov[force, force] = strengths[:, None] * self.motion.force_cov * strengths
         displaced = np.arange(self.n)[self.parts["discrepancy"]]
         cov[displaced, displaced] = variances[SOURCES.index("discrepancy")]
 
     def coordinates(self, positions: Floats) -> Floats:
-        """The coordinates of the state (n,) next to the positions of all nodes [m], (n_nodes, dim)."""
+        """Coordinates of the state (n,) that best fit positions of all nodes [m], (n_nodes, dim)."""
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Places [m] of the free nodes, (..., n_free dim), at coordinates of the state (..., n); velocities alike."""
+        """Positions [m] of the free nodes, (..., n_free dim), from coordinates (..., n); velocities likewise."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
-        """The map of a free node's place [m] by the state, (dim, n)."""
+        """Map from the state to a free node's position [m], (dim, n)."""
         matrix = np.zeros((self.network.dim, len(self.network.free) * self.network.dim))
         matrix[:, self.network.coordinates(name)] = np.eye(self.network.dim)
         return self.places(matrix)
 
     def places(self, matrix: Floats) -> Floats:
-        """The map of a point [m] by the state, (dim, n), from its map by the free coordinates, (dim, n_free dim)."""
+        """Map from the state to a point [m], (dim, n), from its map by free coordinates, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """At rest as drawn, under the forces of each mode: mean (n,), covariances (n_modes, n, n)."""
+        """Mean (n,) and covariances (n_modes, n, n) at the start: at rest as drawn, under the forces of each mode."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
@@ -170,26 +171,25 @@ class TissueProcess:
 
     @property
     def _behind(self) -> int:
-        """Where the states of errors that last begin."""
+        """Index of the first state of constant errors."""
         return self.n - self._lasting.n
 
     def variances(self, level: float) -> Floats:
         """Variance of each source in each mode, (n_modes, n_sources).
 
-        Of white noise [(m/s²)²/Hz], of forces [(m/s²)²], of the discrepancy in squares of its level [1]; 1 of errors
-        that last.
+        White noise [(m/s²)²/Hz]; forces [(m/s²)²]; discrepancy: squared level [1]; constant errors: 1.
         """
         rows = [(*strengths, level, 1.0) for strengths in self.disturbances.by_mode(self.motion.raised)]
         return np.square(rows)
 
     def moved(self, state: Floats, dt: float) -> Floats:
-        """The state (n,) after dt [s] without noise."""
+        """Next state (n,) after dt [s] without noise."""
         start, behind = self.parts["discrepancy"].start, self._behind
         lasting = self._lasting.fading(dt) * state[behind:]
         return np.concatenate([self.motion.moved(state[:start], dt), self._fading(dt) * state[start:behind], lasting])
 
     def pushed(self, state: Floats, dt: float, forces: Floats) -> Floats:
-        """What constant forces on the free nodes [N], (n_free dim, k), add to the state (n, k) that follows dt [s]."""
+        """Change of the next state (n, k) after dt [s] by constant forces on the free nodes [N], (n_free dim, k)."""
         masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
         moving, found = self.parts["velocity"].stop, np.zeros((self.n, forces.shape[1]))
         accelerations = self.span.onto @ (forces / masses[:, None])
@@ -197,7 +197,7 @@ class TissueProcess:
         return found
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
-        """The motion over dt [s], linearised step by step along it, or by sigma points of a covariance (n, n)."""
+        """The motion over dt [s], linearised along its steps, or with sigma points of a covariance (n, n)."""
         found = self._along(state, dt)
         by, m = self._by_points, self.parts["velocity"].stop
         if cov is None or by is None:

@@ -1,4 +1,4 @@
-"""The target of a tissue from its marks, by the filter: start, outliers, health, prediction."""
+"""Filter that estimates the target of a tissue from its marks: start, outliers, health, prediction."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.25
-"""After so long in which every mark is an outlier the filter begins again [s]; choice."""
+"""Time after which the filter restarts if every mark is an outlier [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest step of a prediction without marks, and under a known force [s]; numerical. Up to marks there is one step."""
+"""Longest step of a prediction without marks, and under a known force [s]; numerical. Marks end a single step."""
 
 FIX = "fix"
-"""Name of a direct sighting of the target."""
+"""Name of a direct measurement of the target."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """The whole state of a `TissueFilter` at one time."""
+    """Complete state of a `TissueFilter` at one time."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -57,20 +57,20 @@ class FilterSnapshot:
     residual_m: Floats
 
     def without_marks(self) -> FilterSnapshot:
-        """The same before any mark was seen."""
+        """A copy of the snapshot without the effect of marks."""
         return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None)
 
 
 class TissueFilter(TissuePosterior):
-    """Estimates the target from marks on the tissue.
+    """Filter that estimates a hidden target from marks on the tissue.
 
-    It is the same filter for every body: apart from the strength of forces no setting depends on stiffness or size.
+    It is the same for every body: only the strength of forces depends on stiffness and size.
 
     Parameters
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        A node, known exactly in the body, or a point whose `sd_m` says how well its place in the body is known.
+        A node, whose place in the body is exact, or a point whose `sd_m` states how uncertain its place in the body is.
     marked : sequence of str
         Nodes whose marks are measured; marks of other nodes are rejected.
     settings : FilterSettings, optional
@@ -79,11 +79,11 @@ class TissueFilter(TissuePosterior):
     n_calibration : int
         Number of directions in `shared` of the marks, if these calibration errors are the same in every frame.
     disturbances, discrepancy
-        Priors of unknown forces, and of what the model leaves out; default: from the settings.
+        Priors of unknown forces and of the model's error; default: from the settings.
     """
 
     def _restart(self, repair: str) -> None:
-        """Begin at the prior, but for the target's place in the body where fixes have shown it and nothing diverged."""
+        """Restart at the prior; keep the target's place in the body if fixes have measured it and nothing diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -93,7 +93,7 @@ class TissueFilter(TissuePosterior):
         self.repairs[repair] += 1
 
     def snapshot(self) -> FilterSnapshot:
-        """The whole state now, for `restore`."""
+        """The complete present state, for `restore`."""
         return FilterSnapshot(
             self.time_s,
             self.filter.state(),
@@ -110,7 +110,7 @@ class TissueFilter(TissuePosterior):
         )
 
     def restore(self, then: FilterSnapshot) -> None:
-        """Set the state back to a snapshot."""
+        """Reset the state to a snapshot."""
         self.begin() if then.filter is None else self.filter.resume(then.filter)
         self._far_fix = then.far_fix
         self.time_s, self.health, self._refuted_s = then.time_s, then.health, then.refuted_s
@@ -124,7 +124,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of frames, (time [s], marks) in order, one at a time; advance: called with the share done."""
+        """Estimates for frames, (time [s], marks) in order, one by one; advance: called with the completed share."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -133,9 +133,9 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def predict(self, time_s: float, push: ForceHistory | None = None) -> None:
-        """Predict the state at this exposure time [s]; raises ValueError where time goes back or is not finite.
+        """Predict the state at this exposure time [s]; raises ValueError for an earlier or infinite time.
 
-        push: a known force, such as a needle's
+        push: known force, such as the needle's
         """
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
@@ -143,7 +143,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Move the state to this time [s]; whether it was forgotten on the way, for it would say nothing any more."""
+        """Predict the state at this time [s]; returns whether the state was reset because too little is known."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -176,7 +176,7 @@ class TissueFilter(TissuePosterior):
 
     @contextmanager
     def _unchanged(self) -> Iterator[None]:
-        """In one thread; at the end the state is as it is now."""
+        """Run in one thread, and restore the present state at the end."""
         now = self.snapshot()
         try:
             with one_blas_thread():
@@ -185,16 +185,16 @@ class TissueFilter(TissuePosterior):
             self.restore(now)
 
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
-        """The target at a later time [s] given the marks until now, such as a needle's arrival; the state is kept.
+        """Predict the target at a later time [s], such as a needle's arrival, from the marks until now.
 
-        push: as for `predict`. Raises ValueError before the first frame, and for a time that is past or not finite.
+        push: as for `predict`; keeps the state. Raises ValueError before the first frame, for a past or infinite time.
         """
         with self._unchanged():
             self._ahead(time_s, push)
             return self._estimate(time_s, 0, None)
 
     def predict_modes(self, time_s: float, push: ForceHistory | None = None) -> GaussianMixture:
-        """As `predict_at`, with a Gaussian for each mode at that time."""
+        """As `predict_at`, but returns a Gaussian for each mode at that time."""
         with self._unchanged():
             self._ahead(time_s, push)
             rows, own, live = self.rows_of(self.target), self.filter, np.flatnonzero(self.filter.weights)
@@ -202,9 +202,9 @@ class TissueFilter(TissuePosterior):
             return GaussianMixture(own.weights[live], means, rows @ own.covs[live] @ rows.T)
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """The target at increasing later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
+        """Predict the target at increasing later times [s], (k,): means [m] (k, dim), covs [m²] (k, dim, dim).
 
-        The state does not change. Raises ValueError as `predict_at` does, and for times that go back.
+        The state does not change. Raises ValueError as `predict_at` does, and for decreasing times.
         """
         found = []
         with self._unchanged():
@@ -214,15 +214,15 @@ class TissueFilter(TissuePosterior):
         return np.array([mean for mean, _ in found]), np.array([cov for _, cov in found])
 
     def tables(self, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables of the target's path at n_times times, cycle_s [s] apart."""
+        """Tables that predict the target at n_times times, cycle_s [s] apart."""
         return AheadTables.of(self, n_times, cycle_s)
 
     @all_or_nothing
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
-        """Update with the marks seen at the state's time, any number of them, and estimate the target.
+        """Update with any number of marks at the state's time, and estimate the target.
 
-        Raises ValueError for a mark that is not on a marked node or has another dimension, CovarianceError where the
-        marks leave no finite state.
+        Raises ValueError for a mark that is not on a marked node or has another dimension, CovarianceError if the
+        updated state is not finite.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
@@ -246,7 +246,7 @@ class TissueFilter(TissuePosterior):
     def _taken(
         self, marks: Sequence[MarkMeasurement], *, starting: bool
     ) -> tuple[list[MarkMeasurement], float | None, CommonShift | None]:
-        """The marks that are no outliers, taken in, their NIS, and what one shift of all explains."""
+        """Update with the marks; returns those that are no outliers, their NIS, and what a common shift explains."""
         self.log_likelihood = 0.0
         if not marks or self.time_s is None:
             return [], None, None
@@ -268,7 +268,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks), shift
 
     def _again(self, marks: Sequence[MarkMeasurement]) -> tuple[list[MarkMeasurement], float | None]:
-        """Begin again, at these marks; those of them that are no outliers, and their NIS."""
+        """Restart and update with these marks; returns those that are no outliers, and their NIS."""
         self._restart("restarted")
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
@@ -288,10 +288,10 @@ class TissueFilter(TissuePosterior):
 
     @all_or_nothing
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a direct sighting of the target at the state's time: position [m], (dim,), its covariance [m²].
+        """Update with a direct measurement of the target at the state's time: position [m], (dim,), covariance [m²].
 
-        A fix beyond the gate is rejected, but the next one there is used. Raises ValueError for another dimension,
-        for numbers that are not finite, and for a matrix that is no covariance.
+        A fix beyond the gate is rejected; a following fix near it is used. Raises ValueError for another dimension, for
+        numbers that are not finite, and for a matrix that is no covariance.
         """
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) before, found no time")

@@ -1,6 +1,6 @@
-"""Generic filters built on filterpy: sigma points, estimates of a variance factor.
+"""Generic filters based on filterpy: unscented Kalman filter, estimate of a variance factor.
 
-What may enter: no springs, no marks.
+Springs and marks do not belong here.
 """
 
 from estimators.filters.adaptation import VarianceScale

@@ -1,4 +1,4 @@
-"""A factor on part of a covariance, adapted to innovations while running, within bounds."""
+"""Adaptive factor on a part of a covariance, estimated from innovations within bounds."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """The factor by which a variance is larger than stated, by maximum likelihood with forgetting.
+    """Maximum-likelihood estimate, with forgetting, of the factor by which a variance exceeds its stated value.
 
-    Innovations have the covariance S = rest + scale part. Each innovation moves log scale by its score over the Fisher
-    information of the last forget_s. An innovation that does not depend on the part does not move it.
+    Innovations have the covariance S = rest + scale part. Each innovation changes log scale by its score, divided by
+    the Fisher information of the last forget_s. An innovation that does not depend on the part changes nothing.
     Source: [titterington1984].
 
-    bounds: of the scale, a factor on variances; start_information: weight of the start, 1, as a number of independent
-    coordinates
+    bounds: of the scale, a factor on variances; start_information: weight of the initial scale 1, as a number of
+    independent coordinates
     State: scale; information of log scale that is not forgotten yet.
     """
 
@@ -38,7 +38,7 @@ class VarianceScale:
         kept = float(np.exp(-dt / self.forget_s))
         gained = 0.5 * float(np.sum(share * share.T))
         self.information = kept * self.information + (1.0 - kept) * self._start + gained
-        # a step of at most one in the logarithm: far from the maximum the score gives the direction, not the distance
+        # a step of at most one in the logarithm: far from the maximum the score gives only the direction
         step = float(np.clip(score / self.information, -1.0, 1.0))
         self.scale = float(np.clip(self.scale * np.exp(step), *self.bounds))
         return self.scale

@@ -1,7 +1,7 @@
-"""Compiled sums of the unscented filter: sigma points, moments, the Joseph update.
+"""Compiled loops of the unscented filter: sigma points, moments, the Joseph update.
 
 Letters as in the textbook: x mean, P covariance, W weights, Q process noise, z measurement, H its matrix, R its noise,
-y innovation, S its covariance, K gain. Plain loops: at some twenty states they beat a call into LAPACK.
+y innovation, S its covariance, K gain. For about twenty states, plain loops are faster than a call of LAPACK.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import numpy as np
 from numba import njit
 
 TILE = 32
-"""Rows and columns of a matrix that stay in the cache while it is mirrored; numerical."""
+"""Size of the blocks in which a matrix is mirrored, so that they fit in the cache; numerical."""
 
 FASTMATH = {"contract", "reassoc"}
-"""Reorderings that the compiler may make in sums; NaN and infinity keep their meaning."""
+"""Permitted reorderings of sums by the compiler; NaN and infinity keep their meaning."""
 
 
 @njit(cache=True, nogil=True)
@@ -62,7 +62,7 @@ def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
-    """x, then x plus and x minus the columns of chol(scale P), (2n + 1, n), and whether P was positive definite."""
+    """Sigma points x, then x plus and x minus the columns of chol(scale P), (2n + 1, n), and whether P was definite."""
     n = x.shape[0]
     L, definite = chol_lower(scale * P)
     points = np.empty((2 * n + 1, n))
@@ -76,7 +76,7 @@ def symmetric_points(x, P, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH)
 def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
-    """Mean and covariance of weighted points, noise added: (n,), (n, n) symmetric to the last bit."""
+    """Mean and covariance of weighted points plus noise: (n,), (n, n), exactly symmetric."""
     n_points, n = points.shape
     x = np.zeros(n)
     for k in range(n_points):
@@ -120,7 +120,7 @@ def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
             w[a] /= C[a, a]
             nis += w[a] * w[a]
             log_det += 2.0 * np.log(C[a, a])
-        for i in range(n):  # K S = P H', by two triangular solves a row
+        for i in range(n):  # K S = P H', by two triangular solves per row
             for a in range(m):
                 entry = PH[i, a]
                 for b in range(a):
@@ -138,7 +138,7 @@ def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
-    """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) by its covariance S (n, n)."""
+    """Squared Mahalanobis distance y' S^-1 y [1] of an error y (n,) with covariance S (n, n)."""
     return np.dot(y, np.linalg.inv(S) @ y)
 
 
@@ -158,11 +158,11 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """The NIS left after the best common shift of all blocks of `width` measurements, and after that of one block.
+    """NIS that remains after the best common shift of all blocks of `width` measurements, and after that of one block.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
-    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block is the
-    same as leaving it out; the block that leaves the least is taken.
+    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block equals
+    omitting it; the block with the least remainder counts.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -180,9 +180,9 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
-    """Cost of assigning mark j to the one expected at i, -log of a Gaussian density without its constant: (n, m).
+    """Cost of assigning mark j to expected mark i, -log of a Gaussian density without its constant: (n, m).
 
-    means (n, dim), covs (n, dim, dim): where each is expected; z (m, dim), R (m, dim, dim): where the marks are
+    means (n, dim), covs (n, dim, dim): expected marks; z (m, dim), R (m, dim, dim): measured marks
     """
     n, dim = means.shape
     m = z.shape[0]
@@ -205,9 +205,9 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
-    """Whether exchanging the names of some pair of marks costs no more than limit: costs (n, n), pairs (n, n).
+    """Whether an exchange of the names of some pair of marks costs at most limit: costs (n, n), pairs (n, n).
 
-    A mark that is not seen costs nothing.
+    An absent mark costs nothing.
     """
     n = len(costs)
     for i in range(n):

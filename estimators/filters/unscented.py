@@ -1,4 +1,4 @@
-"""filterpy's unscented filter with compiled sums, batched models and measurements of any length."""
+"""filterpy's unscented filter with compiled loops, batched models and measurements of any length."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from estimators.filters.kernels import joseph_update, moments, symmetric_points
 
 
 class CovarianceError(ArithmeticError):
-    """A covariance that is no longer positive definite; it is not repaired silently."""
+    """Error for a covariance that is no longer positive definite; it is not repaired silently."""
 
 
 def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
@@ -28,8 +28,8 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y) and these differences.
 
     - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return rows;
-    - a measurement may have any length: hx, H and R go with it;
-    - the linear update is Joseph's form; P is symmetric to the last bit, and a P or S that is not positive
+    - the length of a measurement may change, with hx, H and R;
+    - the linear update has Joseph's form; P is exactly symmetric, and a P or S that is not positive
       definite raises CovarianceError;
     - the likelihood is kept as a logarithm, so that it cannot underflow.
 
@@ -49,14 +49,14 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.nis = 0.0
 
     def predict(self, dt: float) -> None:
-        """Move x and P ahead by dt [s] and add Q; raises CovarianceError."""
+        """Predict x and P by dt [s] and add Q; raises CovarianceError."""
         points = self.fx(self._drawn(), dt)
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
-        """Update by a measurement z (m,) of noise R (m, m) through hx, (n_points, dim_x) to (n_points, m).
+        """Update with a measurement z (m,) of noise R (m, m) by hx, (n_points, dim_x) to (n_points, m).
 
-        Without a measurement (None) nothing changes. Raises CovarianceError.
+        None as measurement changes nothing. Raises CovarianceError.
         """
         if z is None:
             return
@@ -77,9 +77,9 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self._judge(float(w @ w), float(2.0 * np.log(np.diag(C)).sum()))
 
     def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
-        """Update by z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
+        """Update with z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
 
-        For a linear measurement the unscented update is the Kalman update.
+        For a linear measurement the unscented update equals the Kalman update.
         """
         x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:

@@ -1,6 +1,6 @@
-"""Lesion, needle, hit probability, advice, planning, tracked needles, breathing.
+"""Needle guidance: lesion, hit probability, advice, planning, needle tracking, breathing.
 
-What may enter: advice from an estimate.
+Advice based on an estimate belongs here.
 """
 
 from estimators.guidance.abort import AbortWatch

@@ -1,4 +1,4 @@
-"""ABORT: the needle is inside the tissue, and the advice it followed no longer holds."""
+"""Advice ABORT: the needle is inside the tissue, and the reason for inserting it no longer holds."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from estimators.guidance.settings import AdviceSettings
 
 
 class AbortWatch:
-    """Tracks whether a needle is inside the tissue, and turns advice into ABORT where it has to stop.
+    """State machine that tracks whether a needle is inside the tissue, and gives ABORT where it has to stop.
 
     Outside the tissue advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. After GO it replaces any advice with a
-    hit probability below `AdviceSettings.abort` times `AdviceSettings.go`. It also replaces any advice at first if the
-    needle was seen to enter without GO in the last `AdviceSettings.abort_s`. It ends when the needle is out, or after
-    guidance for `AdviceSettings.abort_s`; after GO or an entry without GO that guidance must be GO.
+    hit probability below `AdviceSettings.abort` times `AdviceSettings.go`. It also replaces any advice if the needle
+    entered without GO in the last `AdviceSettings.abort_s`. It ends when the needle is out, or after guidance for
+    `AdviceSettings.abort_s`; after GO or an entry without GO that guidance must be GO.
 
-    State: whether the needle was inside, None before it was seen; when GO was last given outside [s]; whether it
-    entered by a GO or got one inside; whether it entered without one; whether ABORT is given; since when there is
-    guidance that may end it [s], None while there is none.
+    State: whether the needle was inside, None before its first position; time of the last GO outside [s]; whether it
+    entered with GO or got GO inside; whether it entered without GO; whether ABORT is given; start of the guidance that
+    may end ABORT [s], None while there is none.
     """
 
     def __init__(self) -> None:
@@ -31,7 +31,7 @@ class AbortWatch:
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The advice to give now [s], given the rules' advice; its numbers stay unchanged."""
+        """The final advice at now_s [s], ABORT or that of the rules; its numbers stay unchanged."""
         inside = insertion.depth_m > 0.0
         if not inside:
             self._inside, self._followed_go, self._early, self._aborts = False, False, False, False

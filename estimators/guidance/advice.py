@@ -1,7 +1,7 @@
-"""Advice on the needle: go, wait, turn it, stop, or no guidance because the estimate is not healthy.
+"""Advice on the needle: insert, wait, realign, stop, or no guidance because the estimate is not healthy.
 
-All numbers come from one predicted path of the target, made once a frame (`estimators.guidance.path`): the arrival time
-of the needle, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them
+All numbers come from one predicted path of the target per frame (`estimators.guidance.path`): the arrival time of the
+needle, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them
 into advice.
 """
 
@@ -24,30 +24,30 @@ from estimators.guidance.settings import AdviceSettings, health_fault
 from estimators.tissue.estimate import TargetEstimate
 
 PATH_STEP_S = 1.0 / 30.0
-"""Step of the path's table [s]: cubics between its times err by under 0.1 mm for a swing of 10 mm at 3 Hz. Numerics:
-half or twice changes the mean hit probability by less than 0.4 %."""
+"""Step of the path's table [s]: cubic interpolation errs by under 0.1 mm for a swing of 10 mm at 3 Hz. Numerical: half
+or twice the step changes the mean hit probability by less than 0.4 %."""
 
 
 class Advice(StrEnum):
-    """What to do with the needle now."""
+    """Advice for the needle now."""
 
     GO = "GO"
-    """Insert: a hit is probable, and waiting makes it little more so."""
+    """Insert: a hit is probable, and waiting hardly increases the probability."""
     WAIT = "WAIT"
     """Do not insert yet: a later start is better, or no hit is probable enough."""
     REALIGN = "REALIGN"
-    """Turn the needle to the aim, or draw it back: then a hit is probable."""
+    """Turn the needle to the aim, or retract it: then a hit is probable."""
     NO_GUIDANCE = "NO_GUIDANCE"
-    """The estimate is not healthy: there is no advice on the needle."""
+    """The estimate is not healthy: there is no advice."""
     ABORT = "ABORT"
-    """The needle is inside, and the advice it followed no longer holds: stop it. Given by `AbortWatch` only."""
+    """The needle is inside, and the reason for inserting it no longer holds: stop. Only `AbortWatch` gives it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlook:
-    """Insertions along the present direction, one for each start time starts_s [s], (k,).
+    """Predicted results of insertions along the present direction, for start times starts_s [s], (k,).
 
-    arrivals_s: time at which the notch is beside the target [s], inf where it does not arrive on the predicted path
+    arrivals_s: time at which the notch is beside the target [s], inf if it does not arrive on the predicted path
     probabilities: of a hit, 0 without arrival; both (k,)
     """
 
@@ -58,20 +58,20 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Guidance:
-    """The advice at one time; missing numbers are None.
+    """Advice at one time with the numbers behind it; missing numbers are None.
 
-    advice, reason: what to do, and why in words; if a needle inserted now never arrives, the numbers down to
-    turned_probability are None; if it arrives from no start that was tried, the best time is None, too
-    arrival_s: time at which the notch, or the tip if that is to hit, is beside the target, for an insertion now [s]
+    advice, reason: what to do, and why in words. If a needle inserted now never arrives, the numbers up to
+    turned_probability are None; if it arrives from no start, so is the best time
+    arrival_s: time at which the notch (or the tip, for a hit by the tip) is beside the target, for an insertion now [s]
     probability: of a hit, for an insertion now along the present direction
     aim: predicted position of the target then [m], (dim,): where to bring the notch's middle
     cov: covariance of the target then [m²], (dim, dim)
     lateral_m: distance of the aim from the needle's line
-    depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
+    depth_m: distance by which the tip has to advance [m]; if negative, to retract
     turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
         that (dim,), and the probability of a hit along that direction
     best_in_s, best_probability: the best time to begin along the present direction, from now [s]
-    outlook: all starts that were tried
+    outlook: results for all start times
     """
 
     advice: Advice
@@ -92,13 +92,13 @@ class Guidance:
 
 @dataclass(frozen=True, slots=True)
 class Prospect:
-    """Input of the rules of advice: numbers of an insertion now, later, and after a turn.
+    """Input of the rules of advice: numbers for an insertion now, later, and after a turn.
 
-    probability: of a hit, for an insertion now along the present direction; 0 where the needle never arrives
+    probability: of a hit, for an insertion now along the present direction; 0 if the needle never arrives
     arrives: whether it arrives within the path's length reach_s [s]
     best_in_s, best_probability: the best time to begin, from now [s]
     turn_rad, turned_probability: after a turn towards the target's predicted position
-    depth_m: how far the tip has to advance [m]; below 0: how far to draw it back
+    depth_m: distance by which the tip has to advance [m]; if negative, to retract
     behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
     target_sd_m, tip_sd_m: largest standard deviation in any direction, of the target at the arrival and of the tip [m]
     """
@@ -118,7 +118,7 @@ class Prospect:
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """An advice, the condition under which it holds, and its reason in words."""
+    """An advice with its condition and its reason in words."""
 
     advice: Advice
     holds: Callable[[Prospect, AdviceSettings], bool]
@@ -170,7 +170,7 @@ RULES = (
         ),
     ),
 )
-"""The advice on a healthy estimate, by the first rule that holds. `health_fault` checks health before."""
+"""Rules for a healthy estimate; the first that holds gives the advice. `health_fault` checks health before."""
 
 
 def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
@@ -182,11 +182,11 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """The part of a filter that `guide` needs: the time of the last mark used, and the target's predicted path."""
+    """Protocol of a filter for `guide`: the time of the last mark used, and the target's predicted path."""
 
     @property
     def seen_s(self) -> float | None:
-        """Time of the last mark used [s], None before the first."""
+        """Time of the last mark used [s]; None before the first."""
 
     def predict_path(self, times_s: Floats) -> tuple[Floats, Floats]:
         """Means (k, dim) and covariances (k, dim, dim) of the target at later times [s], (k,)."""
@@ -195,7 +195,7 @@ class PathSource(Protocol):
 def path_times(
     estimate: TargetEstimate, insertion: Insertion, needle: Needle, settings: AdviceSettings, now_s: float
 ) -> Floats:
-    """Times [s], (k,), of the path that advice needs: until the last insertion tried arrives at a resting target."""
+    """Times [s], (k,), of the path for advice: until the last possible insertion arrives at a resting target."""
     until_s = settings.horizon_s + time_to(float(np.linalg.norm(estimate.mean - insertion.entry)), insertion, needle)
     n_times = int(np.ceil(until_s / PATH_STEP_S)) + 2
     return now_s + PATH_STEP_S * np.arange(n_times, dtype=np.float64)
@@ -214,9 +214,9 @@ def guide(
 ) -> Guidance:
     """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
 
-    The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns it at these
-    times [s], (n,), or at more. None: a `TissueFilter` uses tables, made by the first call and kept for later ones,
-    as in `softaim advise`; another source uses `PathSource.predict_path`
+    The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns the path at
+    these times [s], (n,), or at more. None: a `TissueFilter` uses tables, as in `softaim advise`, which the first call
+    computes; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -245,7 +245,7 @@ def advise(
 ) -> Guidance:
     """Advice from a healthy estimate's path; now_s: by default the path's first time [s].
 
-    Raises ValueError where dimensions differ or the path does not reach from now to the horizon.
+    Raises ValueError if dimensions differ or the path does not reach from now to the horizon.
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings
@@ -265,7 +265,7 @@ def advise(
     to_ball = lesion.to_ball
     arrivals, depths, aims, p = insert_each(starts, predicted, line, needle.spread, to_ball, *sampled, False)
     _, _, turned_aims, turned_p = insert_each(starts[:1], predicted, line, needle.spread, to_ball, *sampled, True)
-    p[depths < needle.reach_m] = 0.0  # the target is not before the needle
+    p[depths < needle.reach_m] = 0.0  # the target is not in front of the needle
     outlook = Outlook(starts, arrivals, p)
     best = int(np.argmax(p))
     later, p_best = float(starts[best] - now_s), float(p[best])
@@ -315,7 +315,7 @@ def advise(
 
 
 def _percent(p: float) -> str:
-    """Rounded down, so that only certainty is shown as 100 %."""
+    """Percentage, rounded down, so that only certainty is shown as 100 %."""
     return f"{int(100.0 * p)} %"
 
 

@@ -1,13 +1,13 @@
-"""A target that breathes: period and phase of its track, and its predicted path, from a filter's estimates.
+"""Model of a breathing target: fits period and phase to a filter's estimates and predicts the path.
 
-For each period of a grid the track is a constant and some harmonics, fitted by least squares with exponential
+For each period of a grid, a constant and some harmonics are fitted to the track by least squares with exponential
 forgetting. Periods are weighted by their likelihood, exp(-misfit / 2); the prediction is the mixture over all periods.
 Errors of neighbouring frames are correlated: the misfit is scaled to the number of independent errors.
 
 A target may leave the breathing model: by a shift, a breath hold, a cough. Each estimate is compared with the model's
 prediction before it is added. The probability that the model holds follows by Bayes' rule, with a hazard of change;
-once it is improbable a new track begins [adams2007]. The other hypothesis: the target departs from the model by a
-random walk.
+once it is improbable a new track begins [adams2007]. In the alternative hypothesis the target departs from the model by
+a random walk.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Added to the information, as much as a thousandth of a frame: it keeps the fit defined from the first frame on.
-Numerics: half or twice changes no figure of guidance by 0.2 %."""
+"""Regularisation of the information, a thousandth of a frame at most: it defines the fit from the first frame on.
+Numerical: half or twice changes no figure of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
 class BreathingSettings:
-    """The breathing model.
+    """Settings of the breathing model.
 
-    shortest_s, longest_s: range of the periods, 21 to 9 breaths a minute [s]; choice
-    n_periods: size of the grid, evenly spaced in frequency; choice
-    harmonics: of each period; choice
+    shortest_s, longest_s: range of the periods, 21 to 9 breaths per minute [s]; choice
+    n_periods: number of periods in the grid, evenly spaced in frequency; choice
+    harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
     alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
     cycles: number of periods in the track before a breath is reported; choice
@@ -66,7 +66,7 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """The breath of a track now: period and its standard deviation [s], the target's own scatter about it [m].
+    """Breath fitted to a track: period with standard deviation [s], and scatter of the target about it [m].
 
     explained: share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
     """
@@ -111,7 +111,7 @@ class Breathing:
     def update(self, time_s: float, mean: Floats, cov: Floats) -> None:
         """Add the filter's estimate of the target at a time [s], mean [m], (dim,), cov [m²], (dim, dim).
 
-        Raises ValueError where time does not rise, for another dimension and for what is not finite.
+        Raises ValueError for times that do not increase, another dimension and numbers that are not finite.
         """
         if not (self._last_s < time_s < np.inf):
             raise ValueError(f"time_s: expected more than {self._last_s}, found {time_s}")
@@ -132,7 +132,7 @@ class Breathing:
         self._last_s, self._fit = time_s, None
 
     def breath(self) -> Breath | None:
-        """The breath fitted to the track so far; None where the track is too short or not periodic."""
+        """The breath fitted to the track so far; None if the track is too short or not periodic."""
         s = self.settings
         span = self._last_s - self._first_s
         if span < s.cycles * s.shortest_s:
@@ -142,9 +142,9 @@ class Breathing:
         return breath if seen and breath.explained >= s.explained else None
 
     def predict(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,), scatter included.
+        """Means [m] (k, dim) and covariances [m²] (k, dim, dim) at times [s] (k,), including scatter.
 
-        Raises ValueError where `breath` gives None.
+        Raises ValueError if `breath` returns None.
         """
         if self.breath() is None:
             raise ValueError("predict: expected a track that breathes, found none")
@@ -161,7 +161,7 @@ class Breathing:
         return means + self._origin, covs
 
     def holds(self, times_s: Floats) -> Floats:
-        """Probability that the model holds at times [s] from the last estimate on, (k,); 0 without a breath."""
+        """Probability that the model holds at times [s] after the last estimate, (k,); 0 without a breath."""
         if self.breath() is None:
             return np.zeros(len(times_s))
         return self._holds * np.exp((self._last_s - np.asarray(times_s, dtype=float)) / self.settings.lasting_s)
@@ -169,8 +169,8 @@ class Breathing:
     def _compare(self, breath: Breath, time_s: float, mean: Floats, cov: Floats) -> None:
         """Update the probability that the model holds, and the departure from it; begin a new track if improbable.
 
-        The departure is a random walk, whose variance grows by that of the track in a period, tracked by a Kalman
-        filter. Estimates within `alike_s` count as one under both hypotheses.
+        A Kalman filter tracks the departure, a random walk whose variance grows in one period by the track's variance.
+        Estimates within `alike_s` count as one under both hypotheses.
         """
         s = self.settings
         dt = time_s - self._last_s
@@ -214,7 +214,7 @@ class Breathing:
             total = self._squares - float(self._sum @ self._sum) / self._weight
             own = max(scatter2 - self._filter_variance / self._weight, 0.0)
             breath = Breath(period, period_sd, float(np.sqrt(own)), 1.0 - least / max(total, 1e-18), weights)
-            # the coefficients' error includes the filter's part of the misfit; the target's own scatter is `own` only
+            # the coefficients' error includes the filter's part of the misfit; the target's own scatter is only `own`
             self._fit = found, inverse * (scatter2 * self._weight / independent), breath
         return self._fit
 

@@ -1,8 +1,8 @@
-"""Contradictions between marks and model: an estimate may look healthy again after one, and be wrong.
+"""Contradictions between marks and model, after which an estimate may look healthy but be wrong.
 
 After a spring was cut, or a mark was moved, the filter explains the marks by persistent forces: its innovations look
-right, but the hidden target is elsewhere. Later frames do not show that. So the contradiction stays until somebody has
-looked at tissue and marks and resets it.
+right, but the hidden target is elsewhere. Later frames do not show that. Therefore a contradiction persists until a
+person has checked tissue and marks, and resets it.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from estimators.tissue.estimate import Status, TargetEstimate
 class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
-    away_s: a mark that was not used for this long must come back where it is expected [s]; choice
+    away_s: time without use after which a mark must return to where it is expected [s]; choice
     improbable: p-value of that frame's innovations below which it did not [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: likelihood ratio, one mark left out against all marks shifted alike, below which all marks moved together;
+    together: likelihood ratio of omitting one mark against shifting all, below which all marks moved together;
     0: not tested [1]; measured: at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
         if marks accurate to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
     """
@@ -38,9 +38,9 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Tests whether marks contradicted the model since `forget`, and how, by estimates in order of time.
+    """Test for contradictions between marks and model since `forget`, with their reason, from successive estimates.
 
-    State: the reason, None while there is none; when each mark was last used [s].
+    State: the reason, None while there is none; time of the last use of each mark [s].
     """
 
     def __init__(self, settings: ContradictionSettings = CONTRADICTION) -> None:
@@ -49,7 +49,7 @@ class Contradiction:
         self._used_s: dict[str, float] = {}
 
     def forget(self) -> None:
-        """Reset after somebody looked."""
+        """Reset, after a person has checked the tissue."""
         self.reason = None
         self._used_s.clear()
 
@@ -60,9 +60,9 @@ class Contradiction:
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
 
     def _together(self, estimate: TargetEstimate) -> str | None:
-        """Whether one shift of all marks explains innovations that are improbable, and no shift of a single mark does.
+        """Whether innovations are improbable, a shift of all marks explains them, and no shift of a single mark does.
 
-        Tissue does not move like that from one frame to the next; a moved camera looks like that. At a start it may,
+        Tissue does not move like that between frames, but a moved camera does. At a start tissue may,
         because its velocity is not known yet.
         """
         shift, settings = estimate.shift, self._settings

@@ -1,9 +1,9 @@
-"""The probability that a needle samples a lesion, and where to aim so that it is highest.
+"""Probability that a needle samples a lesion, and the aim with the highest probability.
 
 Target and tip are Gaussian and independent, so that the sampling point relative to the target is Gaussian with the sum
-of their covariances. A linear map makes the lesion the unit ball. There a point is hit with the probability of a
-generalised chi-square variable [imhof1961]; `hit_kernels` computes it, also for a core of some length, by one error
-function for each line along the needle and Gauss-Legendre sums across it.
+of their covariances. A linear map turns the lesion into the unit ball. The probability that a point lies in it is that
+of a generalised chi-square variable [imhof1961]. `hit_kernels` computes it, also for a core of some length, from
+error functions along the needle and Gauss-Legendre sums across it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from estimators.tissue.estimate import GaussianMixture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Aim:
-    """The best position of the notch's middle, or of the tip if that is to hit, [m] (dim,), and its hit probability."""
+    """Best position of the notch's middle, or of the tip for a hit by the tip [m] (dim,), and its hit probability."""
 
     point: Floats
     probability: float
@@ -33,11 +33,11 @@ def hit_probability(
 ) -> float:
     """Probability that the sampling part of the needle lies in the lesion, see `Hit`.
 
-    Accurate to 1e-5; to 2e-4 for a core where the sum of covariances is dozens of times wider one way than another.
+    Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
 
     target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim and too much off it
     axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
-    Raises ValueError where dimensions differ, and for an axis or a mixture that is none.
+    Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
     needle = Needle() if needle is None else needle
     axis = _checked_axis(target, tip, axis, lesion)
@@ -47,18 +47,18 @@ def hit_probability(
     covs = tip.covs[None] + target.covs[:, None]
     dim, k = lesion.dim, offsets.shape[0] * offsets.shape[1]
     each = hit_each(offsets.reshape(k, dim), covs.reshape(k, dim, dim), axis, lesion.to_ball, length, core)
-    # numerical errors of the kernels may bring the sum above one
+    # numerical errors of the kernels may raise the sum above one
     return min(float(np.outer(target.weights, tip.weights).ravel() @ each), 1.0)
 
 
 def best_aim(
     target: GaussianMixture, tip_cov: Floats, axis: Floats, lesion: Lesion, *, needle: Needle | None = None
 ) -> Aim:
-    """The aim at which a hit is most probable, with the tip's covariance [m²] (dim, dim) and the needle's axis fixed.
+    """The aim with the highest hit probability, for a given covariance of the tip [m²] (dim, dim) and needle axis.
 
     For a single Gaussian it is the mean: the lesion, and the positions of a long enough core, are convex and symmetric
     about it [anderson1955]. For a mixture, which may have several peaks, it is the best result of an ascent from each
-    mean and from the mean of all.
+    mean and from the overall mean.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)

@@ -2,8 +2,8 @@
 
 Everything is mapped to the unit ball about the target: y are coordinates across the needle, a along it. A notch of
 length l has a core of at least L in the ball where |a| <= h(y) + l/2 - L with h = sqrt(1 - |y|²), and |y|² <= 1 - L²/4;
-a point has l = L = 0. The inner integral, along a, is a difference of error functions; those over y are Gauss-Legendre
-sums in the angle that makes h smooth at the ball's rim.
+a point has l = L = 0. The inner integral, along a, is a difference of error functions. Integrals over y are
+Gauss-Legendre sums in the angle that makes h smooth at the ball's rim.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 from numba import njit
 
 SIZES = (12, 20, 32, 64)
-"""Numbers of Gauss-Legendre nodes; an integrand that changes more over the interval gets more."""
+"""Numbers of Gauss-Legendre nodes; an integrand that changes more over the interval gets more nodes."""
 
 FIRST = np.cumsum((0, *SIZES))
 NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Standard deviations beyond which a Gaussian is neglected: 8e-11 of it lies there."""
+"""Standard deviations beyond which a Gaussian is neglected: its probability there is 8e-11."""
 
 
 STEEP, PARTS = 60.0, 15
-"""An interval over which the integrand changes by more standard deviations is split, into this many parts at most."""
+"""Change of the integrand, in standard deviations, above which an interval is split; largest number of parts."""
 
 
 @njit(cache=True, nogil=True)
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc` in the unit ball in space: m, s, slope (2,) of two independent coordinates across."""
+    """As `_disc`, but in the unit ball in space: m, s, slope (2,) of two independent coordinates across."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -109,7 +109,7 @@ def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def rotation_of(C, n):  # type: ignore[no-untyped-def]
-    """Rotation V that makes V' C V diagonal in the leading n x n block of C, by Jacobi's sweeps; the rest stays."""
+    """Rotation V that makes V' C V diagonal in the leading n x n block of C, by Jacobi sweeps."""
     A, V = C.copy(), np.eye(C.shape[0])
     for _ in range(20):
         off_diagonal = 0.0
@@ -143,7 +143,7 @@ def rotation_of(C, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _frame(w):  # type: ignore[no-untyped-def]
-    """Orthonormal columns (d, d), the last of them the unit vector w (d,)."""
+    """Orthonormal columns (d, d); the last is the unit vector w (d,)."""
     d = w.shape[0]
     F = np.zeros((d, d))
     if d == 2:
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a notch has at least `core` of its length in the lesion; of its middle with length 0.
+    """Probability that a notch has at least `core` of its length in the lesion; length 0: for its middle.
 
     offset (d,), cov (d, d): the notch's middle less the target; axis (d,): unit vector along the needle;
     to_ball (d, d): the linear map of the lesion to the unit ball
@@ -228,7 +228,7 @@ def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """`hit` of each of several: offsets (k, d), covs (k, d, d) give (k,)."""
+    """Probabilities `hit`, (k,), for several offsets (k, d) and covs (k, d, d)."""
     found = np.empty(offsets.shape[0])
     for i in range(found.shape[0]):
         found[i] = hit(offsets[i], covs[i], axis, to_ball, length, core)
@@ -237,14 +237,14 @@ def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-unt
 
 @njit(cache=True, nogil=True)
 def ball_hits(offsets, covs, radius):  # type: ignore[no-untyped-def]
-    """Probability that a point at each of these offsets [m], (k, d), of these covariances, lies in the ball, (k,)."""
+    """Probability that a point at each of these offsets [m], (k, d), with these covariances, lies in the ball, (k,)."""
     d = offsets.shape[1]
     return hit_each(offsets, covs, np.zeros(d), np.eye(d) / radius, 0.0, 0.0)
 
 
 @njit(cache=True, nogil=True)
 def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
-    """The path's mean at t in its interval j: cubic, its slopes those of parabolas through three neighbours."""
+    """The path's mean at t in its interval j: cubic, with the slopes of parabolas through three neighbours."""
     n, d = means.shape
     step = times[j + 1] - times[j]
     u = (t - times[j]) / step
@@ -271,7 +271,7 @@ def _mean_at(times, means, j, t):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
-    """Depth of the tip at which the notch is beside the target, along the axis or, if aimed, along the way to it."""
+    """Depth of the tip at which the notch is beside the target: along the axis or, if aimed, towards the target."""
     along, squared = 0.0, 0.0
     for i in range(entry.shape[0]):
         along += axis[i] * (mean[i] - entry[i])
@@ -281,7 +281,7 @@ def _wanted(mean, entry, axis, reach, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
-    """Interval and time at which a tip that leaves at `start` first is as deep as it should be; (-1, inf) if never."""
+    """Interval and time at which a tip that leaves at `start` first reaches the wanted depth; (-1, inf) if never."""
     times, means = path[0], path[1]
     entry, axis, speed, depth, reach = needle
     n = times.shape[0]
@@ -308,15 +308,15 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
-    """Result of an insertion that begins at each of these times.
+    """Results of insertions that begin at each of these times.
 
     Returns arrivals (k,), depths (k,), the target then, (k, d), and the probabilities of a hit, (k,).
 
-    path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means from that of all
-        (n, c, d), covs (n, c, d, d)
-    needle: entry (d,), axis (d,), speed, depth now, reach from the tip back to the notch's middle
-    spread: variance of the tip in every direction, and by squared depth across the needle
-    aimed: the needle is first turned about its entry to where the target will be. Without arrival: inf, and p 0.
+    path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means relative to the
+        overall mean (n, c, d), covs (n, c, d, d)
+    needle: entry (d,), axis (d,), speed, present depth, reach from the tip back to the notch's middle
+    spread: variance of the tip in every direction, and across the needle by squared depth
+    aimed: the needle is first turned about its entry towards the future target. Without arrival: inf, and p 0.
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

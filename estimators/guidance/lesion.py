@@ -1,4 +1,4 @@
-"""The lesion about the target: a ball or an ellipsoid, in the plane or in space, that moves with it."""
+"""Lesion around the target: a ball or an ellipsoid, in the plane or in space, that moves with it."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lesion:
-    """All places x with ‖axes⁻¹ (x - target)‖ <= 1.
+    """A lesion around the target, an ellipsoid of points x with ‖axes⁻¹ (x - target)‖ <= 1.
 
     axes: columns are the semi-axes [m], (dim, dim); for a ball, its radius times the identity
-    Raises ValueError where they do not span the plane or space.
+    Raises ValueError if they do not span the plane or space.
     """
 
     axes: Floats
@@ -37,26 +37,26 @@ class Lesion:
 
     @property
     def dim(self) -> int:
-        """Dimension of its space."""
+        """Dimension of the lesion's space."""
         return len(self.axes)
 
     @property
     def radius_m(self) -> float:
-        """The radius of a ball [m]; for an ellipsoid, that of a ball of its volume."""
+        """Radius of a ball [m]; for an ellipsoid, that of a ball of the same volume."""
         sizes = np.linalg.svd(self.axes, compute_uv=False)
         return float(sizes[0] if sizes[0] == sizes[-1] else np.exp(np.log(sizes).mean()))
 
     @property
     def to_ball(self) -> Floats:
-        """The linear map that makes the lesion the unit ball [1/m], (dim, dim)."""
+        """Linear map that turns the lesion into the unit ball [1/m], (dim, dim)."""
         return np.ascontiguousarray(np.linalg.inv(self.axes))
 
     def contains(self, offsets: Floats) -> NDArray[np.bool_]:
-        """Whether places at these offsets from the target [m], (n, dim), lie in the lesion, (n,)."""
+        """Whether points at these offsets from the target [m], (n, dim), lie in the lesion, (n,)."""
         return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
 
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
-        """Lengths [m], (n,), in the lesion of segments of this length along a unit vector (dim,).
+        """Lengths [m], (n,), inside the lesion, of segments of this length along a unit vector (dim,).
 
         offsets: of the segments' middles from the target [m], (n, dim)
         """

@@ -1,4 +1,4 @@
-"""The needle: its notch, what counts as a hit, the uncertainty of its tip, its position and speed."""
+"""The needle: its notch, definition of a hit, uncertainty of its tip, position and speed."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine between a tracked needle and the stated direction for which its depth is known: 60 degrees; choice."""
+"""Least cosine between a tracked needle and the stated direction at which its depth is known: 60 degrees; choice."""
 
 
 class Hit(StrEnum):
-    """The part that has to lie in the lesion."""
+    """Part of the needle that has to lie in the lesion for a hit."""
 
     TIP = "TIP"
     """The needle's tip."""
     NOTCH = "NOTCH"
     """The middle of the notch."""
     CORE = "CORE"
-    """At least core_m of the notch, and so of the core of tissue that it cuts."""
+    """At least core_m of the notch, and thus of the tissue core that it cuts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,13 +29,13 @@ class Needle:
     """A side-notch core needle.
 
     hit: what counts as a hit; source: needle.toml, what the user wants in the lesion
-    notch_offset_m: from the tip back to the notch [m]; source: 5 mm that a biopsy gun is reported not to sample,
-        [skiparea]
-    notch_length_m: of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
+    notch_offset_m: distance from the tip back to the notch [m]; source: 5 mm that a biopsy gun reportedly does not
+        sample, [skiparea]
+    notch_length_m: length of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
     core_m: least length of tissue from the lesion for CORE [m]; source: needle.toml, what the user's pathologist needs
     tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the accuracy of the
         user's tracker
-    bending_sd: standard deviation across the needle that bending adds, by depth [m/m]; source: 0.9 mm at 45 mm, the
+    bending_sd: standard deviation across the needle due to bending, by depth [m/m]; source: 0.9 mm at 45 mm, the
         mean deflection of such a gun in a phantom, [deflection]
 
     In patients needles bend more, see `docs/guidance.md`.
@@ -62,17 +62,17 @@ class Needle:
 
     @property
     def reach_m(self) -> float:
-        """From the tip back to the point that is aimed with [m]."""
+        """Distance from the tip back to the point of the needle that has to hit [m]."""
         return 0.0 if self.hit is Hit.TIP else self.notch_offset_m + 0.5 * self.notch_length_m
 
     @property
     def sampled(self) -> tuple[float, float]:
-        """Length of the sampling part [m], 0 for a point, and how much of it must lie in the lesion [m]."""
+        """Length of the sampling part [m], 0 for a point, and the length that must lie in the lesion [m]."""
         return (self.notch_length_m, self.core_m) if self.hit is Hit.CORE else (0.0, 0.0)
 
     @property
     def spread(self) -> tuple[float, float]:
-        """Variance of the tip in every direction [m²], and across the needle by squared depth."""
+        """Variance of the tip in every direction [m²], and across the needle per squared depth."""
         return self.tip_sd_m**2, self.bending_sd**2
 
     def tip_cov(self, axis: Floats, depth_m: float) -> Floats:
@@ -84,12 +84,12 @@ class Needle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Insertion:
-    """A needle and its insertion.
+    """A needle's entry, direction, speed and present depth.
 
-    entry: where it enters the tissue [m], (dim,)
-    axis: unit vector along it, (dim,); any length is taken and made 1
-    speed_m_s: of insertion
-    depth_m: present depth of its tip beyond the entry; 0 before it is inserted
+    entry: point where it enters the tissue [m], (dim,)
+    axis: unit vector along it, (dim,); any length is accepted and normalised
+    speed_m_s: speed of insertion
+    depth_m: present depth of its tip beyond the entry; 0 before the insertion
     """
 
     entry: Floats
@@ -112,11 +112,11 @@ class Insertion:
         object.__setattr__(self, "axis", axis / size)
 
     def tracked(self, tip: Floats, axis: Floats) -> Insertion:
-        """The needle as a tracker sees it: its tip [m], (dim,), and its direction, (dim,), of any length.
+        """The insertion with a tracker's position of the tip [m], (dim,), and direction, (dim,), of any length.
 
-        The skin is the plane through this insertion's entry, perpendicular to its axis; a tip before it is outside. For
-        a needle at a flat angle to the skin the depth along its own line is limited by STEEP. Raises ValueError for a
-        direction without length.
+        The skin is the plane through this insertion's entry, perpendicular to its axis; a tip in front of it is
+        outside. For a needle at a flat angle to the skin the depth along its own line is limited by STEEP. Raises
+        ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:

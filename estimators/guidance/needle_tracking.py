@@ -1,8 +1,8 @@
-"""Where a tracked needle's tip is and when it arrives: a Kalman filter of constant speed along the needle's line.
+"""Kalman filter of constant speed for a tracked needle: position of its tip, and time of its arrival.
 
 The state is the tip's position and its speed along the line, x = (p, s): dp/dt = s d + bending across the line,
-ds/dt = white noise. Source: [barshalom2001], section 6.3.2, the discretised continuous white noise acceleration model,
-along the line; across it the tip wanders (a random walk), as a needle that bends.
+ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
+[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, as a needle that bends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: white, along the line, 10 mm/s of speed within a second [m/s²/sqrt(Hz)]; choice
+    acceleration: white, along the line: 10 mm/s of speed within a second [m/s²/sqrt(Hz)]; choice
     bending: random walk of the tip across the line [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """
@@ -33,16 +33,16 @@ class NeedleNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """Time at which the tip reaches a depth, time_s [s], and its standard deviation, sd_s [s], to first order."""
+    """Time at which the tip reaches a depth, time_s [s], with its standard deviation, sd_s [s], to first order."""
 
     time_s: float
     sd_s: float
 
 
 class NeedleTracker:
-    """The tip of a needle that moves along a line.
+    """Kalman filter for the tip of a needle that moves along a line.
 
-    entry: where the line meets the skin [m], (dim,); direction: of the push, made to length 1, (dim,)
+    entry: point where the line meets the skin [m], (dim,); direction: of the insertion, normalised, (dim,)
     State: time_s of the estimate, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
     covariance of the tip [m] and the speed along the line [m/s]; nis of the last measurement.
 
@@ -74,14 +74,14 @@ class NeedleTracker:
         return float(self.x[-1]), float(np.sqrt(self.P[-1, -1]))
 
     def predict(self, time_s: float) -> None:
-        """Predict to this time [s]; raises ValueError where time goes back or is not finite."""
+        """Predict to this time [s]; raises ValueError for an earlier time and one that is not finite."""
         self.x, self.P = self._ahead(time_s)
         self.time_s = time_s
 
     def tip_at(self, time_s: float) -> tuple[Floats, Floats]:
         """Predicted tip at a later time [m], (dim,), and its covariance [m²]; the state does not change.
 
-        Raises ValueError before the first measurement, and for a time that is in the past or not finite.
+        Raises ValueError before the first measurement, and for a time that is past or not finite.
         """
         if self.time_s is None:
             raise ValueError("tip_at: expected a measurement before, found none")
@@ -89,9 +89,9 @@ class NeedleTracker:
         return x[:-1], P[:-1, :-1]
 
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
-        """Update by a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
+        """Update with a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
 
-        The position comes from a tracker or from a mark of its own hue. The first one starts the estimate. Raises
+        The position comes from a tracker or from a mark with its own hue. The first one starts the estimate. Raises
         ValueError for other shapes, or without a time, and CovarianceError.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
@@ -114,7 +114,7 @@ class NeedleTracker:
     def arrival(self, depth_m: float) -> Arrival | None:
         """Time at which the tip reaches this depth [m]; None if it does not, or is already deeper.
 
-        t = (depth - l) / s and sd t = sd l(t) / s, with the speed s, the depth l now and l(t) predicted for time t.
+        t = (depth - l) / s and sd t = sd l(t) / s, with the speed s, the present depth l and l(t) predicted for time t.
         """
         depth, _ = self.depth
         speed, _ = self.speed

@@ -12,7 +12,7 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Obstacle:
-    """All points within radius_m of a segment: a capsule, such as a rib or a vessel; a ball if both ends are equal.
+    """An obstacle such as a rib or a vessel: all points within radius_m of a segment; a ball if both ends are equal.
 
     start, end: ends of its axis [m], (dim,); margin_m: least distance of a needle from its surface [m]
     """
@@ -35,7 +35,7 @@ class Obstacle:
 
 
 def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> Obstacle:
-    """A ball about a centre [m], (dim,)."""
+    """An obstacle that is a ball around a centre [m], (dim,)."""
     return Obstacle(name, centre, centre, radius_m, margin_m)
 
 
@@ -77,7 +77,7 @@ def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) 
 
 
 def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distance of points from segments [m], (n,); (n, dim) each, or (1, dim) for one with all."""
+    """Distances of points from segments [m], (n,); both (n, dim), or (1, dim) for one with all."""
     along = ends - starts
     square = np.einsum("nd,nd->n", along, along)
     part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)

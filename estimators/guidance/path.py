@@ -1,7 +1,7 @@
-"""The predicted path of the target that advice uses: from tables where they hold, else from the filter.
+"""Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
-Mostly nobody pokes before the needle arrives; sometimes somebody does. One Gaussian for both is too wide for the first
-case and too narrow for the second. So the path is a mixture of two parts: no poke until then, and everything else.
+Usually nothing pokes the tissue before the needle arrives. One Gaussian for both cases is too wide without a poke and
+too narrow with one. So the path is a mixture of two parts: no poke until then, and everything else.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ CYCLE_S = 1.0 / 30.0
 """Step between two times of the tables [s]; choice."""
 
 TURNED = 0.35
-"""Angle by which a spring may be turned from its direction at rest for the tables to hold [rad]; measured:
+"""Rotation of a spring from its direction at rest up to which the tables are valid [rad]; measured:
 docs/guidance.md, "The predicted path"."""
 
 LEAST_PART = 1e-6
-"""Probability below which a part is left out, because rounding would dominate it; numerical."""
+"""Probability below which a part is omitted, because rounding would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Largest distance of the target from the entry beyond that at rest [m], for the range of the tables; chosen."""
+"""Increase of the target's distance from the entry over that at rest, for the range of the tables [m]; choice."""
 
 MOST_S = 30.0
-"""Longest range of the tables, even for a slow needle [s]; chosen."""
+"""Longest range of the tables, even for a slow needle [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PathParts:
-    """A path as a Gaussian mixture at each time: weights (k, c), means [m] (k, c, dim), covs [m²] (k, c, dim, dim)."""
+    """Path as a Gaussian mixture at each time: weights (k, c), means [m] (k, c, dim), covs [m²] (k, c, dim, dim)."""
 
     weights: Floats
     means: Floats
@@ -48,9 +48,9 @@ class PathParts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetPath:
-    """Predicted target: times [s], (k,), increasing, two or more; means [m] (k, dim); covs [m²] (k, dim, dim).
+    """Predicted path of a target: times [s], (k,), increasing; means [m] (k, dim); covs [m²] (k, dim, dim).
 
-    mixture: the same as a mixture, used for hit probabilities; None: it is a Gaussian
+    mixture: the same path as a mixture, for hit probabilities; None: it is Gaussian
     """
 
     times_s: Floats
@@ -77,11 +77,11 @@ class TargetPath:
                 )
 
     def widened(self, cov: Floats) -> TargetPath:
-        """The same path with an unknown constant error of this covariance [m²], (dim, dim)."""
+        """The path with an additional unknown constant error of this covariance [m²], (dim, dim)."""
         return self.moved(np.zeros(len(cov)), cov)
 
     def moved(self, by: Floats, cov: Floats) -> TargetPath:
-        """The path moved by a constant [m], (dim,), or by a path (k, dim), with a covariance [m²], (dim, dim)."""
+        """The path shifted by a constant [m], (dim,), or by a path (k, dim), with a covariance [m²], (dim, dim)."""
         parts = self.mixture
         each = np.expand_dims(by, -2)
         mixture = None if parts is None else replace(parts, means=parts.means + each, covs=parts.covs + cov)
@@ -102,9 +102,9 @@ def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
-    """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target by the breathing model of its motion.
+    """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target, predicted by the breathing model.
 
-    It was updated with `breathing_track`; the error of the target's offset is added.
+    Its input was `breathing_track`; the error of the target's offset is added.
     """
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov
@@ -113,7 +113,7 @@ def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats)
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
     """The mixture of two paths at the same times, with its mean and covariance.
 
-    probability: of the first at each time [1], (k,)
+    probability: of the first path at each time [1], (k,)
     """
     share = np.stack([probability, 1.0 - probability], axis=1)
     both = [path.parts for path in (one, other)]
@@ -129,14 +129,14 @@ def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> Targ
 
 
 def path_reach_s(tissue: TissueFilter, insertion: Insertion, needle: Needle, settings: AdviceSettings) -> float:
-    """Prediction range of the path [s]: for the last insertion tried, from the oldest estimate that is used."""
+    """Prediction range of the path [s]: from the oldest usable estimate to the last possible insertion."""
     rest = tissue.target.position(rest_shape(tissue.network)[tissue.network.free].ravel())
     way_s = time_to(float(np.linalg.norm(rest - insertion.entry)) + ASIDE_M, insertion, needle)
     return settings.horizon_s + min(way_s, MOST_S) + settings.stale_s
 
 
 def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
-    """Time until the needle's sampling part is this far from the entry [m]: [s], 0 if it is farther already."""
+    """Time [s] until the needle's sampling part is this far from the entry [m]; 0 if it is already farther."""
     return max(distance_m + needle.reach_m - insertion.depth_m, 0.0) / insertion.speed_m_s
 
 
@@ -156,9 +156,9 @@ def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
 
 
 def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """The path from the first of these times [s], (k,), or before, to the last: from tables where they hold.
+    """The path at least from the first to the last of these times [s], (k,), from tables where they are valid.
 
-    Otherwise from the filter, at these times.
+    Otherwise it comes from the filter, at these times.
     """
     if tissue.time_s is None or tissue.time_s > times_s[0]:
         return TargetPath(times_s, *tissue.predict_path(times_s))
@@ -169,17 +169,17 @@ def path_near_rest(tables: AheadTables, tissue: TissueFilter, times_s: Floats) -
 
 
 _KEPT: WeakKeyDictionary[TissueFilter, AheadTables] = WeakKeyDictionary()
-"""Tables of each filter that was asked for its path, as long as the filter exists."""
+"""Tables of each filter whose path was requested, as long as the filter exists."""
 
 
 def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
-    """As `path_near_rest`, from cached tables, which are made when first needed or when a longer range is."""
+    """As `path_near_rest`, with cached tables, which are recomputed for a longer range."""
     ahead_s = float(times_s[-1]) - (float(times_s[0]) if tissue.time_s is None else tissue.time_s)
     tables = _KEPT.get(tissue)
     if tables is None or _times_until(ahead_s, tables.cycle_s) > tables.n_times:
         if ahead_s > MOST_S:
             return TargetPath(times_s, *tissue.predict_path(times_s))
-        # a moving needle needs a little more each time
+        # a moving needle needs slightly more each time
         tables = _KEPT[tissue] = path_tables(tissue, 1.25 * ahead_s)
     return path_near_rest(tables, tissue, times_s)
 
@@ -201,7 +201,7 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
-    """A part with weight (k,), mean (k, dim) and covariance (k, dim, dim), and the remainder of the whole."""
+    """A part with weight (k,), mean (k, dim) and covariance (k, dim, dim), and the rest of the whole path."""
     others = 1.0 - weights
     weights = np.where(others < LEAST_PART, 1.0, np.where(weights < LEAST_PART, 0.0, weights))
     others = 1.0 - weights

@@ -1,9 +1,9 @@
-"""Which way to put the needle: straight paths ranked by the probability that the tip ends in the lesion.
+"""Planning of needle paths: straight paths ranked by the probability that the tip ends in the lesion.
 
 The insertion itself pushes the target aside. The push is predicted by the tissue's linear response to the needle's
-forces at arrival, u = C F: C the columns of the inverse stiffness matrix at rest that belong to the target
-[dimaio2003], F the cutting force at the tip and the full friction along the shaft, shared by the nodes as
-`dynamics.needle.loads` does. Each path aims at the target's position then. Obstacles are assumed at rest.
+forces at arrival, u = C F. C has the columns of the inverse stiffness matrix at rest that belong to the target
+[dimaio2003]. F has the cutting force at the tip and the full friction along the shaft, distributed over the nodes as in
+`dynamics.needle.loads`. Each path aims at the pushed target. Obstacles are assumed at rest.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from estimators.guidance.obstacles import Obstacle, clearances
 from estimators.process.target import TargetPoint, target_map
 
 AIMING = 6
-"""Fixed-point iterations of the aim under the path's own push; numerical: 0.3 µm is left on the phantom, and half or
-twice as many change no hit probability by 0.1 %."""
+"""Fixed-point iterations of the aim under the path's own push; numerical: the error is 0.3 µm on the phantom, and half
+or twice as many change no hit probability by 0.1 %."""
 
 SAME = 3
 """Decimals to which hit probabilities are compared, as shown; among equal ones more clearance ranks first. On
@@ -31,7 +31,7 @@ the phantom the best path is the same with two to six."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """The lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
+    """Lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
 
     mean: Floats
     cov: Floats
@@ -40,15 +40,15 @@ class PlannedTarget:
 
 @dataclass(frozen=True, slots=True)
 class PlannedNeedle:
-    """The needle to plan for; forces as in `dynamics.NeedleMechanics`.
+    """Needle to plan for; forces as in `dynamics.NeedleMechanics`.
 
     radius_m: of the shaft [m]; source: 16 gauge, the usual core needle
     cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N of bovine liver, rounded, [okamura2004]
-    friction_N_m: force along the shaft by length [N/m]; source: plan.toml, by default between the 11 of sliding and the
+    friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between the 11 of sliding and the
         18 of sticking in bovine liver, [okamura2004]
-    reach_m: width of the kernel by which nodes share a force [m]; choice
+    reach_m: width of the kernel that distributes a force over nodes [m]; choice
     force_sd: relative standard deviation of the forces; choice
-    tip_sd_m: standard deviation of the tip about its path, an axis [m]; source: plan.toml, by default 0.9 mm at 45 mm,
+    tip_sd_m: standard deviation of the tip from its path per axis [m]; source: plan.toml, by default 0.9 mm at 45 mm,
         rounded, the mean deflection of a biopsy gun in a phantom, [deflection]
     """
 
@@ -62,9 +62,9 @@ class PlannedNeedle:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Skin:
-    """Where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
+    """Region where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
 
-    normal: out of the tissue, made to length 1, (dim,); max_angle_rad: of the needle to it; max_length_m: in the tissue
+    normal: out of the tissue, normalised, (dim,); max_angle_rad: of the needle to it; max_length_m: in the tissue
     """
 
     start: Floats
@@ -82,7 +82,7 @@ class Skin:
         object.__setattr__(self, "normal", self.normal / length)
 
     def entries(self, n: int) -> Floats:
-        """About n points in it [m], (n, dim): along the straight line in the plane, on a grid of the box in space."""
+        """About n points in the region [m], (n, dim): on a straight line in the plane, on a grid in space."""
         if len(self.start) == 2:
             return self.start + np.linspace(0.0, 1.0, n)[:, None] * (self.end - self.start)
         sides = np.abs(self.end - self.start)
@@ -95,14 +95,14 @@ class Skin:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """Paths and their predicted results; rows in the given order, `order` ranks them.
+    """Paths with predicted results; rows are in the given order, `order` ranks them.
 
     entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
     pushed: shift of the target by the insertion [m], (n, dim)
-    means, covs: of the target then [m], (n, dim), covs with the tip's error [m²], (n, dim, dim)
-    hits: probability that the tip ends in the lesion, (n,); clearance: least room to an obstacle's margin [m], (n,)
-    angles: to the skin's normal [rad], (n,); reasons: why each is rejected, a tuple, empty where it is allowed
-    order: allowed paths from the best on, then rejected ones by their hits, (n,)
+    means, covs: of the target then [m], (n, dim), covs including the tip's error [m²], (n, dim, dim)
+    hits: probability that the tip ends in the lesion, (n,); clearance: least distance to an obstacle's margin [m], (n,)
+    angles: to the skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
+    order: rows of the allowed paths from the best to the worst, then of the rejected ones by hits, (n,)
     """
 
     entries: Floats
@@ -125,12 +125,12 @@ class Plan:
 
     @property
     def best(self) -> int | None:
-        """Row of the best path; None where all are rejected."""
+        """Row of the best path; None if all are rejected."""
         return int(self.order[0]) if self.allowed.any() else None
 
 
 def compliance(network: MassSpringNetwork, target: str | TargetPoint) -> Floats:
-    """Shift of the target by a force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
+    """Shift of the target by a unit force on each free coordinate [m/N], (dim, n_free dim), at rest, to first order."""
     K = stiffness_matrix(network, rest_shape(network))
     return np.asarray(np.linalg.solve(K, target_map(network, target).matrix.T).T)
 
@@ -161,7 +161,7 @@ def candidate_paths(
 ) -> tuple[Floats, Floats]:
     """Entries and tips [m], (n n_aims, dim): from each entry to the predicted target, and to points beside it.
 
-    n_aims: odd; all but one aim up to 0.6 radii beside the centre, to both sides in the plane, all around in space
+    n_aims: odd; all but one aim up to 0.6 radii beside the centre: to both sides in the plane, all around in space
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)
@@ -191,9 +191,9 @@ def plan(
     entries: Floats,
     tips: Floats,
 ) -> Plan:
-    """Straight paths from entries to tips [m], (n, dim), evaluated and ranked; `candidate_paths` makes some.
+    """Evaluate and rank straight paths from entries to tips [m], (n, dim), such as those of `candidate_paths`.
 
-    Raises ValueError for shapes that do not fit and for paths without length, NetworkError where there is no rest.
+    Raises ValueError for shapes that do not match and paths without length, NetworkError if there is no rest.
     """
     along = tips - entries
     lengths = np.linalg.norm(along, axis=1)
@@ -202,7 +202,7 @@ def plan(
     directions = along / lengths[:, None]
     pushed = needle_displacement(network, compliance(network, target), needle, tips, entries)
     means = lesion.mean + pushed
-    # the forces have one common error factor: the target stays on the line of the push
+    # the forces have one common relative error: the target stays on the line of the push
     covs = lesion.cov + needle.tip_sd_m**2 * np.eye(network.dim)
     covs = covs + needle.force_sd**2 * pushed[:, :, None] * pushed[:, None, :]
     hits = ball_hits(tips - means, covs, lesion.radius_m)

@@ -1,4 +1,4 @@
-"""The push of an insertion on the target before the needle arrives: advice aims at the target's position then."""
+"""Push of an insertion on the target before the needle arrives; advice aims at the pushed target."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from estimators.process.target import TargetPoint, target_map
 
 
 class NeedlePush:
-    """The push of a needle on the target of a network, to first order about its rest [dimaio2003].
+    """Predicted push of a needle on the target of a network, to first order about its rest [dimaio2003].
 
     If the needle is already inside, the marks show its push so far. A body without support moves as a whole, which a
     static response does not describe: no push is predicted for it.
@@ -32,7 +32,7 @@ class NeedlePush:
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """Further push by an insertion to the target at rest [m], (dim,)."""
+        """Further push on the target by an insertion up to the target at rest [m], (dim,)."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)
@@ -43,6 +43,6 @@ class NeedlePush:
         return np.asarray(moved[0] - moved[1:].sum(axis=0))
 
     def pushed(self, path: TargetPath, insertion: Insertion) -> TargetPath:
-        """The target's path at the needle's arrival: moved by the push, with the uncertainty of the forces."""
+        """The target's path including the push, with the uncertainty of the forces."""
         shift = self.shift(insertion)
         return path.moved(shift, self._needle.force_sd**2 * np.outer(shift, shift))

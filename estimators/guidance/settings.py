@@ -1,4 +1,4 @@
-"""Thresholds between the kinds of advice, and limits of an estimate's fitness for advice."""
+"""Settings of advice: thresholds, and limits for an estimate that advice may use."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from estimators.tissue.estimate import Status, TargetEstimate
 
 @dataclass(frozen=True, slots=True)
 class AdviceSettings:
-    """Thresholds between the kinds of advice, and the range of insertions that are tried.
+    """Settings of advice: thresholds, and the range of start times.
 
     go: least probability of a hit for GO; choice
     worth: least gain in probability for which to wait; choice
-    horizon_s: insertions are tried that begin up to this much later [s]; choice
-    step_s: between two starts that are tried [s]; choice
+    horizon_s: latest start time of an insertion, from now [s]; choice
+    step_s: interval between start times [s]; choice
     stale_s: age above which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark above which an estimate gives no guidance [s]; choice
-    overshot_m: depth beyond the aim from which a tip has to be drawn back [m]; choice
-    abort: a needle inside after GO has to stop where the hit probability is below this share of go; choice
-    abort_s: such a stop stays until there has been guidance for this long [s]; choice
+    overshot_m: depth beyond the aim from which a tip has to be retracted [m]; choice
+    abort: hit probability, as a share of go, below which a needle inside after GO has to stop; choice
+    abort_s: time of uninterrupted guidance after which such a stop ends [s]; choice
     """
 
     go: float = 0.9
@@ -46,9 +46,9 @@ class AdviceSettings:
 
 
 def health_fault(estimate: TargetEstimate, now_s: float, seen_s: float | None, settings: AdviceSettings) -> str | None:
-    """The reason why an estimate gives no guidance at this time [s]; None where it gives guidance.
+    """The reason why an estimate gives no guidance at this time [s]; None if it gives guidance.
 
-    seen_s: time of the last mark used [s], None if never
+    seen_s: time of the last mark used [s], None if none was used
     """
     age = now_s - estimate.time_s
     unseen = np.inf if seen_s is None else now_s - seen_s

@@ -1,6 +1,6 @@
-"""Constants of the tissue and level of the discrepancy, from recordings.
+"""Estimation of the tissue's constants and of the discrepancy's level from recordings.
 
-What may enter: what is estimated once.
+Quantities that are estimated once belong here.
 """
 
 from estimators.identification.budget import Budget, IdentificationError, Workers

@@ -1,4 +1,4 @@
-"""The time and processes that an estimation from a recording may take, and its errors."""
+"""Limits of an estimation from a recording: time and processes, and its errors."""
 
 from __future__ import annotations
 
@@ -7,31 +7,31 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A map, such as a process pool's: function and arguments can be pickled."""
+"""A map, such as that of a process pool; function and arguments can be pickled."""
 
 UNLIMITED = float("inf")
-"""No limit of the time."""
+"""Time limit that is never reached."""
 
 
 class IdentificationError(ValueError):
-    """A recording from which nothing can be estimated; the message gives the reason."""
+    """Error for a recording from which nothing can be estimated; the message gives the reason."""
 
 
 def too_short(limit: Budget) -> IdentificationError:
-    """The error for a time that is too short for any result."""
+    """The error for a time limit that is too short for any result."""
     return IdentificationError(
         f"expected more time, found {limit.seconds:.0f} s: too short to pass some frames through the filter"
     )
 
 
 class OutOfTimeError(Exception):
-    """The time that an estimation may take is over."""
+    """Error for an estimation that exceeded its time limit."""
 
 
 class Progress:
-    """The share of a search that is done, in frames that passes of the filter have seen.
+    """Completed share of a search, in frames that passes of the filter have processed.
 
-    Frames are counted in this process. Those of passes in other processes count when these return.
+    Frames are counted in this process; those of passes in other processes count when the passes return.
 
     State: `seen`, frames counted; `returned`, frames of the passes that have returned.
     """
@@ -46,16 +46,16 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count passes that have returned, with so many frames together, unless they are counted."""
+        """Count returned passes, with this total number of frames, unless they are counted."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)
 
 
 class Budget:
-    """A time limit in seconds from now on.
+    """A time limit [s] that starts now.
 
-    State: when it began, by a clock that never goes back.
+    State: start time, by a clock that never goes back.
     """
 
     def __init__(self, seconds: float = UNLIMITED, clock: Callable[[], float] = time.monotonic) -> None:
@@ -70,13 +70,13 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """The same budget that also calls this at each check, but not in other processes."""
+        """The same budget, which also calls this at each check, except in other processes."""
         some = self.part(1.0)
         some._on_check = on_check
         return some
 
     def part(self, share: float) -> Budget:
-        """A budget of a share of the time, with the same start."""
+        """A budget with a share of the time and the same start."""
         some = Budget(share * self.seconds, self._clock)
         some._began = self._began
         return some

@@ -1,4 +1,4 @@
-"""The constants of a network from a calibration recording in which the hidden mark is seen, too.
+"""Estimation of a network's constants from a calibration recording that also shows the mark of the hidden target.
 
 Gauss-Newton on the innovations of hidden marks: the filter takes the constants as exact and computes the sensitivity of
 its error to each of them. Its innovations y, of covariance S, are then noise plus T theta, with T their sensitivity to
@@ -29,19 +29,19 @@ from estimators.identification.stretch import from_first_marks, liveliest
 from estimators.tissue.settings import FilterSettings
 
 PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "rest_length": 0.05}
-"""Prior relative standard deviations of the constants by kind; choice."""
+"""Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Range of the starts about the given constants, in logarithms: a third to three times; a tenth for rest lengths, which
-are measured on a picture; choice."""
+"""Range of the starts about the given constants, in logarithms; choice: a third to three times; a tenth for rest
+lengths, which are measured in a picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """Number of starts of the search, and how much of the covariance is kept.
+    """Settings of the identification: number of starts of the search, and retained share of the covariance.
 
-    kept: share of the target's variance due to the constants that the kept directions explain; choice
-    n_starts: points from which the constants are searched, the given ones first; choice
+    kept: share of the target's variance due to the constants that the retained directions explain; choice
+    n_starts: number of points from which the search starts, the given constants first; choice
     """
 
     kept: float = 0.995
@@ -56,20 +56,20 @@ class IdentificationSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class IdentificationResult:
-    """Constants of a network estimated from a calibration recording, in groups of one factor each.
+    """Constants of a network estimated from a calibration recording, in groups with one factor each.
 
-    network: with the constants found
-    groups, change: the groups, and the log of each group's factor, (n,); 0 where the recording does not determine it
-    cov: covariance of these logs, (n, n), inflated for correlated innovations and for what the search leaves open
-    prior_sd: standard deviations of the logs before, (n,)
-    uncertainty: the few directions of it that matter for the target
-    passes: of the filter through the recording; converged: whether the last moved the constants by less than noise
-    residuals: the unexplained part
+    network: with the estimated constants
+    groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
+    cov: covariance of these logs, (n, n), inflated for correlated innovations and for ambiguity of the search
+    prior_sd: prior standard deviations of the logs, (n,)
+    uncertainty: the few directions of the covariance that matter for the target
+    passes: number of filter passes; converged: whether the last one changed the constants by less than noise
+    residuals: test of the residuals
     log_likelihood: of the recording's hidden marks; before: the same with the given constants
     target_error_m: median error of the target against its unused mark [m]; before: the same; None: not measured
     n_starts, n_agreeing: number of starts, and how many of them led to these constants
-    n_frames: of the recording that were used
-    in_time: False where the time was too short for all frames, starts and passes
+    n_frames: number of frames that were used
+    in_time: False if the time was too short for all frames, starts and passes
     n_limited: number of directions in which the prior limits the covariance, since residuals would exceed the prior
     """
 
@@ -94,7 +94,7 @@ class IdentificationResult:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """All constants that were estimated, group by group."""
+        """All estimated constants, group by group."""
         return members(self.groups)
 
     @property
@@ -104,14 +104,14 @@ class IdentificationResult:
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Which groups keep the given values, because the recording does not determine them, (n,)."""
+        """Which groups keep the given values because the recording does not determine them, (n,)."""
         return np.asarray(self.change == 0.0)
 
     def identifiable(self) -> tuple[Floats, Floats]:
         """Share of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
-        Directions are in the logs of the constants by their prior standard deviations. Directions with most of the
-        variance left are not identified: the Fisher information there is below that of the prior.
+        Directions are in the logs of the constants, in prior standard deviations. Those with most of the variance left
+        are not identified: the Fisher information there is below that of the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -132,13 +132,13 @@ def identify_constants(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
-    """Fit the constants of these kinds, relative and on a log scale, with this prior; masses are taken as given.
+    """Identify a network's constants of these kinds from a recording, on a log scale; masses are not fitted.
 
-    frames: (time [s], marks) in order, the target's among the marks; marked: the nodes that may be poked
+    frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
     spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
     workers: `map` of this process, or of a pool of processes that share the passes of the filter
-    `advance` is called with the share done. Raises IdentificationError where the target is never seen or is the only
-    marked node, where the time is too short for any result, and where no constants give a finite filter.
+    `advance` is called with the completed share. Raises IdentificationError if the target has no mark or is the only
+    marked node, if the time is too short for any result, and if no constants give a finite filter.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
         raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
@@ -158,7 +158,7 @@ def identify_constants(
 class _Found:
     """Result of the search: the best start, the pass with the given constants, number of starts, and how many agree.
 
-    used: the frames
+    used: the frames that were used
     left_open: mean square of the differences between starts, and of an unfinished last search, (n, n)
     """
 
@@ -199,7 +199,7 @@ def _searched(
     if len(screened) < len(used):
         try:
             given, there = begun(of_all, np.zeros_like(best.theta)), begun(of_all, best.theta)
-            # a fit to a part, which begins in motion, may be less probable on the whole than the given constants
+            # a fit to a part, which begins in motion, may be less probable on all frames than the given constants
             begins = most_probable([there, given])
             best, before = climbed(of_all, begins, problem.sd), given.found
             if not best.converged:
@@ -232,7 +232,7 @@ def _identified(
         with suppress(OutOfTimeError):
             as_kept = problem.at(theta, used) if theta.any() else found.before
             if as_kept.log_likelihood < found.before.log_likelihood:
-                # with some constants as given, the others fit worse than with all as given
+                # with some constants unchanged, the others fit worse than with all unchanged
                 theta, (by_prior, n_limited) = best.theta, within_prior(left, best.theta)
             else:
                 after = as_kept
@@ -272,10 +272,10 @@ def principal_uncertainty(
     *,
     kept: IdentificationSettings | None = None,
 ) -> ParameterUncertainty:
-    """The few directions of an uncertainty that explain its effect on the target without the target's mark.
+    """The few directions of an uncertainty that explain its effect on the target, if the target has no mark.
 
-    The same covariance along the axes of the target's variance over the frames; the smallest axes, which have less than
-    1 - `kept` of it together, are left out.
+    They are the axes of the target's variance over the frames; the smallest axes, which together have less than
+    1 - `kept` of it, are omitted.
     """
     share = (kept or IdentificationSettings()).kept
     nodes = tuple(marked), target
@@ -284,7 +284,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty turned to the axes of its effect, (n, n), the smallest, below 1 - kept of it, left out."""
+    """An uncertainty turned to the axes of its effect, (n, n), without the smallest, which have less than 1 - kept."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -1,6 +1,6 @@
-"""One pass of the filter through a recording: its prediction of the hidden marks, and the derivatives by constants.
+"""One pass of the filter through a recording: predictions of the hidden marks, and their derivatives by constants.
 
-The filter uses the marks of the marked nodes only, as in tracking. The marks of all other nodes, at least the target's,
+The filter uses only the marks of the marked nodes, as in tracking. The marks of all other nodes, at least the target's,
 are compared with its predictions. Then the prior of pushes on the marked nodes matters little; if the filter used all
 marks, errors of that prior would look like errors of constants.
 """
@@ -23,12 +23,12 @@ from estimators.tissue.settings import FilterSettings
 Frames = Sequence[tuple[float, Sequence[MarkMeasurement]]]
 
 LEVEL = 0.003
-"""Discrepancy, by the body's extent, where the settings do not state one [1]; choice: a level chosen by the marks would
-be large, to explain wrong constants."""
+"""Discrepancy, relative to the body's extent, if the settings do not state one [1]; choice: a level estimated from the
+marks would be large, to explain wrong constants."""
 
 SMALL = 1e-3
-"""Share of a standard deviation of each constant that the filter considers, so small that its gains are those of exact
-constants; numerical."""
+"""Share of a standard deviation of each constant that the filter considers; numerical: so small that its gains are
+those of exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,7 +59,7 @@ class Pass:
 
 
 def failed_pass(n: int) -> Pass:
-    """For constants under which the filter has no finite state: zero likelihood, and no information."""
+    """Pass for constants that give no finite filter: zero likelihood, no information."""
     none = np.zeros((n, n))
     return Pass(np.zeros((0, n)), none, -np.inf, np.zeros(0), np.zeros(0), none)
 

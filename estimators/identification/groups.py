@@ -1,4 +1,4 @@
-"""Groups of constants with one common factor: one stiffness for each tissue or kind of link."""
+"""Groups of constants with one common factor, such as one stiffness for each tissue or kind of link."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from dynamics import (
 from estimators.arrays import Floats
 
 MOST_SINGLE = 24
-"""Most springs that have their own constants without given groups: a recording of half a minute determines some twenty
-combinations, and each costs a column of the filter."""
+"""Largest number of springs that have their own constants without given groups: a recording of half a minute determines
+about twenty combinations, and each costs a column of the filter."""
 
 LEAST_REST = 0.1
-"""Least share of a rest length that is left where a soft spring has to keep a large tension."""
+"""Least remaining share of a rest length if a soft spring has to keep a large tension."""
 
 SAME_DIGITS = 9
-"""Significant digits to which constants of one kind are equal: those of a scene file."""
+"""Significant digits to which constants of one kind have to be equal: those of a scene file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class ConstantGroup:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The constants themselves."""
+        """The constants of the group."""
         return tuple(Parameter(self.kind, place) for place in self.places)
 
 
@@ -50,9 +50,9 @@ def constant_groups(
 ) -> tuple[ConstantGroup, ...]:
     """The groups in which positive constants of these kinds are estimated, kind by kind.
 
-    spring_groups: name of each spring's group, empty for a spring by itself, (n_springs,), or none at all
-    Without names, springs of equal constants are one group where the network has more than `MOST_SINGLE` springs,
-    and all are one group where there would be more groups than that; nodes of equal drag or friction likewise.
+    spring_groups: name of each spring's group, empty for a spring of its own, (n_springs,), or no names
+    Without names, springs of equal constants form a group if the network has more than `MOST_SINGLE` springs, and all
+    springs form one group if there would be more groups than that. Nodes of equal drag or friction likewise.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")
@@ -82,21 +82,21 @@ def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """The constants of all groups, each once, group by group."""
+    """The constants of all groups, group by group, without repetition."""
     return tuple(one for group in groups for one in group.parameters)
 
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """The constants that the factors of these groups change: their own, and rest lengths of shared stiffness."""
+    """All constants that the groups' factors change: their own, and rest lengths of shared stiffness."""
     rest = (Parameter("rest_length", s) for group in groups if _shares_stiffness(group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
 
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
-    """The network with all constants of each group times exp(change), (n_groups,).
+    """The network with all constants of each group multiplied by exp(change), (n_groups,).
 
-    Springs that share a stiffness keep, where the network is drawn, the tension that they have there: a tissue that
-    rests where it is drawn then does so at any stiffness.
+    Springs that share a stiffness keep the tension that they have where the network is drawn: a tissue that rests there
+    then does so at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)
@@ -117,7 +117,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
 
 
 def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup], which: Sequence[Parameter]) -> Floats:
-    """What one unit of the logarithm of each group's factor adds to the log of each constant, (n_groups, n)."""
+    """Change of the log of each constant per unit change of the log of each group's factor, (n_groups, n)."""
     column = {one: k for k, one in enumerate(which)}
     drawn = _drawn_lengths(network)
     directions = np.zeros((len(groups), len(which)))
@@ -131,12 +131,12 @@ def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup]
 
 
 def group_label(group: ConstantGroup) -> str:
-    """Its name: `stiffness M1-M2` of one constant, `stiffness skin (24)` of several."""
+    """Name of a group: `stiffness M1-M2` for one constant, `stiffness skin (24)` for several."""
     return group.name if len(group.places) == 1 else f"{group.name} ({len(group.places)})"
 
 
 def group_value(network: MassSpringNetwork, group: ConstantGroup) -> float:
-    """Geometric mean of its constants, in SI."""
+    """Geometric mean of the group's constants, in SI units."""
     return float(np.exp(np.mean([np.log(parameter_value(network, one)) for one in group.parameters])))
 
 

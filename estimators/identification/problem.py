@@ -1,4 +1,4 @@
-"""The unknown constants of a recording, and passes of the filter through it."""
+"""Estimation problem of a recording: unknown constants, and passes of the filter."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames, those with most motion, for the search from all starts; the best start continues with
-all frames. More take longer, fewer hold half a swing of the phantom; choice."""
+"""Number of consecutive frames, those with most motion, for the search from all starts; choice: fewer do not contain
+half a swing of the phantom, more take longer. The best start continues with all frames."""
 
 PASSES_A_SEARCH = 6
-"""Expected passes of the filter, for the progress and the number of frames that the time allows."""
+"""Expected number of passes of the filter, for the progress and for the number of frames that the time allows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """The estimation problem of a recording: theta (n,), logs of the groups' factors in prior standard deviations.
+    """Estimation problem of a recording: theta (n,), logs of the groups' factors in prior standard deviations.
 
     sd: prior standard deviation of each log, (n,); nodes: those that may be poked, and the target
     """
@@ -38,7 +38,7 @@ class Problem:
     budget: Budget
 
     def model(self, theta: Floats) -> MassSpringNetwork:
-        """The network at a point."""
+        """The network for a theta."""
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
@@ -57,7 +57,7 @@ class Problem:
         return followed(lambda theta: self.at(theta, frames), start, self.sd)
 
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
-        """Number of starts and the frames that the time allows: one start, if all of them would leave few frames.
+        """Number of starts and the frames that the time allows; one start if several would leave too few frames.
 
         Raises OutOfTimeError if the time is too short for that, too.
         """

@@ -1,4 +1,4 @@
-"""Whether innovations are as large as expected, and standard errors that allow for their correlation."""
+"""Test whether innovations are as large as expected; standard errors that allow for their correlation."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from estimators.arrays import Floats
 from estimators.identification.filter_pass import Pass
 
 LEVEL = 0.01
-"""Probability at which the residuals of a right model are reported as unexplained; choice."""
+"""Significance level at which residuals are reported as unexplained; choice."""
 
 ROUNDING = 1e-9
-"""Share by which a variance may exceed that without data by rounding alone; numerical."""
+"""Relative excess of a variance over the prior variance that rounding explains; numerical."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResidualTest:
-    """The innovations of the hidden marks at the constants found, tested.
+    """Test of the innovations of the hidden marks, with the estimated constants.
 
     size: mean square of the normalised innovations [1]; 1 for a right model, up to sampling
-    inflation: largest ratio of a standard error to one by independent frames, over all directions [1]
+    inflation: largest ratio of a standard error to that for independent frames, over all directions [1]
     n, n_effective: number of innovations, and the effective number of independent ones
-    explained: whether the size is no larger than sampling allows
+    explained: whether the size is within the sampling error of a right model
     """
 
     size: float
@@ -37,9 +37,9 @@ class ResidualTest:
 def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
-    The largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a prior
-    of unit variance added to both. The information is divided by it. Source: [pauli2011]. Differs from it, which takes
-    the mean ratio: the model's errors may be all the evidence for one direction.
+    It is the largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a
+    prior of unit variance added to both. Source: [pauli2011]. Differs from it, which takes the mean ratio: the model's
+    errors may be all the evidence for one direction.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -50,7 +50,7 @@ def times_counted(found: Pass) -> float:
 
 
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
-    """Covariance of constants at the optimum by information and prior, (n, n), and the test of the residuals.
+    """Covariance of constants at the optimum from information and prior, (n, n), and the test of the residuals.
 
     In prior standard deviations. The information is divided by `times_counted`.
     """
@@ -68,12 +68,12 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 
 
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
-    """A covariance of constants at theta, (n,), limited to that without data, (n, n), and the number limited.
+    """A covariance of constants at theta, (n,), limited by the prior, (n, n), and the number of limited directions.
 
     cov: in prior standard deviations, (n, n)
-    What a search leaves open is unbounded, but the error of the constants is not. At a point reached by data without
-    information its mean square is B = 1 + theta theta', by the prior and the distance from it: for each direction of
-    [cov, B] the smaller one is kept.
+    The ambiguity of a search is unbounded, but the error of the constants is not. If the data contain no information,
+    the mean square error at a point is B = 1 + theta theta', by the prior and the distance from it: for each direction
+    of [cov, B] the smaller one is kept.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)
@@ -82,7 +82,7 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     largest = float(ratios.max(initial=0.0))
     if largest <= 1.0 + ROUNDING:
         return cov, 0
-    # a variance below the rounding of a much larger one is unknown, and so is the data's information on that direction
+    # a variance below the rounding of a much larger one is unknown, and so is the information on that direction
     limited = (ratios > 1.0 + ROUNDING) | (ratios < len(theta) * np.finfo(float).eps * largest)
     turned = root @ axes
     return np.asarray((turned * np.where(limited, 1.0, ratios)) @ turned.T), int(limited.sum())

@@ -1,4 +1,4 @@
-"""The most probable constants from several starts: Gauss-Newton's method with a line search, within a time limit."""
+"""Search for the most probable constants from several starts: Gauss-Newton with line search and time limit."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from estimators.identification.filter_pass import Pass
 from estimators.identification.residuals import times_counted
 
 MOST_PASSES = 24
-"""Limit of the iteration: three to eight passes are usual, more if the given constants are far off; choice."""
+"""Largest number of iterations; choice: three to eight are usual, more if the given constants are far off."""
 
 CONVERGED = 0.2
-"""Tolerance of the iteration in standard errors of a constant: it adds 2 % to the error at most."""
+"""Tolerance of the iteration, in standard errors of a constant: it adds at most 2 % to the error."""
 
 AGREEING = 1.0
-"""Standard errors of a constant within which two starts agree: further apart they are two solutions."""
+"""Standard errors of a constant within which two results agree; results further apart are different solutions."""
 
 LONGEST_STEP = 4.0
 """Largest factor on a Gauss-Newton step [1]; numerical."""
 
 LONGEST_MOVE = 1.0
-"""Longest step of the logarithm of a constant, a factor of e: the linear model of the step does not hold further."""
+"""Longest step of the logarithm of a constant, a factor of e: beyond it the linear model of the step is invalid."""
 
 START_SEED = 1
 """Seed of the scrambled Sobol sequence of starts: the same recording gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""A pass through the recording at a point, (n,), in prior standard deviations."""
+"""Pass through the recording at a point, (n,), in prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
-    """Where a search ended: theta (n,), in prior standard deviations, and the pass there.
+    """Result of a search: theta (n,), in prior standard deviations, and the pass at this point.
 
     at_start: the pass at its start; passes: number of passes
     converged: whether the last step was below noise; in_time: whether it finished
@@ -54,7 +54,7 @@ class Optimum:
 
     @property
     def log_posterior(self) -> float:
-        """Up to a constant; 0 for the prior at its mean."""
+        """Log posterior up to a constant; the prior contributes 0 at its mean."""
         return self.at(self.times)
 
     def at(self, times: float) -> float:
@@ -63,7 +63,7 @@ class Optimum:
 
     @property
     def precision(self) -> Floats:
-        """Inverse covariance by Fisher information and prior, (n, n)."""
+        """Inverse covariance: Fisher information plus prior, (n, n)."""
         return self.found.information / self.times + np.eye(len(self.theta))
 
     def agrees(self, other: Optimum) -> bool:
@@ -81,13 +81,13 @@ def starts(spread: Floats, n: int) -> Floats:
 
 
 def begun(at: At, start: Floats) -> Optimum:
-    """A search at its start, after one pass. Raises OutOfTimeError."""
+    """A search after one pass at its start. Raises OutOfTimeError."""
     first = at(start)
     return Optimum(start, first, first, 1, converged=False, times=times_counted(first))
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The search with the highest posterior, the first of equal ones; composite likelihoods are scaled alike."""
+    """The search with the highest posterior, the first of equal ones; all likelihoods are divided by one factor."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
@@ -102,7 +102,7 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """As `gauss_newton`, for a search that has begun."""
+    """As `gauss_newton`, but continues a search."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):
@@ -121,8 +121,8 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
                 step *= 0.5
             if tried.log_posterior < best.log_posterior:
                 return replace(best, passes=tried.passes, converged=step * away < CONVERGED)
-            # scores neglect the effect of constants on gains: steps that gain twice the predicted improvement are too
-            # short
+            # scores neglect the effect of constants on gains: steps that gain twice the predicted improvement are
+            # too short
             is_short = tried.log_posterior - best.log_posterior > float(move @ best.precision @ move)
             longest = min(2.0 * longest, LONGEST_STEP) if is_short else 1.0
             best = replace(tried, times=times_counted(tried.found))
@@ -132,7 +132,7 @@ def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
 
 
 def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
-    """As `gauss_newton`; None where the time is over before the first pass ends."""
+    """As `gauss_newton`; None if the time is over before the first pass ends."""
     try:
         return gauss_newton(at, start, unit)
     except OutOfTimeError:
@@ -140,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """Results of the starts in order, up to one without time. Raises OutOfTimeError if that is the first."""
+    """Results of the starts in order, up to the first without time. Raises OutOfTimeError if there is no result."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

@@ -1,4 +1,4 @@
-"""Estimation of the filter's discrepancy level from a recording: how far a tissue departs from its model."""
+"""Estimation of the discrepancy's level from a recording: the relative error of the model's displacements."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from estimators.identification.stretch import affordable, frame_seconds, from_fi
 from estimators.tissue.settings import FilterSettings
 
 STRAINS = (0.002, 0.003, 0.01, 0.03)
-"""Levels that are compared, by the body's extent [1]; choice."""
+"""Levels that are compared, relative to the body's extent [1]; choice."""
 
 UNSEEN = 0.003
 """Smallest level for a model with guessed constants, because marks do not show how well it predicts the target [1];
 measured: docs/filter.md."""
 
 REFUTED = 3.0
-"""Difference of log likelihood to the best level above which a level is rejected [1]; choice."""
+"""Difference of log likelihood from the best level above which a level is rejected [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TuningResult:
-    """The level of the discrepancy that was found.
+    """Estimated level of the discrepancy.
 
     settings: with that level
     names, values, log_sd: the tuned setting, its value in its unit, and the standard error of the value's logarithm
     [1], each (1,)
-    log_likelihood: of each mark given the others of its frame, summed, at that level, and at the earlier level
-    n_frames: of the recording that were used; in_time: False where the time was too short for all frames and passes
+    log_likelihood: sum over each mark given the others of its frame, at that level, and at the earlier level
+    n_frames: number of frames that were used; in_time: False if the time was too short for all frames and passes
     """
 
     settings: FilterSettings
@@ -87,17 +87,17 @@ def tune_strain(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> TuningResult:
-    """Find the level of the discrepancy: the largest one that the marks do not reject.
+    """Estimate the discrepancy's level from a recording: the largest level that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the others of its frame, as the joint likelihood hardly
-    depends on how well marks predict a hidden position. The standard error is that of the level's logarithm if all
-    levels are equally probable at first.
+    Levels are compared by the likelihood of each mark given the others of its frame; the joint likelihood hardly
+    depends on how well marks predict a hidden position. The standard error is that of the level's logarithm, for equal
+    prior probabilities of the levels.
 
-    frames: (time [s], marks) in order; marked: the nodes whose marks are measured, those of others are not used
+    frames: (time [s], marks) in order; marked: the nodes whose marks are used
     uncertainty: of the constants
-    budget: time limit; workers: processes that share the passes; `advance` is called with the share done
-    is_identified: whether the constants were found from the tissue; levels below `UNSEEN` are compared only then
-    Raises IdentificationError where the time is too short for any result.
+    budget: time limit; workers: processes that share the passes; `advance` is called with the completed share
+    is_identified: whether the constants were identified from the tissue; levels below `UNSEEN` are compared only then
+    Raises IdentificationError if the time is too short for any result.
     """
     before, limit = settings or FilterSettings(), budget or Budget()
     strains = [strain for strain in STRAINS if is_identified or strain >= UNSEEN]

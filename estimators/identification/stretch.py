@@ -1,4 +1,4 @@
-"""Which frames of a recording are used if the time is too short for all: consecutive ones with most motion."""
+"""Selection of a recording's frames if the time is too short for all: consecutive ones with most motion."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ PROBED = 3
 """Number of frames over which a pass is timed, after as many that load compiled code."""
 
 TIMED = 3
-"""Number of timed passes; numerical: interruptions by the machine or the interpreter take longer than a few frames, and
-a fit that counts them gives up although there is time."""
+"""Number of timed passes, of which the quickest counts; numerical: an interruption takes longer than a few frames, and
+a fit that counted it would give up although there is time."""
 
 
 def from_first_marks(frames: Frames) -> Frames:
-    """The frames from the first one with marks on."""
+    """The frames from the first one with marks."""
     return frames[next((k for k, (_, marks) in enumerate(frames) if marks), 0) :]
 
 
@@ -47,7 +47,7 @@ def liveliest(frames: Frames, n: int) -> Frames:
 
 
 def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budget) -> float:
-    """Time of a pass for each frame [s], the quickest of a few; 0 if the time is unlimited."""
+    """Time of a pass per frame [s], the shortest of a few; 0 if the time is unlimited."""
     if not np.isfinite(budget.seconds):
         return 0.0
     some = frames[:PROBED]
@@ -63,7 +63,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
     """The frames, or the consecutive ones with most motion that the time allows for this many passes.
 
-    frame_s: time of a pass for each frame [s]; reserved_s: time reserved for something else [s]. Raises OutOfTimeError
+    frame_s: time of a pass per frame [s]; reserved_s: time reserved for other work [s]. Raises OutOfTimeError
     for fewer than `LEAST_FRAMES` frames.
     """
     if frame_s <= 0.0:

@@ -1,6 +1,6 @@
-"""Pose error of a camera or tracker by reference marks, marks corrected by it; registration of a body.
+"""Pose error of a camera or tracker from reference marks, correction of marks, and registration of a body.
 
-What may enter: another motion.
+Other pose motions belong here.
 """
 
 from estimators.pose.pose_filter import CameraMove, PoseEstimate, PoseFilter

@@ -1,9 +1,9 @@
-"""The pose error of a camera or tracker from its reference marks: Kalman filters of hypotheses, moved and not moved.
+"""Filter for the pose error of a camera or tracker: Kalman filters of the hypotheses that it was moved or not.
 
-A reference mark at x is seen at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) is the pose error. The errors
-of the calibration, k, have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is noise. The
-motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a hypothesis is born: the camera was moved
-since the frame before. Hypotheses are weighted by their likelihoods, and pruned.
+A reference mark at x is measured at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) is the pose error. The
+calibration errors k have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is noise. The
+motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the camera was
+moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
 """
 
 from __future__ import annotations
@@ -19,25 +19,26 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR_RAD = 5, 1e-3
-"""An update iterates until the turn changes by less than this [rad]: the remainder is half its square; numerical."""
+"""Most iterations of an update, and change of the rotation below which they end [rad]: the error is half its square;
+numerical."""
 
 START_S = 1.0
-"""Time before the first frame in which a camera may have been moved [s]; choice."""
+"""Time before the first frame during which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Fewest reference marks of which one can be found wrong: of two, either may be wrong."""
+"""Fewest reference marks with which one can be found wrong: with two, either may be."""
 
 
 SURE = 10.0
-"""Squared change by its covariance, by degree of freedom, above which a move is reported [1]; choice."""
+"""Squared change per degree of freedom, normalised by its covariance, above which a move is reported [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraMove:
-    """A change of the pose that is reported.
+    """A reported change of a camera's pose.
 
-    time_s: when [s]; distance_m: apparent shift of the middle of the reference marks [m]; angle_rad: their apparent
-    turn [rad]
+    time_s: time of the change [s]; distance_m: apparent shift of the reference marks' centre [m]; angle_rad: their
+    apparent rotation [rad]
     """
 
     time_s: float
@@ -47,11 +48,11 @@ class CameraMove:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """The pose error at one time.
+    """Estimate of the pose error at one time.
 
-    motion: the rigid motion from where points are to where they are seen
-    cov: of its change, turns [rad] and translations [m], (n, n)
-    columns: its change by one standard deviation of each error of the calibration [rad, m], (n, n_calibration)
+    motion: rigid motion from the true positions of points to the measured ones
+    cov: covariance of the motion's error, rotation [rad] and translation [m], (n, n)
+    columns: change of the motion by one standard deviation of each calibration error [rad, m], (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -59,7 +60,7 @@ class PoseEstimate:
     columns: Floats
 
     def corrected(self, mark: MarkMeasurement) -> MarkMeasurement:
-        """A mark as a camera without pose error sees it; the directions of the pose come last in its `shared`."""
+        """The mark without the pose error; the directions of the pose's uncertainty come last in its `shared`."""
         turned = self.motion.rotation.T
         shared = turned @ self.seen_shared(mark.position, mark.shared)
         place = self.motion.back(mark.position[None])[0]
@@ -68,7 +69,7 @@ class PoseEstimate:
     def seen_shared(self, seen_m: Floats, shared: Floats | None) -> Floats:
         """Shift of a mark at a position [m], (dim,), by one sd of each error [m], (dim, n_calibration + n).
 
-        shared: shift by the errors of the calibration, (dim, n_calibration); those of the pose come last
+        shared: shift by the calibration errors, (dim, n_calibration); the errors of the pose come last
         """
         J = self.motion.change_of(seen_m[None])[0]
         own = np.zeros((len(seen_m), self.columns.shape[1])) if shared is None else shared
@@ -91,13 +92,12 @@ class _Hypothesis:
 
 
 class PoseFilter:
-    """Estimates the pose error, frame by frame.
+    """Filter that estimates the pose error of a camera or tracker, frame by frame.
 
-    places: of the reference marks [m], by name, (dim,) each; n_calibration: number of directions in `shared` of its
-    marks
-    State: time_s, None before the first frame; hypotheses, the most probable first; when a mark was last seen; the
-    motion that was last reported; moves: reports that were not fetched yet; wrong: names of the marks not used in the
-    last frame.
+    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of directions in
+    `shared` of its marks
+    State: time_s, None before the first frame; hypotheses, the most probable first; time of the last mark; motion of
+    the last report; moves: reports that were not fetched yet; wrong: names of the marks not used in the last frame.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class PoseFilter:
 
     @property
     def estimate(self) -> PoseEstimate:
-        """The mean of the hypotheses and its covariance."""
+        """Mean and covariance of the pose error over the hypotheses."""
         first, n = self._hypotheses[0], self.n
         weights = np.exp([one.log_weight for one in self._hypotheses])
         changes = np.array([first.motion.change_to(one.motion) for one in self._hypotheses])
@@ -134,12 +134,12 @@ class PoseFilter:
 
     @property
     def after_move(self) -> PoseEstimate:
-        """As `estimate`, under the hypothesis that the camera was just moved."""
+        """Pose error under the hypothesis that the camera was just moved."""
         first, n = self._hypotheses[0], self.n
         return PoseEstimate(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
 
     def predict(self, time_s: float) -> None:
-        """Move the state to this time [s]."""
+        """Predict the state at this time [s]."""
         dt = 0.0 if self.time_s is None else time_s - self.time_s
         self.time_s = time_s
         if dt <= 0.0:
@@ -162,7 +162,7 @@ class PoseFilter:
         ]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
-        """Update with the reference marks seen at the state's time; returns a move to report, or None."""
+        """Update with the reference marks at the state's time; returns a move to report, or None."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) before, found no time")
         self.wrong = frozenset()
@@ -184,13 +184,13 @@ class PoseFilter:
         return self._report(jumped=order[0] > 0)
 
     def _moved(self, P: Floats) -> Floats:
-        """The covariance after a move of the pose: its drift restarts."""
+        """The covariance after a move of the pose, which restarts the drift."""
         n = self.n
         pose = P[:n, :n] + np.diag(self._moved_var)
         return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
 
     def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
-        """A hypothesis updated with marks, without those that are more probably something else."""
+        """A hypothesis updated with marks, except those that are more probably something else."""
         s, dim = self.settings, len(marks[0].position)
         found, nis = self._with(one, marks)
         used = list(marks)
@@ -243,7 +243,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """The change since the last report, if the camera was moved or has drifted far."""
+        """The change since the last report, if the camera was moved or its drift is large."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

@@ -1,9 +1,9 @@
-"""Registration: the rigid motion that brings drawn points to where they are measured, and its errors.
+"""Registration: the rigid motion from drawn points to measured ones, and its errors.
 
-Maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance: Newton's steps
-from the rotation of [kabsch1976], Gauss-Newton's where the likelihood is not convex. The covariance is that of the
-linearised motion. Terms of [fitzpatrick1998]: fiducial registration error for the residuals, target registration error
-for `Registration.error_cov`.
+Maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance. Newton's method
+starts from the rotation of [kabsch1976]; Gauss-Newton steps replace it where the likelihood is not convex. The
+covariance is that of the linearised motion. Terms of [fitzpatrick1998]: fiducial registration error for the residuals,
+target registration error for `Registration.error_cov`.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from estimators.arrays import Floats
 from estimators.pose.rigid import GENERATORS, RigidMotion
 
 LARGEST_RAD = 0.2
-"""Largest standard deviation of the turn about any axis [rad]; choice: beyond it the linearised covariance is off."""
+"""Largest standard deviation of the rotation about any axis [rad]; choice: the linearised covariance fails above it."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Most Newton steps, and the squared step by its covariance, by 1 + chi-square, below which they end; numerical."""
+"""Most Newton steps, and squared normalised step by 1 + chi-square below which they end; numerical."""
 
 ROUNDING = 1e-9
-"""Relative increase of a chi-square that rounding explains; numerical: a step that increases it by more is halved."""
+"""Relative increase of chi-square that rounding explains; numerical: a step that increases it by more is halved."""
 
 
 class RegistrationError(ValueError):
-    """Points that do not determine a rigid motion."""
+    """Error for points that do not determine a rigid motion."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Registration:
-    """A rigid motion fitted to measured points.
+    """Rigid motion fitted to measured points.
 
-    motion: from where points are drawn to where they are measured
-    cov: of its change, first its translation [m], then its rotation [rad], (n, n)
-    residuals: of the points, measured less moved [m], (k, dim); residual_covs: expected [m²], (k, dim, dim)
-    chi_square: sum of the squared residuals by the covariances of the points [1]
+    motion: from the drawn to the measured points
+    cov: covariance of its error, first the translation [m], then the rotation [rad], (n, n)
+    residuals: measured less moved points [m], (k, dim); residual_covs: their expected covariance [m²], (k, dim, dim)
+    chi_square: sum of the squared residuals, normalised by the covariances of the points [1]
     """
 
     motion: RigidMotion
@@ -53,27 +53,27 @@ class Registration:
 
     @property
     def p_value(self) -> float:
-        """Probability of a `chi_square` as large as this, if the stated covariances hold."""
+        """Probability of a `chi_square` at least as large, if the stated covariances are right."""
         return float(chi2.sf(self.chi_square, self.degrees))
 
     @property
     def rms_m(self) -> float:
-        """Root mean square distance of the points [m]."""
+        """Root mean square of the residuals [m]."""
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
     @property
     def expected_rms_m(self) -> float:
-        """The same, as the stated covariances predict it [m]."""
+        """Root mean square of the residuals that the stated covariances predict [m]."""
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration at drawn places [m], (n_places, dim), as [m²], (n_places, dim, dim)."""
+        """Covariance of the registration error at drawn points [m], (n_places, dim), as [m²], (n_places, dim, dim)."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 
 
 def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
-    """Mean of independent measurements of one place [m], (k, dim), by their covariances [m²], (k, dim, dim).
+    """Weighted mean of independent measurements of one position [m], (k, dim), with covariances [m²], (k, dim, dim).
 
     Returns the mean [m], (dim,), and its covariance [m²], (dim, dim).
     """
@@ -83,16 +83,16 @@ def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
 
 
 def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registration:
-    """The rigid motion, without scale or reflection, that most probably moved drawn points to measured ones.
+    """The most probable rigid motion, without scale or reflection, from drawn points to measured ones.
 
     Parameters
     ----------
     drawn : (k, dim)
-        Places of the points in the body's own coordinates [m].
+        Positions of the points in the body's own coordinates [m].
     measured : (k, dim)
         The same points in the coordinates of the tracker [m].
     covs : (k, dim, dim)
-        Covariances of the measured places [m²]; errors of different points are independent.
+        Covariances of the measured positions [m²]; errors of different points are independent.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
     Raises
     ------
     RegistrationError
-        Fewer than two points in the plane or three in space, or points so near one line that the turn about it is
+        Fewer than two points in the plane or three in space, or points so close to a line that the rotation about it is
         uncertain by more than `LARGEST_RAD`.
 
     References
@@ -137,7 +137,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 
 
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
-    """Registrations of points [m], (k, dim), by all others, (k,), for covariances [m²], (k, dim, dim).
+    """For each point [m], (k, dim), the registration by all others, (k,), with covariances [m²], (k, dim, dim).
 
     None where the others do not determine one.
     """
@@ -152,7 +152,7 @@ def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registr
 
 
 def _kabsch(drawn: Floats, measured: Floats, weights: Floats) -> RigidMotion:
-    """The motion of least weighted squares, (k,) weights. Source: [kabsch1976]."""
+    """Rigid motion with the least weighted squared residuals, weights (k,). Source: [kabsch1976]."""
     centre, middle = (np.average(places, axis=0, weights=weights) for places in (drawn, measured))
     left, _, right = np.linalg.svd((measured - middle).T @ (weights[:, None] * (drawn - centre)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -160,16 +160,16 @@ def _kabsch(drawn: Floats, measured: Floats, weights: Floats) -> RigidMotion:
 
 
 def _turn_sd(A: Floats, dim: int) -> float:
-    """Largest standard deviation of the turn [rad], by the information of the motion, (n, n); inf: undetermined."""
+    """Largest standard deviation of the rotation [rad], from the information matrix (n, n); inf if undetermined."""
     of_turn = A[dim:, dim:] - A[dim:, :dim] @ np.linalg.solve(A[:dim, :dim], A[:dim, dim:])
     least = float(np.linalg.eigvalsh(of_turn)[0])
     return 1.0 / np.sqrt(least) if least > 0.0 else np.inf
 
 
 def _hessian(A: Floats, motion: RigidMotion, moved: Floats, pulls: Floats) -> Floats:
-    """Half the second derivative of the chi-square by a change of the motion, (n, n).
+    """Half the second derivative of chi-square with respect to a change of the motion, (n, n).
 
-    A: its part of first order, (n, n); pulls: residuals of moved points, (k, dim), by their covariances, (k, dim)
+    A: its first-order part, (n, n); pulls: residuals of moved points, (k, dim), divided by their covariances, (k, dim)
     """
     dim, H = moved.shape[1], A.copy()
     G = GENERATORS[dim]

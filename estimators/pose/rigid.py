@@ -18,15 +18,15 @@ GENERATORS = {
         ]
     ),
 }
-"""The generators of the rotations by the dimension, (dim (dim - 1) / 2, dim, dim): d/da exp(a G) = G at a = 0."""
+"""Generators of the rotations for each dimension, (dim (dim - 1) / 2, dim, dim): d/da exp(a G) = G at a = 0."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RigidMotion:
-    """A rigid motion of points x [m] to R (x - c) + c + t [m].
+    """Rigid motion of points x [m] to R (x - c) + c + t [m].
 
     rotation: R, (dim, dim); translation: t [m], (dim,); centre: c [m], (dim,)
-    A small change has n numbers, the translation first [m], then the rotation [rad], from the left.
+    A small change has n numbers: first the translation [m], then the rotation [rad], applied from the left.
     """
 
     rotation: Floats
@@ -35,7 +35,7 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The identity; centre: of later turns [m], (dim,)."""
+        """The identity; centre: centre of later rotations [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:
@@ -43,11 +43,11 @@ class RigidMotion:
         return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
 
     def back(self, points_m: Floats) -> Floats:
-        """The points with these images [m], (k, dim)."""
+        """Points with these images [m], (k, dim): the inverse motion."""
         return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
 
     def change_of(self, moved_m: Floats) -> Floats:
-        """Shift of moved points [m], (k, dim), by a small change of the motion, (k, dim, n)."""
+        """Shift of moved points [m], (k, dim), per unit of a small change of the motion, (k, dim, n)."""
         arms = moved_m - self.centre - self.translation
         turned = np.einsum("aij,kj->kia", GENERATORS[len(self.centre)], arms)
         return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)
@@ -63,7 +63,7 @@ class RigidMotion:
         return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
 
     def change_to(self, other: RigidMotion) -> Floats:
-        """The change from this motion to another, (n,); exact in the plane, in space for turns of less than a half."""
+        """The change from this motion to another, (n,); exact in the plane, in space below half a turn."""
         turn = other.rotation @ self.rotation.T
         skew = 0.5 * (turn - turn.T)
         axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])

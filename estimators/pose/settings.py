@@ -1,4 +1,4 @@
-"""How a camera or tracker may move, and how a reference mark may be wrong."""
+"""Settings of the pose filter: how a camera or tracker may move, and how a reference mark may be wrong."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class PoseSettings:
-    """Prior of the pose error of a camera or tracker, and of its motion.
+    """Settings of the pose filter: prior of the pose error of a camera or tracker, and of its motion.
 
     start_m, start_rad: standard deviation of the error at the start, along each axis [m] and about it [rad]; choice
-    rate_m_s, rate_rad_s: of the speed of a drift [m/s], [rad/s]; lasting_s: its correlation time [s]; choice
+    rate_m_s, rate_rad_s: of the drift's speed [m/s], [rad/s]; lasting_s: its correlation time [s]; choice
     moved_m, moved_rad: of the change when the camera is moved suddenly [m], [rad]; moved_each_s: mean time between two
         such moves [s]; choice
     wrong_share: share of reference marks that are confused with something else [1]; wrong_m: their distance from the
     true position [m]; choice
-    gate: normalised innovation squared by degrees of freedom above which one of the marks may be wrong [1]; choice
-    n_hypotheses: most hypotheses; least: probability below which one is dropped [1]; choice
-    drifted_m, drifted_rad: change since the last report above which the drift is reported [m], [rad]; choice
+    gate: normalised innovation squared per degree of freedom above which one of the marks may be wrong [1]; choice
+    n_hypotheses: largest number of hypotheses; least: probability below which one is dropped [1]; choice
+    drifted_m, drifted_rad: change since the last report above which a drift is reported [m], [rad]; choice
     """
 
     start_m: float = 1e-3

@@ -1,6 +1,6 @@
-"""Motion under unknown and known forces; the target as a map of the state.
+"""Motion of a tissue under unknown and known forces; the target's map.
 
-What may enter: motion and noise, no marks.
+Motion and noise belong here, marks do not.
 """
 
 from estimators.process.known_force import ForceHistory, KnownForce

@@ -1,4 +1,4 @@
-"""A known force on the tissue, such as a needle's, as the steps of a filter's prediction ask for it."""
+"""Known force on the tissue, such as a needle's, evaluated for the steps of a filter's prediction."""
 
 from __future__ import annotations
 
@@ -11,18 +11,17 @@ from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 
 ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
-"""Forces on the free nodes [N], (n_free, dim), held over the prediction; or a function of time [s] and states.
+"""Forces on the free nodes [N], (n_free, dim), constant over the prediction; or a function of time [s] and states.
 
-The function is asked once a step of at most 1/120 s, for the middle of the step and states (..., n_state) at its start,
-and gives (..., n_free, dim) or (n_free, dim). What it gives is held over the step: a friction that turns round within a
-step must not depend on the state, or it shakes.
-"""
+The function is called once per step of at most 1/120 s, with the middle of the step and the states (..., n_state) at
+its start; it returns (..., n_free, dim) or (n_free, dim), constant over the step. A friction that changes its sign
+within a step must not depend on the state: it would oscillate."""
 
 
 class KnownForce:
-    """A known push, evaluated step by step during a prediction.
+    """Known force, evaluated step by step during a prediction.
 
-    State: time_s, at the end of the step under way; dt, its length [s].
+    State: time_s, at the end of the present step; dt, its length [s].
     """
 
     def __init__(self, push: ForceHistory, network: MassSpringNetwork, time_s: float) -> None:
@@ -33,13 +32,13 @@ class KnownForce:
             self._held = self._flat(push)
 
     def step(self, dt: float) -> None:
-        """Go on to the next step, of dt [s]."""
+        """Begin the next step, of dt [s]."""
         self.time_s, self.dt = self.time_s + dt, dt
 
     def forces(self, states: Floats) -> Floats:
         """Forces on the free coordinates [N], (..., n_free dim), for states (..., n_state) at the start of the step.
 
-        Raises ValueError for forces of another shape or that are not finite.
+        Raises ValueError for forces of another shape, and for forces that are not finite.
         """
         if callable(self._push):
             return self._flat(self._push(self.time_s - 0.5 * self.dt, states), states.shape[:-1])

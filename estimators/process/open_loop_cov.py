@@ -1,4 +1,4 @@
-"""How sure the paper's open loop has reason to be: what noise of marks that drive a model does to the hidden masses."""
+"""Covariance of the paper's open loop: effect of the noise of marks that drive the model on the hidden masses."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Coordinates of hidden masses, or as many of their slowest motions, at most [1]; numerical."""
+"""Largest number of coordinates of hidden masses; of more, only as many slowest motions are used [1]; numerical."""
 
 KEPT = 64
-"""Kinds of frames, by their interval and by what is seen, whose matrices are kept, at most: it bounds the memory."""
+"""Largest number of frame kinds (interval and visible marks) whose matrices are cached; it bounds the memory."""
 
 
 class OpenLoopCovariance:
-    """Covariance of the open loop's target, linearised about the rest shape, for large bodies in their slowest motions.
+    """Covariance of the open loop's target, linearised about rest; large bodies are reduced to their slowest motions.
 
-    Between frames a marked mass moves straight from where it was seen to where it is seen next, each wrong by its
-    mark's noise; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mark that
-    is not seen is taken to be where it was.
+    Between frames, a marked mass moves straight from one measured position to the next, each with the noise of its
+    mark; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mass without a
+    visible mark stays where it was.
 
-    State: cov, of the hidden masses' places and velocities and of the marked masses' errors.
+    State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Predict by dt [s] to a frame in which these nodes' marks were seen, each with this noise [m²], (dim, dim)."""
+        """Predict by dt [s] to a frame with the marks of these nodes, each with its noise [m²], (dim, dim)."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:
@@ -79,10 +79,10 @@ class OpenLoopCovariance:
         self.cov = new
 
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
-        """Over dt [s] to a frame with these marks.
+        """Matrices over dt [s] to a frame with these marks.
 
-        What moves the state to the hidden masses, which errors of marks last, what the hidden masses make of new
-        errors, and the noise of force.
+        Transition to the hidden masses, which errors of marks remain, effect of new errors on the hidden masses, and
+        noise of forces.
         """
         n = self._n
         if dt > 0.0:
@@ -96,9 +96,9 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """What the hidden masses, the marked ones' error at the start and that at the end make of the hidden ones.
+        """Effect on the hidden masses of their own state, of the marked ones' error at the start and at the end.
 
-        And the covariance that unknown force adds.
+        Also the covariance from unknown force.
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
@@ -113,9 +113,9 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """Columns (n, r) of the slowest motions of these free coordinates while the others stand still, and their inverse.
+    """Columns (n, r) of the slowest motions of these free coordinates while the others are fixed, and their inverse.
 
-    by_mass: -K / mass of these, (n, n); all n coordinates as they are where they are few
+    by_mass: -K / mass of these, (n, n); if n is small, all n coordinates are returned
     """
     n = len(rows)
     if n <= MOTIONS:

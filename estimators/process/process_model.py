@@ -1,7 +1,7 @@
-"""The tissue as a process model: its equations of motion, with an unknown poke on each marked node.
+"""Process model of a tissue: equations of motion of a network, with an unknown poke on each marked node.
 
-The state is the network's (positions, then velocities of the free nodes) followed by the poke on each
-marked coordinate [N], node-major.
+The state has the network's state (positions, then velocities of the free nodes), then the poke on each
+marked coordinate [N], node by node.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from dynamics import (
 from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
-"""Between two additions of noise [s]; choice: it errs by 23 µm and by 0.5 % of the covariance after 0.2 s,
-and takes half the time of 1/240 s."""
+"""Longest time between two additions of noise [s]; choice: the error is 23 µm and 0.5 % of the covariance after 0.2 s;
+the computation takes half the time of 1/240 s."""
 
 LOOSE = 1e-11
-"""Stiffness, by the largest, below which it is rounding: nothing resists."""
+"""Relative stiffness below which it is rounding: nothing resists."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
-"""Nodes and weights on (-1, 1): rounding is all that is left up to steps of twice the correlation time."""
+"""Nodes and weights on (-1, 1); up to steps of twice the correlation time only rounding errors remain."""
 
 
 @dataclass(frozen=True, slots=True)
 class ForceMode:
-    """The unknown forces in one mode.
+    """Unknown forces in one mode.
 
-    white: acceleration noise on every free node: what the model leaves out [m/s²/sqrt(Hz)]; choice
-    poke: standard deviation of the poke on each marked node, by its mass [m/s²]; choice
+    white: acceleration noise on every free node, for errors of the model [m/s²/sqrt(Hz)]; choice
+    poke: standard deviation of the poke on each marked node, divided by its mass [m/s²]; choice
     lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]; choice
     """
 
@@ -48,22 +48,22 @@ class ForceMode:
 
 
 QUIET = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
-"""Forces where nobody pokes; choice."""
+"""Forces without pokes; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixBias:
-    """Common error of all fixes of the target: sd [m] per axis, varying slowly over lasting_s [s]."""
+    """Common error of all fixes of the target: sd [m] for each axis, with correlation time lasting_s [s]."""
 
     sd_m: float
     lasting_s: float = 60.0
 
 
 class TissueModel:
-    """Process model of a network whose marked nodes are poked by unknown forces.
+    """Process model of a network with unknown forces on its marked nodes.
 
-    uncertainty: directions in which the network's constants are not known
-    dim_x: the network's state, and one poke for each coordinate of a node that is poked
+    uncertainty: directions in which the network's constants are uncertain
+    dim_x: number of states: the network's, and one poke for each coordinate of a poked node
     """
 
     def __init__(
@@ -77,19 +77,19 @@ class TissueModel:
         self.mass = np.repeat(network.masses[network.free], network.dim)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
-        """Sigma points (n_points, dim_x) dt [s] later, each under its own poke, which fades meanwhile.
+        """Sigma points (n_points, dim_x) after dt [s], each with its own poke, which decays.
 
         Points: [m], [m/s], [N].
         """
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Sigma points of each mode, (n_modes, n_points, dim_x), dt [s] later; [m], [m/s], [N]."""
+        """Sigma points of each mode, (n_modes, n_points, dim_x), after dt [s]; [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
         forces = np.zeros((*points.shape[:2], n // 2))
-        # of the poke at the start, the mean share over the step
+        # mean share, over the step, of the poke at the start
         forces[:, :, self.poked_rows] = (1.0 - fade) * lasting / dt * points[:, :, n:]
         ahead = self.stepper.advance(points[:, :, :n].reshape(-1, n), dt, forces.reshape(-1, n // 2))
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
@@ -97,7 +97,7 @@ class TissueModel:
     def resting_columns(self, shape: Floats) -> Floats:
         """Change of a rest shape by an error of the constants along each direction, (dim_x, n_directions).
 
-        shape of all nodes [m], (n_nodes, dim)
+        shape: positions of all nodes [m], (n_nodes, dim)
         """
         if self.uncertainty is None:
             return np.zeros((self.dim_x, 0))
@@ -105,15 +105,15 @@ class TissueModel:
         forces = parameter_forces(self.network, self.uncertainty.parameters, shape, np.zeros_like(shape))
         forces = self.uncertainty.directions @ forces
         columns = np.zeros((self.dim_x, len(forces)))
-        # nothing resists motion as a rigid body where no node is held: constants in error make none
+        # rigid motions without a fixed node have no resistance: errors of the constants cause none
         columns[:half] = np.linalg.lstsq(stiffness_matrix(self.network, shape), forces.T, rcond=LOOSE)[0]
         return columns
 
     def noise(self, dt: float, mode: ForceMode) -> Floats:
-        """Covariance that a step of dt [s] adds, (dim_x, dim_x), by the exact discretisation of each free coordinate.
+        """Covariance of the noise of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
 
-        Springs and dashpots are left out: over a step of 1/240 s they change the phantom's noise by some 10 %, and the
-        predicted covariance by 2 %, at every frame rate, since the step is the same.
+        Springs and dashpots are ignored: over a step of 1/240 s they change the phantom's noise by about 10 %, and the
+        predicted covariance by 2 %. This holds at every frame rate, since the step is the same.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
@@ -130,8 +130,8 @@ class TissueModel:
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
         """Matrix A and noise density of the augmented motion about a shape [m], (dim_x, dim_x); in [m], [m/s], [N].
 
-        Motions in which the shape is no stable rest, as where a link is compressed, go on at their speed instead of
-        growing: a body leaves such a shape for the next rest, where a linear motion would go on to infinity.
+        Unstable motions of the shape, as of a compressed link, keep their speed instead of growing: the real body moves
+        to another rest shape, while a linear motion would diverge.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         A = np.zeros((self.dim_x, self.dim_x))
@@ -147,7 +147,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add what accelerations of these densities, (half,), make of places and velocities in a step of dt [s]."""
+    """Add the covariance of positions and velocities from accelerations of these densities, (half,), over dt [s]."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0
@@ -157,7 +157,7 @@ def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
 
 
 def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
-    """-K / mass, (n, n), without the motions of negative stiffness; itself where there are none."""
+    """Matrix -K / mass, (n, n), without the motions of negative stiffness; unchanged if there are none."""
     root = np.sqrt(mass)
     scaled = root[:, None] * by_mass / root
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -167,7 +167,7 @@ def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
-    """Covariance from zero after a time [s] of dx/dt = A x + white noise of this density; (n, n).
+    """Covariance at a time [s] from zero for dx/dt = A x + white noise of this density; (n, n).
 
     Source: [vanloan1978]. Unlike Lyapunov's equation it needs no damping.
     """
@@ -186,11 +186,11 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
-    """Covariance of place, velocity and poke by mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
+    """Covariance of position, velocity and poke per mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
 
-    sd: of the force by mass [m/s²]; tau: its correlation time [s]
+    sd: of the force per mass [m/s²]; tau: its correlation time [s]
 
-    The integral of g g' over the age s of the noise, g what noise of that age has become: Gauss-Legendre.
+    The integral of g g' over the age s of the noise, where g is the response to noise of that age: Gauss-Legendre.
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

@@ -1,4 +1,4 @@
-"""The target as a linear function of the state: weighted nodes and an offset from them."""
+"""The target as a linear function of the state: a weighted sum of nodes plus an offset."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from estimators.arrays import Floats
 
 @dataclass(frozen=True, slots=True)
 class TargetPoint:
-    """A point of the tissue, position = sum_i weights_i x_i + offset; a node where nothing else is given.
+    """A point of the tissue, position = sum_i weights_i x_i + offset; by default a node.
 
-    nodes: names, n of them; weights: of their positions, (n,), that sum to 1; offset_m: fixed in direction [m], (dim,),
-    none where it is empty; sd_m: how well the offset is known, one standard deviation an axis [m]
+    nodes: n names; weights: their weights, (n,), with sum 1; offset_m: offset of constant direction [m], (dim,),
+    none if empty; sd_m: uncertainty of the offset, one standard deviation for each axis [m]
     """
 
     nodes: tuple[str, ...]
@@ -35,14 +35,14 @@ class TargetPoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetMap:
-    """Position of a target from a state: matrix @ free coordinates + constant + error of the offset.
+    """Map from a state to the position of a target: matrix @ free coordinates + constant + error of the offset.
 
-    point: what was asked for; matrix [1], (dim, n_free dim); constant [m], (dim,): the offset and the anchors' share
+    point: the mapped point; matrix [1], (dim, n_free dim); constant [m], (dim,): offset plus the anchors' share
     error_rows: states that estimate the error of the offset; None where the offset is exact
-    reached_m2: variance of each coordinate of a target [m²] if only the reach of its nodes is known, from their anchors
+    reached_m2: variance of each coordinate [m²] if only the reach of the target's nodes is known, from their anchors
         or, without anchors, from the farthest node; held: whether the body has anchors
-    Every given state begins with the free coordinates; anything may follow, as in a filter's state. A state of
-    the network alone has no error of the offset.
+    Every state begins with the free coordinates; any other states may follow. A state of the network alone has no error
+    of the offset.
     """
 
     point: TargetPoint
@@ -54,17 +54,17 @@ class TargetMap:
 
     @property
     def anywhere_m2(self) -> float:
-        """Largest possible variance of a coordinate [m²]; infinite for a body without anchors, which may go far."""
+        """Largest possible variance of a coordinate [m²]; infinite for a body without anchors."""
         return self.reached_m2 if self.held else np.inf
 
     def position(self, states: Floats) -> Floats:
-        """Where the target is [m], (..., dim), for states (..., n)."""
+        """Position of the target [m], (..., dim), for states (..., n)."""
         place = states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant
         rows = self._rows_in(states.shape[-1])
         return np.asarray(place if rows is None else place + states[..., rows])
 
     def linear(self, columns: Floats) -> Floats:
-        """How the target moves with each column of changes of the state, (..., n, r): (..., dim, r)."""
+        """Change of the target with each column of changes of the state, (..., n, r): (..., dim, r)."""
         moved = self.matrix @ columns[..., : self.matrix.shape[1], :]
         rows = self._rows_in(columns.shape[-2])
         return np.asarray(moved if rows is None else moved + columns[..., rows, :])
@@ -87,7 +87,7 @@ class TargetMap:
         return H
 
     def tissue_m2(self, cov: Floats, P: Floats) -> float:
-        """Trace of the target's covariance [m²], (dim, dim), less the variance of its offset in P, (dim_x, dim_x)."""
+        """Trace of the target's covariance [m²], (dim, dim), minus the variance of its offset in P, (dim_x, dim_x)."""
         own = 0.0 if self.error_rows is None else float(np.trace(P[self.error_rows, self.error_rows]))
         return float(np.trace(cov)) - own
 
@@ -97,7 +97,7 @@ class TargetMap:
     def within_reach(self, covs: Floats) -> Floats:
         """Covariances of the target [m²], (..., dim, dim), limited to `anywhere_m2` in each direction.
 
-        A linear motion does not limit how far links let a node go.
+        The limit is needed because a linear motion ignores how far links let a node move.
         """
         if not (np.trace(covs, axis1=-2, axis2=-1) > self.anywhere_m2).any():
             return covs
@@ -106,9 +106,9 @@ class TargetMap:
 
 
 def target_map(network: MassSpringNetwork, target: str | TargetPoint, error_rows: slice | None = None) -> TargetMap:
-    """The map of a node by its name or of a point; raises NetworkError for names that are not the network's.
+    """The map from a state to a target, a node's name or a point; raises NetworkError for unknown names.
 
-    error_rows: states that estimate the error of its offset; None or empty: the offset is taken as exact
+    error_rows: states that estimate the error of its offset; None or empty: the offset is exact
     Raises ValueError for an offset of another dimension and for a point that no free node moves.
     """
     point = TargetPoint((target,)) if isinstance(target, str) else target

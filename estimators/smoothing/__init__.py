@@ -1,6 +1,6 @@
-"""Out-of-sequence measurements; fixed-interval and fixed-lag smoothing.
+"""Smoothers; a filter for measurements that arrive late.
 
-What may enter: what uses later measurements.
+Methods that use later measurements belong here.
 """
 
 from estimators.smoothing.replay import Replay

@@ -1,4 +1,4 @@
-"""Frames that come late or out of order, fused at their own times: a bounded history and replay."""
+"""Filter for frames that arrive late or out of order: it repeats the later ones from a bounded history."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimators.tissue.snapshot import all_or_nothing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """What was seen at one exposure time [s]: marks, or a fix of the target with its covariance [m, m²]."""
+    """Measurement at one exposure time [s]: marks, or a fix of the target with its covariance [m, m²]."""
 
     time_s: float
     marks: tuple[MarkMeasurement, ...] = ()
@@ -31,14 +31,14 @@ class _Kept:
 
 
 class Replay:
-    """A filter that takes frames in any order, as long as none is later than the history reaches back.
+    """Filter that accepts frames in any order, if they are not older than its history.
 
-    Each event is fused at its own exposure time: the filter goes back to just before it and repeats the later events.
-    The result equals that of the same events in order, to the last bit.
+    Each event is used at its own exposure time: the filter returns to the state just before it and repeats the later
+    events. The result equals that of the same events in order, to the last bit.
 
-    horizon_s: how far back events are kept [s]
-    State: the filter; the events of the last horizon_s with the filter's state before each; late: how many events
-    came out of order and were fused, `fused`, or were older than all that is kept, `rejected`.
+    horizon_s: length of the history [s]
+    State: the filter; the events of the last horizon_s with the filter's state before each; late: number of events
+    out of order that were used, `fused`, and of events older than the history, `rejected`.
     """
 
     def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
@@ -50,25 +50,25 @@ class Replay:
         self._kept: list[_Kept] = []
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The newest estimate after marks exposed at this time [s]; None if they came too late.
+        """The newest estimate after marks exposed at this time [s]; None if they are older than the history.
 
         Raises ValueError as the filter does.
         """
         return self._fused(Event(time_s, marks=tuple(marks)))
 
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
-        """The newest estimate after a fix of the target exposed at this time [s]; None if it came too late.
+        """The newest estimate after a fix of the target at this time [s]; None if it is older than the history.
 
-        Its position [m], (dim,), and covariance [m²], (dim, dim).
+        position [m], (dim,), and its covariance [m²], (dim, dim)
         """
         return self._fused(Event(time_s, fix=(position, cov)))
 
     def snapshot(self) -> tuple[FilterSnapshot, Sequence[_Kept]]:
-        """State of the filter and events that are kept, for `restore`."""
+        """The filter's state and the history of events, for `restore`."""
         return self.tissue.snapshot(), tuple(self._kept)
 
     def restore(self, then: tuple[FilterSnapshot, Sequence[_Kept]]) -> None:
-        """Set both back to a snapshot."""
+        """Reset both to a snapshot."""
         self.tissue.restore(then[0])
         self._kept = list(then[1])
 
@@ -77,7 +77,7 @@ class Replay:
         newest = self.tissue.time_s
         late = newest is not None and event.time_s < newest
         later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
-        began = later[0].before.time_s if later else None  # None: with the filter itself
+        began = later[0].before.time_s if later else None  # None: at the filter's own state
         unkept = not later or (began is not None and began > event.time_s)
         if newest is not None and late and (unkept or event.time_s < newest - self.horizon_s):
             self.late["rejected"] += 1

@@ -1,6 +1,6 @@
-"""Fixed-interval and fixed-lag smoothing: the target at a time, given earlier and later marks.
+"""Fixed-interval and fixed-lag smoothing: estimates of the target from earlier and later marks.
 
-Rauch, Tung and Striebel's pass back over the moments of the filter's mixture: all modes share the transition, so the
+The Rauch-Tung-Striebel smoother runs on the moments of the filter's mixture. All modes share the transition, so the
 mixture moves as one Gaussian with its mean and covariance. Source: [rauch1965].
 """
 
@@ -19,19 +19,19 @@ from estimators.core.track import TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 
 SINGULAR = 1e-12
-"""Added to the correlations of a prediction before they are inverted [1]; numerical."""
+"""Addition to the correlations of a prediction before their inversion [1]; numerical."""
 
 Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
 TimedFix = tuple[float, Floats, Floats]
-"""A direct sighting of the target: when [s], where [m], (dim,), and its covariance [m²], (dim, dim)."""
+"""A direct measurement of the target: time [s], position [m], (dim,), covariance [m²], (dim, dim)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """At a frame: mean (n,) and covariance (n, n) of the filter's state, and the moves that led there.
+    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the moves before it.
 
-    moves: none where the filter began: its state holds no information on earlier ones
+    moves: empty where the filter started: its state holds no information on earlier ones
     """
 
     mean: Floats
@@ -40,17 +40,17 @@ class Step:
 
 
 class ForwardPass:
-    """A filter that records, for each frame, what a smoother needs. State: the filter."""
+    """Filter that records what a smoother needs for each frame. State: the filter."""
 
     def __init__(self, tissue: TissueFilter) -> None:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """The filter's estimate at this time [s], and the transitions that led there; raises ValueError as it does."""
+        """The filter's estimate at this time [s], and the step to it; raises ValueError as the filter does."""
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
-        """The same for a direct sighting of the target."""
+        """As `take`, for a direct measurement of the target."""
         time_s, position, cov = fix
         return self._taken(time_s, lambda: self.tissue.fix(position, cov))
 
@@ -62,11 +62,11 @@ class ForwardPass:
             estimate = update()
         finally:
             before.trace = None
-        own = self.tissue.filter  # another one after a restart
+        own = self.tissue.filter  # a restart replaces it
         return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
-        """Mean (dim,) [m] and covariance [m²] of the target at each step given all steps, the last first."""
+        """Mean (dim,) [m] and covariance [m²] of the target at each step given all steps, in reverse order."""
         target = self.tissue.target
         rows = self.tissue.rows_of(target)
         for mean, cov in smooth(steps, self.tissue.process.considered):
@@ -80,14 +80,14 @@ def fixed_interval(
     *,
     fixes: Iterable[TimedFix] = (),
 ) -> list[TargetEstimate]:
-    """The target at each frame, given the marks of all frames: (time [s], marks) in order, and all fixes.
+    """Smooth: estimate the target at each frame from all fixes and all frames, (time [s], marks) in order.
 
-    advance: is called with the share done, half of it forwards, half backwards. fixes: used at their times; those
-    before the first marks or after the last frame are not used.
+    advance: called with the completed share, half of it forwards, half backwards. fixes: used at their times, except
+    those before the first marks or after the last frame.
     """
     passage, taken = ForwardPass(tissue), list(frames)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
-    passed: list[tuple[TargetEstimate | None, Step]] = []  # there is no output at a fix
+    passed: list[tuple[TargetEstimate | None, Step]] = []  # a fix has no output
     for k, (time_s, marks) in enumerate(taken, start=1):
         while waiting and waiting[0][0] <= time_s:
             fix = waiting.popleft()
@@ -106,10 +106,10 @@ def fixed_interval(
 
 
 class FixedLag:
-    """The target some time ago, given all marks until now.
+    """Smoother that estimates the target with a delay, given all marks until now.
 
-    lag_s: how long ago, at least [s]
-    State: the passage of the filter, and the frames of the last lag_s.
+    lag_s: least delay [s]
+    State: the forward pass, and the frames of the last lag_s.
     """
 
     def __init__(self, tissue: TissueFilter, lag_s: float = 0.3) -> None:
@@ -120,7 +120,7 @@ class FixedLag:
         self._passed: deque[tuple[TargetEstimate, Step]] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The target at the newest frame that is lag_s or more old; None while there is none."""
+        """The target at the newest frame that is at least lag_s old; None if there is none."""
         self._passed.append(self._passage.take(time_s, marks))
         due_s = time_s - self.lag_s
         while len(self._passed) > 1 and self._passed[1][0].time_s <= due_s:
@@ -133,14 +133,14 @@ class FixedLag:
 
 
 def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tuple[Floats, Floats]]:
-    """Mean (n,) and covariance (n, n) of the state at each step given all steps; yields the last first.
+    """Mean (n,) and covariance (n, n) of the state at each step given all steps, from the last to the first.
 
     considered: states that no observation corrects
     """
     mean, cov = np.empty(0), np.empty(0)
     moves: Sequence[Move] = ()
     for one in steps:
-        if not moves:  # nothing later depends on this step
+        if not moves:  # no later step depends on this one
             mean, cov = one.mean, one.cov
         for move in reversed(moves):
             mean, cov = smoothed_before(mean, cov, move, considered)
@@ -149,7 +149,7 @@ def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tup
 
 
 def smoothed_before(mean: Floats, cov: Floats, move: Move, considered: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) before a move, given those that all observations leave after it.
+    """Mean (n,) and covariance (n, n) before a move, given the smoothed ones after it.
 
     considered: states that no observation corrects
     """

@@ -1,6 +1,6 @@
-"""Input, output, settings and health of a filter.
+"""Marks, estimates, settings and health of the filters.
 
-What may enter: what all filters share.
+Records that all filters share belong here.
 """
 
 from estimators.tissue.estimate import CommonShift, GaussianMixture, MarkMeasurement, Status, TargetEstimate

@@ -15,34 +15,34 @@ from estimators.arrays import Floats
 from estimators.filters.kernels import is_gaussian
 
 ROUNDING = 1e-9
-"""Largest asymmetry of a stated covariance by its largest entry: rounding of a product J C J'."""
+"""Largest asymmetry of a covariance, relative to its largest entry, that rounding of a product J C J' explains."""
 
 
 class Status(StrEnum):
-    """How far an estimate is reliable."""
+    """Status of the filter, which says whether an estimate can be relied upon."""
 
     INITIALISING = "INITIALISING"
-    """No marks yet, or only the first ones: they show a position, but not yet the velocity or which of many shapes it
-    is."""
+    """Only the first marks were used, or none: the position may be known, but not yet the velocity or shape of the
+    tissue."""
     TRACKING = "TRACKING"
     """This frame's marks were used."""
     COASTING = "COASTING"
-    """No mark was used: prediction alone, for less than the time after which the target counts as lost."""
+    """No mark was used: the estimate is only a prediction, but not yet LOST."""
     LOST = "LOST"
-    """No mark was used for longer than that."""
+    """No mark was used for longer than the settings' `lost_s`."""
     DIVERGED = "DIVERGED"
-    """The marks contradicted the estimate: the filter restarted, and the new estimate is not confirmed yet."""
+    """The marks contradicted the estimate: the filter restarted, and the new estimate is not yet confirmed."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkMeasurement:
-    """One measured mark.
+    """Measured position of one mark, with its covariance.
 
     node: node that bears the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
     shared: shift by one standard deviation of each independent error that all marks of a frame share, such as those of
         the camera's calibration [m], (dim, n_shared)
 
-    Arrays are copied and cannot be written, so that what was checked stays so.
+    Arrays are copied and read-only, so that they stay valid after the check.
     """
 
     node: str
@@ -52,7 +52,7 @@ class MarkMeasurement:
 
     @property
     def total_cov(self) -> Floats:
-        """Covariance of its own and its shared errors [m²], (dim, dim)."""
+        """Covariance of the mark's own and shared errors [m²], (dim, dim)."""
         return self.cov if self.shared is None else self.cov + self.shared @ self.shared.T
 
     def __post_init__(self) -> None:
@@ -77,7 +77,7 @@ class MarkMeasurement:
 
 
 def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple[Floats, Floats]:
-    """Copies of a measured position (dim,) and its covariance (dim, dim); raises ValueError where they are invalid.
+    """Copies of a measured position (dim,) and its covariance (dim, dim); raises ValueError if they are invalid.
 
     what: the name of the measurement in messages
     """
@@ -96,10 +96,10 @@ def checked_measurement(what: str, position: ArrayLike, cov: ArrayLike) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class CommonShift:
-    """How well one common shift of all marks of a frame, rejected ones included, explains their innovations.
+    """Test whether one common shift of all marks in a frame, including rejected ones, explains their innovations.
 
-    n_marks: number of marks; nis: normalised innovation squared left after the best such shift
-    nis_of_one: the same after the best shift of any one mark, which equals leaving it out
+    n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
+    nis_of_one: the same after the best shift of a single mark, which equals omitting it
     """
 
     n_marks: int
@@ -112,16 +112,16 @@ class TargetEstimate:
     """Gaussian estimate of the target at one exposure time.
 
     time_s: exposure time of the frame [s]
-    mean, cov: position of the target [m], (dim,), and its covariance [m²], (dim, dim); cov is None where a method
-        gives none
+    mean, cov: position of the target [m], (dim,), and its covariance [m²], (dim, dim); cov is None for a method without
+        covariance
     status: see `Status`
     marks_used: number of marks used in this frame
-    nis: normalised innovation squared of those marks, None where there were none or the method gives none
-    poked: probability that a short external force acts, 0 for a continuum, None where the method gives none
-    model_only: whether the marks contribute next to nothing, so that the estimate is a prediction by the model
-    gain: share of the open loop's variance of the target that the filter removes, at most 1; below 0 where the filter,
-    which allows for pokes and wrong constants, is more uncertain than the open loop
-    information_share: by node, how much larger the target's variance would be without that mark in this frame
+    nis: normalised innovation squared of those marks; None without marks, or if the method does not compute it
+    poked: probability that a short external force acts; 0 for a continuum, None if the method does not compute it
+    model_only: whether the marks contribute almost nothing, so that the estimate is a prediction by the model
+    gain: share of the open loop's variance of the target that the filter removes, at most 1; negative if the filter,
+    which considers pokes and wrong constants, is more uncertain than the open loop
+    information_share: for each node, relative increase of the target's variance without its mark in this frame
     shift: how well one common shift of all marks explains them; None without marks, and for marks at a start
     """
 

@@ -1,4 +1,4 @@
-"""Measurements beyond the gate, and whether they repeat: an outlier seldom comes to the same place twice."""
+"""The gate for measurements: an outlier is used only if it repeats at the same place."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from estimators.tissue.settings import FilterSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlying:
-    """The last measurement beyond the gate: a mark or a fix.
+    """The last measurement of a mark or a fix beyond the gate.
 
-    since_s, last_s: when it was first seen there without a break since, and when last [s]
+    since_s, last_s: time of the first such measurement in an unbroken series, and of the last [s]
     position, cov: of the last one [m], (dim,), [m²], (dim, dim)
     """
 
@@ -26,7 +26,7 @@ class Outlying:
 
 
 def confirmed(known: Outlying, now: Outlying, settings: FilterSettings) -> bool:
-    """Whether the present measurement lies within the gate about the earlier one, with an impulse between them."""
+    """Whether a measurement lies within the gate around the earlier one, if an impulse acted between them."""
     reach = settings.impulse_m_s * min(now.last_s - known.last_s, settings.impulse_s)
     y = now.position - known.position
     S = known.cov + now.cov + reach**2 * np.eye(len(y))

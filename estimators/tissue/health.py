@@ -1,4 +1,4 @@
-"""Whether an estimate is reliable: a state machine, updated with each frame."""
+"""Health of a filter: a state machine that decides in each frame whether the estimate can be relied upon."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from estimators.tissue.estimate import Status
 from estimators.tissue.settings import FilterSettings
 
 LEAST_FRAMES = 2
-"""Fewest frames whose innovations are tested together; a single one is tested by the gate."""
+"""Least number of frames whose innovations are tested together; the gate tests a single frame."""
 
 MANY_DISTURBANCES = 2.5
-"""Most disturbances within test_s, by the sum of their probabilities; numerical: two are allowed, and a third must be
-less likely than not."""
+"""Largest number of disturbances within test_s, as the sum of their probabilities; numerical: two are allowed; a third
+must be less probable than not."""
 
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """The filter's health after a frame.
+    """Health of the filter after a frame.
 
     status: see `Status`
-    since_s: time [s] since which marks have been used without a gap that lost the target; None before the first
-    seen_s: when a mark was last used [s], -inf before the first
+    since_s: time since which marks arrive without a gap that lost the target [s]; None before the first
+    seen_s: time of the last mark that was used [s], -inf before the first
     innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) of the frames in the test
     """
 
@@ -42,15 +42,15 @@ def after_frame(
     *,
     disturbance: float = 0.0,
 ) -> Health:
-    """The health after a frame with marks of this NIS and number of coordinates, or without marks (nis None).
+    """Update a filter's health with a frame, whose marks have this NIS and number of coordinates; None: no marks.
 
     disturbance: probability that one has just moved the tissue
 
-    INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then TRACKING with each frame
-    that has marks. COASTING without marks, and LOST after lost_s of that; marks then lead to INITIALISING. Frames
-    further apart than lost_s keep the target as long as each has marks. DIVERGED from any state as soon as the
-    innovations of test_s are too large together, or only repeated disturbances explain them. The filter then restarts,
-    and after test_s of marks that fit it is TRACKING again.
+    INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then TRACKING in each frame
+    with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead to INITIALISING. Frames
+    with marks keep the target even if they are further apart than lost_s. DIVERGED from any state as soon as the sum of
+    the innovations over test_s is too large, or only repeated disturbances explain them. The filter then restarts,
+    and is TRACKING again after test_s of marks that fit it.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -78,15 +78,15 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of these NIS exceeds the quantile at this many standard deviations of a normal variable."""
+    """Whether the sum of these NIS exceeds the quantile for this many standard deviations of a normal variable."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
 
 def largest_ratio(degrees: int, sigmas: float) -> float:
-    """NIS by its degrees of freedom, at the quantile of this many standard deviations of a normal variable.
+    """NIS divided by its degrees of freedom, at the quantile for this many standard deviations of a normal variable.
 
-    Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them normal [wilson1931].
+    Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them nearly normal [wilson1931].
     """
     spread = 2.0 / (9.0 * degrees)
     return (1.0 - spread + sigmas * sqrt(spread)) ** 3

@@ -9,25 +9,25 @@ from estimators.process.process_model import FixBias, ForceMode
 
 @dataclass(frozen=True, slots=True)
 class FilterSettings:
-    """The filter's assumptions about unknown forces, and the thresholds of its tests.
+    """Settings of the filter: assumptions about unknown forces, and thresholds of its tests.
 
     poked: forces of a poke; source: fields of `ForceMode`
     led_nodes: marked nodes that are led all the time, at any speed; source: the scene
-    discrepancy: standard deviation of the model's error, by the body's extent; None: chosen by the marks [1]; source:
+    discrepancy: standard deviation of the model's error, relative to the body's extent; None: estimated [1]; source:
     the scene
-    sigma_points: whether the motion is linearised by sigma points in place of its tangent; source: the caller
-    fix_bias: the common error of fixes of the target; None without fixes; source: the scene
-    outlier_odds: odds that a mark is anywhere in the tissue's reach [1]; choice
+    sigma_points: whether sigma points linearise the motion, in place of its derivative; source: the caller
+    fix_bias: common error of all fixes of the target; None without fixes; source: the scene
+    outlier_odds: prior odds that a mark is an outlier, anywhere in the tissue's reach [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
-    impulse_m_s: a node's velocity may change by this at once [m/s]; choice
-    impulse_s: time for which it moves at this speed before the springs pull it back; bounds where marks are expected
-    [s]; choice
-    confirm_s: marks of a start, or beyond the gate, count after this time [s]; choice
-    lost_s: without marks for longer the target is LOST [s]; choice
-    forget_s: after more than this or lost_s without marks the state is forgotten [s]; choice
-    test_s: innovations of this time are tested together for divergence [s]; choice
+    impulse_m_s: largest sudden change of a node's velocity [m/s]; choice
+    impulse_s: time for which the node moves at this speed before the springs pull it back; bounds the search region of
+    marks [s]; choice
+    confirm_s: time after which marks of a start, or beyond the gate, count [s]; choice
+    lost_s: time without marks after which the target is LOST [s]; choice
+    forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
+    test_s: time over which innovations are tested together for divergence [s]; choice
     test_sigmas: threshold of that test, in standard deviations of a normal variable [1]; choice
-    model_only_share: share of the variance without marks above which the estimate counts as `model_only` [1]; choice
+    model_only_share: share of the variance without marks above which the estimate is `model_only` [1]; choice
     """
 
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)

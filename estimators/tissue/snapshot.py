@@ -1,4 +1,4 @@
-"""A filter's call that raises leaves its state unchanged."""
+"""Snapshots of a filter: a call that raises leaves the state unchanged."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dynamics.threads import one_blas_thread
 
 
 class Restorable(Protocol):
-    """What can be restored to an earlier state."""
+    """Protocol of an object whose state can be saved and restored."""
 
     def snapshot(self) -> Any:
-        """The whole state now."""
+        """The complete present state."""
 
     def restore(self, then: Any) -> None:
-        """Set the state back to a snapshot."""
+        """Reset the state to a snapshot."""
 
 
 Owner = TypeVar("Owner", bound=Restorable)
@@ -27,7 +27,7 @@ Result = TypeVar("Result")
 def all_or_nothing(
     method: Callable[Concatenate[Owner, Arguments], Result],
 ) -> Callable[Concatenate[Owner, Arguments], Result]:
-    """The method, in one thread; a call that raises leaves the state unchanged."""
+    """Decorator: the method runs in one thread, and leaves the state unchanged if it raises."""
 
     @wraps(method)
     def kept(self: Owner, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:

@@ -1,6 +1,6 @@
 """The command `softaim`, with its subcommands registered.
 
-Each subcommand imports what it needs when it runs, so that help is instant.
+Each subcommand imports what it needs when it runs, so that `--help` loads little.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def softaim(
 
 
 def main() -> None:
-    """Run the command; bad input is one line on standard error and exit code 2, an interrupt 130."""
+    """Run the command. Bad input prints one line on standard error and exits with 2; an interrupt exits with 130."""
     one_thread_each()
     keep_kernels()
     try:

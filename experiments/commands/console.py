@@ -1,4 +1,4 @@
-"""Results as tables for people."""
+"""Tables and lines that the subcommands print."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 
 MARKS_SHOWN = 10
-"""Marks of a track in its table, at most; summary.json has all."""
+"""Largest number of marks in the table of `softaim track`; summary.json has all."""
 
 
 def _table(title: str, *heads: str | list[str]) -> Table:
-    """A table with these columns of numbers; a head in a list marks a left-aligned column of words."""
+    """A table with these columns. Numbers are right-aligned; a head in a list makes a left-aligned column of words."""
     table = Table(title=title)
     for head in heads:
         table.add_column(*head, justify="left") if isinstance(head, list) else table.add_column(head, justify="right")
@@ -28,7 +28,7 @@ def _table(title: str, *heads: str | list[str]) -> Table:
 
 
 def track_table(figures: Mapping[str, Row]) -> Table:
-    """One row for each method: errors if the truth is known, otherwise sigma and NIS; also frames and speed."""
+    """One row for each method: errors if the truth is known, otherwise sigma and NIS; number of frames; speed."""
     known = any("mae_mm" in row for row in figures.values())
     columns = ERRORS if known else SIGMAS
     title = "Error of the hidden target" if known else "The hidden target; truth not known"
@@ -67,7 +67,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """The filter's own report, from its object in summary.json: statuses, verdict, sources of variance."""
+    """Lines from the filter's object in summary.json: statuses, verdict, sources of variance."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -81,7 +81,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """One row for each mark: its prediction by a filter without it, from the filter's object in summary.json."""
+    """One row for each mark: errors of a filter's prediction without it, from the object in summary.json."""
     heads = ("frames", "mean error [mm]", "mean NEES", "error / predicted")
     table = _table("Marks predicted as if hidden", ["mark"], *heads)
     for node, one in ours["check_marks"].items():
@@ -91,12 +91,12 @@ def withheld_table(ours: Row) -> Table:
 
 
 def sentence(words: str) -> str:
-    """Words with a capital and a full stop."""
+    """Words as a sentence, with a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks found least often, from the filter's object in summary.json: found, refused, lost, and why."""
+    """The marks found least often, with reasons, from the filter's object in summary.json."""
     table = _table("Marks", ["mark"], "found", "refused", "lost", ["most frequent reason"], "in frames")
     marks = ours["marks"]
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
@@ -111,7 +111,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """One row for each kind of mark: share of the picture that its keys select, ratio to the marks' area; faults."""
+    """One row for each hue: share of the picture that its keys select, its ratio to the marks' area, faulty frames."""
     heads = ("of the picture", "least", "most", "ratio to marks' area", "too few", "flooded")
     table = _table(f"Pixels that the keys select, in {counted(n_frames, 'frame')}", ["marks"], ["keys"], *heads)
     for row in kinds:
@@ -122,13 +122,13 @@ def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
 
 
 def advice_line(counts: Mapping[str, int]) -> str:
-    """Number of frames by advice."""
+    """Number of frames with each advice, in one line."""
     frames = sum(counts.values())
     return f"{counted(frames, 'frame')}: " + ", ".join(f"{name} {n}" for name, n in counts.items())
 
 
 def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
-    """Predicted and observed hits; None if the truth is not known."""
+    """Predicted and observed hit rates in one line; None if the truth is not known."""
     parts = []
     for name, key in (("all frames", ""), ("frames with GO", "go_")):
         predicted, observed, n = (figures[f"{key}{one}"] for one in ("predicted", "observed", "insertions"))
@@ -138,7 +138,7 @@ def reliability_line(figures: Mapping[str, float | int | None]) -> str | None:
 
 
 def plan_table(report: Mapping[str, Any]) -> Table:
-    """The best paths of a plan, from plan.json."""
+    """One row for each of the best paths in plan.json."""
     title = f"Paths to {report['target']['node']}: {report['allowed']} of {report['paths']} allowed"
     heads = ("", "entry [mm]", "depth [mm]", "angle", "hit", "clearance [mm]", "push on target [mm]")
     table = _table(title, *heads)
@@ -156,7 +156,7 @@ def plan_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_table(report: Mapping[str, Any]) -> Table:
-    """One row for each policy, from summary.json: hits with their interval, misses, time, insertions."""
+    """One row for each policy in summary.json: hit rate with its interval, misses, time, insertions."""
     title = f"runs: {report['runs']}, a lesion of {report['radius_mm']:g} mm at {report['speed_mm_s']:g} mm/s"
     heads = ("hits", "95 % interval", "predicted", "miss [mm]", "time to a hit [s]", "insertions", "never arrived")
     table = _table(title, ["policy"], *heads)
@@ -176,7 +176,7 @@ def insertion_table(report: Mapping[str, Any]) -> Table:
 
 
 def insertion_lines(report: Mapping[str, Any]) -> list[str]:
-    """Predicted and observed hits of `softaim advise` in the same worlds, from summary.json."""
+    """Predicted and observed hit rates of `softaim advise` in the same simulations, from summary.json."""
     of, lines = report["advise"], []
     if not any(of["advice"].values()):
         return []
@@ -196,7 +196,7 @@ def insertion_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def demo_table(figures: Figures) -> Table:
-    """Mean absolute error ± SD, method by scenario, with the paper's figures."""
+    """Mean absolute error ± SD for each method and scenario, with the paper's figures."""
     from experiments.studies.demo import PAPER_MM, heads
 
     table = _table("Mean absolute error ± SD of the hidden mass [mm]", ["method"], *heads())
@@ -216,7 +216,7 @@ def demo_table(figures: Figures) -> Table:
 
 
 def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
-    """The summary of a sweep: the heads, then a row for each combination and method."""
+    """One row for each combination of parameters and method; the first row of cells has the heads."""
     broken = [head.replace(".", ".\n") for head in cells[0]]  # keys of a grid are long
     table = _table("Error of the hidden target, over runs", *([one] if one == "method" else one for one in broken))
     for row in cells[1:]:
@@ -225,7 +225,7 @@ def sweep_table(cells: Sequence[Sequence[str]]) -> Table:
 
 
 def faults_table(cells: Sequence[Sequence[str]]) -> Table:
-    """A row for each fault."""
+    """One row for each fault."""
     from experiments.studies.faults.study import HEADS
 
     heads = [[head] if head in ("fault", "shown") else head for head in HEADS]
@@ -236,7 +236,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
 
 
 def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str, float]]]) -> Table:
-    """One row for each figure, and for each size of a mesh."""
+    """One row for each figure of a benchmark; several for each mesh size."""
     table = _table("Benchmarks (medians of one run)", ["benchmark"], ["figure"], "value")
     for name, figures in report.items():
         if isinstance(figures, Mapping):
@@ -250,7 +250,7 @@ def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str,
 
 
 def constants_table(report: Mapping[str, Any]) -> Table:
-    """One row for each constant: value and standard error; the caption counts undetermined combinations."""
+    """One row for each identified constant, with its standard error; the caption counts undetermined combinations."""
     table = _table("Constants found", ["constant"], "value [SI]", "standard error", "change")
     for row in report["constants"]:
         change = "kept" if row["kept"] else f"{row['change']:+z.1%}"
@@ -263,7 +263,7 @@ def constants_table(report: Mapping[str, Any]) -> Table:
 
 
 def levels_table(report: Mapping[str, Any]) -> Table:
-    """One row for each noise level: value and standard error."""
+    """One row for each noise level, with its standard error."""
     units = {"white": "m/s²/√Hz", "poke": "m/s²", "marks": "times the stated sd", "strain": "of the extent"}
     table = _table("Noise levels found", ["level"], "value", ["unit"], "standard error")
     for name, row in report["levels"].items():
@@ -274,7 +274,7 @@ def levels_table(report: Mapping[str, Any]) -> Table:
 
 
 def calibration_table(done: Calibration) -> Table:
-    """One row for each constant of the lens: value and standard error."""
+    """One row for each constant of the lens, with its standard error."""
     title = f"Camera {done.name}, {done.size_px[0]}x{done.size_px[1]} px"
     table = _table(title, ["constant"], "value", "standard error")
     values = [*done.matrix[[0, 1, 0, 1], [0, 1, 2, 2]], *done.distortion]
@@ -286,7 +286,7 @@ def calibration_table(done: Calibration) -> Table:
 
 
 def calibration_lines(done: Calibration) -> list[str]:
-    """The fit, the pictures that were left out, and the size of a pixel on the plane."""
+    """Lines with the residuals, omitted pictures, and the size of a pixel on the plane."""
     across, down = done.mm_per_px
     out = f"{len(done.images_left_out)} left out{':' if done.images_left_out else ''}"
     return [
@@ -298,7 +298,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """One row for each point: its residual, and its distance from where the others predict it."""
+    """One row for each point: its residual, and its distance from the place that the other points predict."""
     table = _table(
         f"Registration by {counted(len(report['points']), 'point')}", ["point"], "residual", "left out", "expected"
     )

@@ -1,4 +1,4 @@
-"""Faults of a command line, reported in one line like those of files."""
+"""Errors of a command line as messages of one line, in the form of errors in files."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ EXPECTED = (
     (r".*greater than (\S+)", r"more than \1"),
     (r".*less than (\S+)", r"less than \1"),
 )
-"""Messages of typer about a value, and the expected value."""
+"""Messages of typer about a value, and the words for what was expected."""
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
-    """The fault of a call of `command`, such as `softaim track`, with these arguments, in one line."""
+    """The error of a call of `command`, such as `softaim track`, with these arguments, in one line."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:
         if (parts := re.fullmatch(form, message)) is not None:
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """The operating system's message about a name, which may be very long."""
+    """The operating system's error about a name as an InputError; a long name is shortened."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

@@ -1,6 +1,6 @@
-"""docs/commands.md: every command with its arguments and options, from its help.
+"""Write docs/commands.md: every command with its arguments and options, from its help.
 
-`python -m experiments.commands.page` writes it; with --check it reports whether it is up to date.
+`python -m experiments.commands.page` writes the page; --check reports whether it is up to date.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from experiments.formats.page import replaced
 
 PAGE = Path(__file__).parents[2] / "docs" / "commands.md"
 COMMON = {"--json", "--verbose", "--force", "--vector"}
-"""Options that the top of the page describes, in other words than their help."""
+"""Options that the top of the page describes in its own words."""
 
 SEVERAL = 3
-"""Arguments and options that this many commands share are described once: a choice."""
+"""An option that at least this many commands share is described only once; a choice."""
 
 TYPES = re.compile(r" <(path|str|list\[.*\])>")
 """Types that add nothing to the text of an option."""
 
 
 def sections() -> Iterator[str]:
-    """Shared arguments and options; then for each command its purpose, usage, and own arguments and options."""
+    """The sections of the page: shared options; then each command's purpose, usage, and own options."""
     group: Any = typer.main.get_command(app)
     contexts = {name: one.make_context(name, [], resilient_parsing=True) for name, one in group.commands.items()}
     rows = {name: dict(_rows(group.commands[name], context)) for name, context in contexts.items()}

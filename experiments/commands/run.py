@@ -1,6 +1,6 @@
-"""One run of a subcommand: its reports, progress and output, with provenance.
+"""One run of a subcommand: its messages, progress and output.
 
-Adds what all subcommands have in common: --json, --verbose, softaim.log and provenance.json.
+All subcommands have --json, --verbose, softaim.log and provenance.json from here.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The result of a subcommand: a record for programs (--json), and a function that prints it for people.
+    """The result of a subcommand: a record for programs (--json), and a function that prints text for people.
 
-    fault: raised after this was printed, if the work was done in part
+    fault: exception to raise after the result is printed, if a part of the work failed
     """
 
     record: Mapping[str, Any]
@@ -49,10 +49,10 @@ class Answer:
 class Run:
     """A run of a subcommand.
 
-    arguments: of the command line, without passwords; log: everything reported
-    given: values of the given options, by option; for a flag, the flag itself
-    State: resources that stay open until the end; the progress bar, once there is one; the scene, the steps that were
-    left out on it with their consequences, and whether these were reported.
+    arguments: arguments of the command line, without passwords; log: all messages
+    given: value of each option on the command line, by its name; for a flag, the flag itself
+    State: resources that stay open until the end; the progress bar, if there is one; the scene; the steps that the
+    scene lacks, with their consequences, and whether these were reported.
     """
 
     command: str
@@ -67,7 +67,7 @@ class Run:
     _reported: bool = True
 
     def stage(self, name: str) -> Advance:
-        """Begin a stage of the work; returns a function to call with the share done."""
+        """Begin a stage of the work; returns a function to call with the completed share, 0 to 1."""
         from experiments.log import LOG
 
         if self._stage is None:
@@ -99,7 +99,7 @@ class Run:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
 
     def use(self, scene: Scene, before: Command | None = None) -> None:
-        """Set the scene of this run, and the steps that it lacks before this command: see `begun`.
+        """Set the scene of this run, and find the steps that it lacks for this command; `begun` reports them.
 
         Raises InputError if a filter of the scene's network would be too slow for this command.
         """
@@ -116,7 +116,7 @@ class Run:
         self._reported = False
 
     def begun(self) -> None:
-        """Report the steps that were left out, once; after bad input only the error is reported."""
+        """Report the steps that the scene lacks, once. After bad input, only the error is reported."""
         from experiments.log import LOG
 
         if not self._reported:
@@ -128,9 +128,9 @@ class Run:
     def folder(
         self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = (), growing: bool = False
     ) -> Iterator[Path]:
-        """A folder to write into, as `output_folder`, with the run's provenance and log at the end.
+        """An output folder, as of `output_folder`; at the end it receives the run's provenance and log.
 
-        inputs: files and folders that are read, None for one that is not given; growing: as `growing_folder`
+        inputs: files and folders that are read, None for one that is not given; growing: as of `growing_folder`
         """
         from experiments.errors import InputError
         from experiments.formats.outputs import growing_folder, output_folder
@@ -171,7 +171,7 @@ class Run:
     ) -> None:
         """Write the scene after this step, with its provenance beside it. Raises InputError.
 
-        kept: constants that the step did not change; force: replace another mesh of the same name
+        kept: names of constants that the step did not change; force: replace another mesh file of the same name
         """
         from experiments.formats.provenance import content_digest
         from experiments.formats.scene.scene import mesh_beside, scene_text, with_step
@@ -183,7 +183,7 @@ class Run:
         )
 
     def write_files(self, contents: Mapping[Path, str | bytes], inputs: Sequence[Path | None] = ()) -> None:
-        """Write files together, with the provenance of the first of them beside it. Raises InputError."""
+        """Write all files or none, and the run's provenance beside the first. Raises InputError."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import beside
 
@@ -192,7 +192,7 @@ class Run:
 
     @contextmanager
     def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
-        """A file to write incrementally, as `streamed_file`, with the run's provenance beside it at the end.
+        """An output file, as of `streamed_file`; at the end the run's provenance is written beside it.
 
         inputs: files and folders that are read, None for one that is not given. Raises InputError.
         """
@@ -214,7 +214,7 @@ class Run:
         from experiments.formats.provenance import Provenance, input_of, now, provenance_text
 
         began = datetime.fromtimestamp(self.began, UTC)
-        # anything else is a device, an address or the name of something shipped
+        # any other input is a device, an address or a shipped scenario
         read = tuple(input_of(one) for one in inputs if one is not None and (one.is_file() or one.is_dir()))
         return provenance_text(
             Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, tuple(self._left_out))
@@ -222,7 +222,7 @@ class Run:
 
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
-    """The function for typer: it passes `run`, adds --json and --verbose, and prints the answer."""
+    """The function that typer calls: it passes `run`, adds --json and --verbose, and prints the answer."""
     import typer
 
     name = command.__name__.replace("_", "-")
@@ -240,7 +240,7 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
         with _logged(name, verbose, given) as run:
             if "run" in signature.parameters:
                 options["run"] = run
-            # with --json standard output has nothing but the object, whoever prints
+            # with --json, standard output has only the object
             with redirect_stdout(sys.stderr if as_json else sys.stdout):
                 answer = command(**options)
         if answer is None:
@@ -276,7 +276,7 @@ def _given(context: typer.Context) -> dict[str, str]:
 
 
 def _check_names(given: Mapping[str, str]) -> None:
-    """Raise InputError for names that are not UTF-8, the current folder included: some libraries fail on them."""
+    """Raise InputError for a name or current folder that is not UTF-8: some libraries fail on them."""
     from experiments.errors import InputError
 
     with suppress(OSError):
@@ -310,5 +310,5 @@ def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]
 
 
 def public(arguments: Sequence[str]) -> tuple[str, ...]:
-    """Arguments without passwords in addresses of streams."""
+    """The arguments without the passwords in addresses of streams."""
     return tuple(re.sub(r"(?<=://)[^/]*@", "", argument) for argument in arguments)

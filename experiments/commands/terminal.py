@@ -9,26 +9,26 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 FIRST_S = 10.0
-"""Time of the first progress line of a run that is not on a terminal, doubled for each further one [s]: log files need
-few lines; chosen."""
+"""Time of the first progress line of a run without a terminal [s]. Each further line comes after twice the time.
+Choice: few lines in a log file."""
 
 COMPILES = "a first run compiles"
-"""Text while a stage has hardly begun: kernels compile in its first steps."""
+"""Text at the start of a stage: kernels compile in its first steps."""
 
 BEGUN = 0.01
-"""Share done of a stage below which it may still compile: the first few frames of hundreds; a choice."""
+"""Completed share of a stage below which it may still compile; choice: the first few of hundreds of frames."""
 
 WAITS_S = 3.0
-"""Time after which the bar shows that text [s]: a choice."""
+"""Time after which the progress bar shows `COMPILES` [s]; a choice."""
 
 Stage = Callable[[str], Callable[[float], None]]
 
 
 @contextmanager
 def progress() -> Iterator[Stage]:
-    """Progress of a run, on standard error: stage(name) returns a function of the share done.
+    """Show the progress of a run on standard error: stage(name) returns a function of the completed share.
 
-    A bar on a terminal, occasional lines elsewhere.
+    Shows a bar on a terminal, and occasional lines elsewhere.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn
@@ -60,7 +60,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """As `progress`, with lines after this time [s], after twice this time, and so on, even while the work stalls."""
+    """As `progress`, but with lines after first_s [s], twice first_s, and so on, even if the work stalls."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 
@@ -91,12 +91,12 @@ def print_table(table: object) -> None:
     """Print a rich table to standard output."""
     from rich.console import Console
 
-    # a unit in brackets is no markup
+    # without markup: it would hide units in brackets
     Console(width=None if sys.stdout.isatty() else 110, markup=False).print(table)
 
 
 def print_lines(lines: Sequence[tuple[str, str]]) -> None:
-    """Print sentences to standard output, each beside its subject."""
+    """Print pairs of subject and sentence to standard output, in two columns."""
     from rich.console import Console
     from rich.table import Table
 

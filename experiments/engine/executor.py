@@ -1,7 +1,7 @@
-"""Yields results as runs finish: in this process, or by Dask in batches of bounded time, with dead workers replaced.
+"""Results of runs as they finish: in this process, or by Dask in batches of limited time, with dead workers replaced.
 
-A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, its runs are done one by one
-and alone at the end; a run whose workers then die again is a failure.
+A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, its runs are done singly
+at the end; a run whose workers then die again is a failure.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 BATCH_S = 1.0
-"""Time of a batch [s]: sending and gathering one costs some 10 ms, a hundredth of it; chosen."""
+"""Time of a batch [s]; choice: sending and gathering one takes about 10 ms, a hundredth of it."""
 
 AHEAD = 2
-"""Batches sent for each worker: one is done while the next one waits at the scheduler."""
+"""Number of batches sent for each worker: one is done while the next one waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -35,7 +35,7 @@ DIED = "KilledWorker: the worker processes of this run died in all tries, out of
 
 
 class RunsFailedError(Exception):
-    """Runs of a study failed; the message counts them and has the first failure."""
+    """Error for failed runs of a study; the message counts them and has the first failure."""
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
@@ -82,7 +82,7 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 
 
 class _Sending:
-    """Pending jobs: waiting ones, ones to be done alone, and sent batches.
+    """Pending jobs: waiting ones, ones to be done singly, and sent batches.
 
     local: ends after a time without workers; a cluster may get its workers later
     """

@@ -1,4 +1,4 @@
-"""Rows of runs in Parquet files that are each written whole, so that a kill loses only the last seconds."""
+"""Rows of runs in Parquet files that are each written completely, so that a kill loses only the last seconds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ KEPT = "kept"
 """The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""A part is written this time after the last [s], and after this share of the time since the first: some thousand parts
-in a day; chosen."""
+"""Time between two parts [s], and as a share of the time since the first part; choice: about a thousand parts per
+day."""
 
 
 class Parts:
     """Rows waiting for the next part.
 
-    folder: of the parts; rows: not yet written; began, written: when the first came and the last part was written [s]
+    folder: of the parts; rows: not yet written; began, written: time of the first row and of the last part [s]
     """
 
     def __init__(self, folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""One run of a study: a function on a job, its outcome, its key and its record if it failed."""
+"""One run of a study: a function and a job, its outcome, its key and its record if it failed."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ Case = Mapping[str, Any]
 """A run's own record in JSON types: its seed and its parameters."""
 
 Work = Callable[[Any], Any]
-"""The work of a run: a function of a module, or a `functools.partial` of one with keywords that do not change
+"""The work of a run: a function of a module, or a `functools.partial` of one whose keywords do not change
 results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
 KEY_DIGITS = 16
-"""Hexadecimal digits of a key: 64 bit, among a million runs two share one with a probability of 3e-8."""
+"""Number of hexadecimal digits of a key: 64 bit; among a million runs two share one with a probability of 3e-8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
     """The outcome of one job.
 
-    index: of the job; seconds: time of the function in its last try; result: its return value, None where it failed
-    failure: last line of the traceback, None where there was none; trace: all of it
+    index: of the job; seconds: time of the function in its last try; result: its return value, None if it failed
+    failure: last line of the traceback, None without failure; trace: all of it
     """
 
     index: int
@@ -61,7 +61,7 @@ def last_line(fault: BaseException) -> str:
 def importable(work: Work) -> Work:
     """The same function under its importable name. Raises ValueError if there is none.
 
-    A study run by `python -m` is `__main__` in its own process only.
+    A study run by `python -m` is `__main__` only in its own process.
     """
     if isinstance(work, partial):
         if work.args:
@@ -109,6 +109,6 @@ def program() -> str:
 
 
 def key_of(work: Work, case: Case) -> str:
-    """The key of a run, made from its function's name and its case; raises TypeError for what JSON cannot hold."""
+    """The key of a run, from its function's name and its case; raises TypeError for values foreign to JSON."""
     text = json.dumps([name_of(work), case], sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()[:KEY_DIGITS]

@@ -1,4 +1,4 @@
-"""Other cores for the passes of one estimation: processes that start only if that saves time."""
+"""Use of other cores for the passes of one estimation: processes that start only if that saves time."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ WORTH_S = 4.0
 
 
 NEEDED = "estimators"
-"""What a process imports when it starts ahead: most of its two seconds."""
+"""Package that a process imports when it starts ahead: most of its two seconds."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
     """The results in the order of the items: the pool works from the first on, this process from the last.
 
-    Work that a killed process leaves is done here.
+    This process does the work that a killed process leaves.
     """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
@@ -53,7 +53,7 @@ def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[
     """A map in this process, and for calls of `WORTH_S` or more also in one process for each other core.
 
     n_cores: by default all. Functions and arguments must be picklable.
-    ahead: the processes start now, while this one does something else, and take part from the first call on
+    ahead: the processes start now, while this one does other work, and take part from the first call on
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

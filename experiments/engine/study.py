@@ -1,4 +1,4 @@
-"""A study: one function on many cases; runs are kept as they finish, and an interrupted study can be continued.
+"""A study: one function and many cases; runs are stored as they finish, and an interrupted study can be continued.
 
 The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: numbers and texts
 of the case, of the result, and those of OWN; `failures/`, a file for each failed run; and `kept/`, all runs ever done
@@ -39,7 +39,7 @@ OWN = ("seconds", "failure", "command", "program", "key")
 class Study:
     """The runs of a study.
 
-    table: as in runs.parquet; n_runs, n_done: runs of the study, and how many of them are new
+    table: as in runs.parquet; n_runs, n_done: number of runs of the study, and of new ones
     failures: one line for each run that failed, with the command that repeats it
     """
 
@@ -67,9 +67,9 @@ def run_study(
 
     work: returns one mapping of columns, or a list of them, with numbers, texts, booleans, lists of numbers
     cases: different mappings of JSON types; their top-level numbers and texts become columns
-    advance: is called with the share done
+    advance: called with the completed share
 
-    Raises InputError for a missing extra or scheduler, ValueError for two cases alike.
+    Raises InputError for a missing extra or scheduler, ValueError for two equal cases.
     """
     require("studies", "cluster")
     folder = Path(folder)
@@ -105,7 +105,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError for none, or for columns of the case or of the engine in them."""
+    """The rows of a run. Raises ValueError if there are none, or if they have columns of the case or of the engine."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:
@@ -131,7 +131,7 @@ def _columns(table: pa.Table, *names: str) -> list[list[Any]]:
 
 
 def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | None:
-    """Write a failed run's record and return the command that repeats it; else remove the record and return None."""
+    """Write a failed run's record; returns the command that repeats it. Otherwise remove the record; returns None."""
     path = folder / FAILURES / f"{key}.json"
     if run.failure is None:
         path.unlink(missing_ok=True)
@@ -148,7 +148,7 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
-    """Rows of these runs, in order; for a run that was done twice one of them, a success before a failure.
+    """Rows of these runs, in order; for a run that was done twice one of them, preferably a success.
 
     Rows of a run are contiguous in a part, in the order of its function.
     """

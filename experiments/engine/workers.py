@@ -1,4 +1,4 @@
-"""Where runs are done: in this process, in processes of this machine, or on a Dask cluster."""
+"""Execution of runs: in this process, in processes of this machine, or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""Dask's monitoring intervals: the defaults take 12 % of a core, these 1 %; nobody uses its dashboard here."""
+"""Dask's monitoring intervals: the defaults take 12 % of a core, these 1 %; its dashboard is not used here."""
 
 DEATHS = 2
-"""Deaths of local workers in a batch before its runs are done one by one, and in a run before it counts as a failure;
-chosen: one death may have an external cause."""
+"""Number of deaths of local workers in a batch before its runs are done singly, and in a run before it is a failure;
+choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout of a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Fewer insertions, a second each, finish before workers have started; chosen."""
+"""Number of insertions, a second each, below which they finish before workers have started; choice."""
 
 NO_WORKER_S = 300.0
-"""A study on this machine ends after this time without workers [s]; one starts within some seconds."""
+"""Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Where runs are done.
+    """Where runs are done: number of local processes, or a scheduler.
 
-    n_processes: 1 is this process, None one for each core
+    n_processes: 1 is this process, None one per core
     scheduler: address of a Dask scheduler, `tcp://host:8786`; n_processes is not used then
     """
 
@@ -79,7 +79,7 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
 
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
-    """`--processes` and `--scheduler` of a study."""
+    """Add `--processes` and `--scheduler` to the options of a study."""
     parser.add_argument("--processes", type=_count, help="on this machine; default: one for each core")
     parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
 
@@ -163,7 +163,7 @@ def _needed_by(module: str) -> list[str]:
 def _start_forkserver(module: str) -> None:
     """Start the process from which workers are forked, once, with their imports loaded.
 
-    Without it each worker would import for seconds, and again when it is replaced.
+    Without it each worker would import for seconds, also each replacement.
     """
     from multiprocessing import forkserver
 

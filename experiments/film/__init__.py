@@ -1,6 +1,6 @@
 """Films of what the camera saw: estimates, marks, reasons.
 
-What may enter: another drawing.
+Another drawing belongs here.
 """
 
 # Import each from its own module.

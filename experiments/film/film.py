@@ -23,13 +23,13 @@ from vision.arrays import Image
 
 FILM, WORST = "film.avi", "worst.png"
 GROUND = 60
-"""Grey level of the plain ground."""
+"""Grey level of the plain background."""
 
 
 class Film:
     """Writes film.avi into a folder frame by frame, and worst.png at its end; as a context manager.
 
-    Marks of another tracker are drawn on a plain ground; InputError for marks in space.
+    Marks of another tracker are drawn on a plain background; InputError for marks in space.
     State: the writer, begun with the first frame; the worst frames.
     """
 
@@ -67,12 +67,12 @@ class Film:
 
 
 def ground(camera: PlaneCamera) -> Image:
-    """The plain ground that marks without pictures are drawn on."""
+    """The plain background for marks without pictures."""
     return np.full((camera.size_px[1], camera.size_px[0], 3), GROUND, dtype=np.uint8)
 
 
 def write_worst(worst: WorstFrames, folder: Path) -> None:
-    """Write worst.png to a folder that exists, if there was any frame."""
+    """Write worst.png to an existing folder, if there was any frame."""
     sheet = worst.sheet()
     if sheet is not None:
         write_whole(folder / WORST, cv2.imencode(".png", sheet)[1].tobytes())

@@ -1,4 +1,4 @@
-"""The film of a live run, written by its own thread; the loop does not wait for it."""
+"""Film of a live run, written by its own thread; the loop does not wait for it."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
-"""Most frames that wait for the thread; then the oldest is dropped: some 0.3 s at 30 frames/s; chosen."""
+"""Largest number of waiting frames, above which the oldest is dropped; choice: about 0.3 s at 30 frames/s."""
 
 
 class LiveFilm:
     """A film that is written in pieces in its own folder, like a recording, and joined at the end.
 
-    growing: that folder, made with the first frame; after a kill, `softaim record --recover` joins the pieces
-    `take` costs the loop only the projection; drawing and compression run in the thread.
-    State: the thread; how many frames were dropped because it fell behind; the fault that ended it; the time of the
+    growing: that folder, created with the first frame; after a kill, `softaim record --recover` joins the pieces
+    In the loop, `take` only projects; drawing and compression run in the thread.
+    State: the thread; number of frames dropped because it was too slow; the fault that ended it; the time of the
     last frame [s], which the next has to exceed.
     """
 
@@ -58,7 +58,7 @@ class LiveFilm:
         return self._thread.n_recorded
 
     def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Pass a frame to the thread; the oldest waiting one is dropped if the thread falls behind."""
+        """Pass a frame to the thread; the oldest waiting one is dropped if the thread is too slow."""
         time_s = step.estimates[FILTER].time_s
         if self.fault is not None or not round(time_s, 9) > round(self._last_s, 9):
             self.n_dropped += 1

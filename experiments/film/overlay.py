@@ -39,7 +39,7 @@ FAINT = 0.4
 CROSS = np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
 """The two strokes of a diagonal cross from -1 to 1, (2, 2, 2)."""
 MOST_LINES = 6
-"""Most lines of reasons: more would hide the picture."""
+"""Largest number of lines with reasons: more would hide the picture."""
 
 
 class Fate(StrEnum):
@@ -55,8 +55,8 @@ class MarkDrawn:
     """A mark as drawn: its name, its hue [degrees], its result in the frame.
 
     center_px, cov_px2: its detection, (2,), (2, 2); None for a lost one
-    expected_px, expected_cov_px2: its prediction; None where that is not known
-    shape_px: its picture is center + shape_px @ unit disc, (2, 2)
+    expected_px, expected_cov_px2: its prediction; None if it is not known
+    shape_px: its image is center + shape_px @ unit disc, (2, 2)
     candidate_px: a rejected detection, (2,); why: the reason in words; measured: False for scoring only
     """
 
@@ -85,12 +85,12 @@ class NeedleDrawn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Overlay:
-    """The annotation of one frame.
+    """Annotation of one frame.
 
     status, status_colour: a word, and its colour; facts: text beside it, such as the time
-    nodes_px: (n, 2), NaN where a node is not seen; names: of nodes, empty for those without a label; fixed: (n,)
+    nodes_px: (n, 2), NaN for nodes outside the view; names: of nodes, empty for those without a label; fixed: (n,)
     springs: pairs of nodes, (m, 2)
-    target_px, target_cov_px2: (2,), (2, 2), None where not known; target_shape_px: its own size, (2, 2)
+    target_px, target_cov_px2: (2,), (2, 2), None if not known; target_shape_px: its own size, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint
     advice, advice_colour: a word and its colour, both empty without a needle
     """
@@ -122,7 +122,7 @@ def drawn(image: Image, overlay: Overlay) -> Image:
 
 
 def sketched(image: Image, overlay: Overlay) -> Image:
-    """A copy of a frame, as `drawn` takes it, with the overlay without its words."""
+    """A copy of a frame, as for `drawn`, with the overlay without its words."""
     canvas = np.ascontiguousarray(image).copy()
     scale = scale_of(canvas)
     _network(canvas, overlay, scale)
@@ -146,7 +146,7 @@ def hue_colour(hue_deg: float) -> Colour:
 
 
 def within_95(cov_px2: Floats | None) -> Floats | None:
-    """A matrix that maps the unit circle to the 95 % ellipse of a covariance [px²]; None where there is none."""
+    """Matrix from the unit circle to the 95 % ellipse of a covariance [px²]; None without a covariance."""
     if cov_px2 is None or not np.isfinite(cov_px2).all():
         return None
     values, vectors = np.linalg.eigh(cov_px2)

@@ -18,9 +18,9 @@ Colour = tuple[int, int, int]
 
 DARK: Colour = (0, 0, 0)
 SHIFT = 4
-"""Positions are drawn to a sixteenth of a pixel."""
+"""Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 NEAR_PX = 1e4
-"""Lines within this range need no clipping: OpenCV's integers hold it."""
+"""Distance within which lines need no clipping [px]: OpenCV's integers can represent it."""
 TEXT_PX = 16.0
 """Height of a line of text in a picture of 480 px [px]."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -54,7 +54,7 @@ def _is_near(places: Floats) -> bool:
 
 
 def _fixed(places: Floats) -> Picture:
-    """Places as OpenCV takes parts of pixels."""
+    """Positions in OpenCV's form for parts of pixels."""
     return np.round(places * 2**SHIFT).astype(np.int32)
 
 
@@ -129,7 +129,7 @@ def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw a word dark on a plate of this colour, placed as `draw_text` does; its width [px]."""
+    """Draw a dark word on a plate of this colour, placed as by `draw_text`; its width [px]."""
     ink, _ = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     part[:] = colour
@@ -138,7 +138,7 @@ def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def _room(image: Image, at_px: tuple[float, float], ink: Picture) -> Image:
-    """The part of a picture that letters take, moved into it."""
+    """The part of a picture that letters cover, shifted into the picture."""
     (height, width), (rows, columns) = ink.shape[:2], image.shape[:2]
     left = int(np.clip(round(at_px[0]), 0, max(columns - width, 0)))
     top = int(np.clip(round(at_px[1]), 0, max(rows - height, 0)))
@@ -150,7 +150,7 @@ def _mix(part: Image, mixed: Picture) -> None:
 
 
 def darken(image: Image, top: float, bottom: float) -> None:
-    """Halve the light of a strip of the picture, from one row to another: the ground of text."""
+    """Halve the light of a strip of the picture, from one row to another, as background of text."""
     strip = image[max(round(top), 0) : max(round(bottom), 0)]
     strip >>= 1
 
@@ -167,7 +167,7 @@ def text_width(text: str, scale: float) -> int:
 
 @lru_cache(maxsize=512)
 def _letters(text: str, font_scale: float) -> tuple[Picture, Picture]:
-    """How much of each pixel letters cover, and letters with their dark edge, (height, width, 1) float32 each."""
+    """Coverage of pixels by letters, and by letters with their dark edge, (height, width, 1) float32 each."""
     (width, height), below = cv2.getTextSize(text, FONT, font_scale, 1)
     pad = 2
     canvas = np.zeros((height + below + 2 * pad, width + 2 * pad), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""The pixels that the keys of marks' hues select in a film: shares frame by frame, painted into the frames."""
+"""Pixels that the keys of marks' hues select in a film: shares frame by frame, coloured in the frames."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Kind:
 
     @property
     def keys(self) -> str:
-        """The hue in words."""
+        """The hue range in words."""
         return f"hue {self.hue.hue_deg:g} ± {self.hue.half_width_deg:g}"
 
 
@@ -65,7 +65,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """By kind: its marks and keys, selected share of the picture, by the marks' size, faulty frames."""
+        """Figures by kind: marks and keys, selected share of the picture, ratio to the marks' size, faulty frames."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share

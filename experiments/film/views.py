@@ -1,4 +1,4 @@
-"""From a step of the pipeline to the annotation of its frame, projected into the picture.
+"""Annotation of a frame from a step of the pipeline, projected into the picture.
 
 Image axes: u right, v down, pixels; the plane in metres.
 """
@@ -44,11 +44,11 @@ ADVICE = {
 TRUSTED = (Status.TRACKING, Status.COASTING)
 
 GROUND_PX = (640, 480)
-"""Size of the plain ground on which marks are drawn that come without pictures."""
+"""Size of the plain background for marks without pictures [px]."""
 GROUND_SHARE = 0.6
-"""Share of the ground for the network as drawn: the rest is for its motion and for text."""
+"""Share of the background for the network as drawn: the rest is for its motion and for text."""
 MOST_NAMED = 40
-"""Most nodes of a network that are all labelled: more labels would hide the picture."""
+"""Largest number of nodes in a network that are all labelled: more labels would hide the picture."""
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
@@ -95,7 +95,7 @@ def overlay_of(
 
 
 def node_places(line: Line) -> Floats:
-    """Where the filter expects all nodes now [m], (n_nodes, dim)."""
+    """Positions of all nodes that the filter expects now [m], (n_nodes, dim)."""
     return line.filter.positions
 
 
@@ -179,7 +179,7 @@ def _needle(camera: PlaneCamera, guidance: Guidance, plan: NeedlePlan) -> Needle
 
 
 def _places(camera: PlaneCamera, points_m: Floats) -> Floats:
-    """Projection of points of the plane, (n, 2); NaN for points not before the camera, or not finite."""
+    """Projection of points of the plane, (n, 2); NaN for points behind the camera, or not finite."""
     finite = np.isfinite(points_m).all(axis=1)
     try:
         if finite.all():
@@ -197,7 +197,7 @@ def _place(camera: PlaneCamera, point_m: Floats) -> Floats:
 
 
 def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-    """Projection of a position and its covariance; NaN and None if it is not before the camera."""
+    """Projection of a position and its covariance; NaN and None if it is behind the camera."""
     place_px = _place(camera, mean_m)
     if cov_m2 is None or not np.isfinite(place_px).all():
         return place_px, None
@@ -205,7 +205,7 @@ def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[F
 
 
 def _shape(camera: PlaneCamera, place_m: Floats, shown: Mark | Target) -> Floats:
-    """The picture of a mark or of the target, a disc, (2, 2) [px]; zero if it is not before the camera."""
+    """The image of a mark or of the target, a disc, (2, 2) [px]; zero if it is behind the camera."""
     if not np.isfinite(_place(camera, place_m)).all():
         return np.zeros((2, 2))
     return shown.shape_px(camera, place_m) if isinstance(shown, Mark) else camera.disc_shape(place_m, shown.radius_m)

@@ -1,4 +1,4 @@
-"""The worst frames of a film on one sheet: the worst one of each kind of fault, and their number."""
+"""Worst frames of a film on one sheet: one for each kind of fault, with the number of such frames."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from experiments.pipeline.scores.marks import REFUSED
 from vision.arrays import Image
 
 TILE_PX = 640
-"""Most width of a still on the sheet [px]."""
+"""Largest width of a picture on the sheet [px]."""
 MOST_TILES = 6
-"""Most stills on the sheet: more are illegible on a screen."""
+"""Largest number of pictures on the sheet: more are illegible on a screen."""
 CAPTION_LINES = 2
-"""Lines of text above a still."""
+"""Lines of text above a picture."""
 SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status.INITIALISING)
 """Statuses, the worst first; a start is not a fault of the filter."""
 
@@ -36,7 +36,7 @@ class Still:
 class WorstFrames:
     """Keeps the worst frame of each kind: a status, and the first fault of a mark with its reason.
 
-    State: a still by kind; there are at most as many kinds as statuses times reasons.
+    State: a picture by kind; there are at most as many kinds as statuses times reasons.
     """
 
     def __init__(self) -> None:
@@ -56,7 +56,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """Stills in rows of two, the worst kinds first; without faults the most uncertain frame."""
+        """Pictures in rows of two, the worst kinds first; without faults the most uncertain frame."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -93,7 +93,7 @@ def _fault(mark: MarkDrawn) -> str:
 
 
 def _spread(overlay: Overlay) -> float:
-    """Standard deviation of the target in the picture [px], infinite where it is not known."""
+    """Standard deviation of the target in the picture [px], infinite if it is not known."""
     cov = overlay.target_cov_px2
     return float("inf") if cov is None or not np.isfinite(cov).all() else float(np.sqrt(np.trace(cov)))
 

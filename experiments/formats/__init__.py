@@ -1,4 +1,4 @@
 """Checked files: scenes, recordings, scenarios, needles, plans, tables.
 
-What may enter: another format, written by `outputs.py`.
+Another format belongs here, written with `outputs.py`.
 """

@@ -57,7 +57,7 @@ class CameraFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedCamera:
-    """A calibrated camera before a plane, as in `camera.toml`.
+    """A calibrated camera in front of a plane, as in `camera.toml`.
 
     name, size_px: its name; width and height of its pictures [px]
     lens: matrix and distortion
@@ -77,7 +77,7 @@ class CalibratedCamera:
 
 
 def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
-    """The lens of a file; ValueError, `key: expected …, found …`."""
+    """The lens from keys of a file; ValueError, `key: expected …, found …`."""
     A = np.array(matrix, dtype=float)
     if not (A[0, 0] > 0 and A[1, 1] > 0 and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
         raise ValueError(f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
@@ -85,7 +85,7 @@ def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float])
 
 
 def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[float]) -> Pose:
-    """The pose of a file; ValueError, `key: expected …, found …`."""
+    """The pose from keys of a file; ValueError, `key: expected …, found …`."""
     R = np.array(rotation, dtype=float)
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
         raise ValueError(f"rotation: expected a rotation matrix, found {shown(rotation)}")
@@ -93,7 +93,7 @@ def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[f
 
 
 def write_camera_toml(calibration: Calibration, path: Path) -> None:
-    """Write `camera.toml`, whole or not at all; raises InputError."""
+    """Write `camera.toml`, completely or not at all; raises InputError."""
     write_whole(path, camera_text(calibration))
 
 

@@ -21,15 +21,15 @@ COEFFICIENTS = (4, 5, 8, 12, 14)
 """Numbers of coefficients in OpenCV's order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two of a tilted sensor."""
 
 N_DLT = 11
-"""Coefficients of a direct linear transformation, L1 to L11, of one camera."""
+"""Number of coefficients of a direct linear transformation, L1 to L11, of one camera."""
 
 POSE = "rotation and translation_mm (softaim calibrate finds lens and pose)"
-"""Keys of a scene's camera for the pose of a lens."""
+"""Keys of a scene's camera that state the pose of a lens."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
-    """A lens, the size of its pictures [px], and the camera's name where the file states it.
+    """A lens, the size of its pictures [px], and the camera's name if the file states it.
 
     Such a file does not have the camera's pose.
     """

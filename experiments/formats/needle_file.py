@@ -1,4 +1,4 @@
-"""Needle files: the tables of `needle.toml`, and their needle, path, lesion and thresholds."""
+"""Needle files, `needle.toml`: tables with needle, path, lesion and thresholds."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]` of a needle, as assumed by the filter; by default those in soft PVC (`docs/needle.md`).
+    """`[forces]` of a needle, as the filter assumes them; by default those in soft PVC (`docs/needle.md`).
 
     Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true one. A
     puncture_N of 0: the skin has no resistance.
@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The prediction of this needle's push on a network; the error is uniform."""
+        """The prediction of this needle's push on a network; the relative error is uniformly distributed."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -42,7 +42,7 @@ class NeedleForces(Strict):
         )
 
     def constants(self) -> dict[str, float]:
-        """The nominal constants by name."""
+        """Nominal constants by name."""
         return self.model_dump(exclude={"error"})
 
 
@@ -50,7 +50,7 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel by which nodes share a needle's force [m]: chosen in the study; it cannot be observed."""
+    """Width of the kernel that distributes a needle's force over nodes [m]: from the study; it cannot be observed."""
     lengths = network.rest_lengths
     if not len(lengths):  # points of a continuum: the nearest other one in place of a spring
         places = network.positions
@@ -117,7 +117,7 @@ class NeedleFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePlan:
-    """A needle file in metres: the needle, its insertion, the lesion, the settings of advice, and simulated forces."""
+    """Content of a needle file in metres: needle, insertion, lesion, settings of advice, and simulated forces."""
 
     needle: Needle
     insertion: Insertion
@@ -126,14 +126,14 @@ class NeedlePlan:
     forces: NeedleForces = FORCES
 
     def push_on(self, network: MassSpringNetwork, target: TargetPoint) -> NeedlePush:
-        """The push of this needle on a point of a network."""
+        """Push of this needle on a point of a network."""
         return NeedlePush(network, target, self.forces.planned(network))
 
 
 def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
-    """The plan in a needle file for a scene of this dimension; raises InputError.
+    """Read a needle file for a scene of this dimension; raises InputError.
 
-    radius_m: of the lesion if the file does not state one [m]
+    radius_m: radius of the lesion if the file does not state one [m]
     """
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):

@@ -1,4 +1,4 @@
-"""Output: folders and files that appear complete or not at all."""
+"""Output folders and files that appear complete or not at all."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TIMES = ("time_s", "arrival_s")
-"""Columns of tables that are times on any clock, such as since 1970."""
+"""Columns with times on any clock, such as since 1970."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-"""Errors of an operating system for a full disk or quota."""
+"""Error numbers of an operating system for a full disk or quota."""
 
 
 @contextmanager
 def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A temporary folder whose files move to `path` after a clean exit; after an exception none do.
+    """A temporary folder whose files move to `path` after a clean exit, and are deleted after an exception.
 
     force: write into a folder that is not empty; files with the same names are replaced, all others stay
-    inputs: what is read meanwhile; a `path` that is, contains or lies in one of them is rejected even with force
+    inputs: folders that are read; a `path` that is, contains or lies in one of them is rejected even with force
 
     Raises InputError, before any work is done, if `path` cannot be written.
     """
@@ -50,7 +50,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
 
 @contextmanager
 def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator[None]:
-    """Turn errors of the operating system, with any of these error numbers or all, into InputError with the path."""
+    """Convert errors of the operating system, with any of these error numbers or all, into InputError with the path."""
     try:
         yield
     except OSError as error:
@@ -60,7 +60,7 @@ def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator
 
 
 def _probe(final: Path, folder: Path) -> None:
-    """Make a file in a folder and remove it."""
+    """Test whether a folder is writable, with a temporary file."""
     part = _part_of(final, folder)
     part.touch(exist_ok=False)
     part.unlink()
@@ -70,7 +70,7 @@ def _probe(final: Path, folder: Path) -> None:
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
     """A folder whose files are written to `path` directly, and stay after an exception.
 
-    For what cannot be repeated, such as a live run. A new folder without files is removed at the end.
+    For output that cannot be repeated, such as a live run. A new folder without files is removed at the end.
     force, inputs: as for `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))
@@ -163,7 +163,7 @@ def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] =
 
 
 def check_new(path: Path, force: bool) -> None:
-    """Raise InputError if an existing file must not be replaced, or if none can be written."""
+    """Raise InputError if an existing file must not be replaced, or if `path` is not writable."""
     final = _final(path)
     if final.is_file() and not force:
         raise InputError.at(path, "a new file", "an existing one; --force replaces it")
@@ -187,7 +187,7 @@ def _part_of(final: Path, folder: Path) -> Path:
 
 
 def check_apart(path: Path, source: Path) -> None:
-    """Raise InputError if a folder to write is, contains or lies in one that is read."""
+    """Raise InputError if an output folder is, contains or lies in an input folder."""
     final = Path(os.path.realpath(path))
     read = Path(os.path.realpath(source))
     if final == read or read in final.parents or final in read.parents:
@@ -196,7 +196,7 @@ def check_apart(path: Path, source: Path) -> None:
 
 
 def check_outside(path: Path, folder: Path) -> None:
-    """Raise InputError if a file to write lies in a folder that is read."""
+    """Raise InputError if an output file lies in an input folder."""
     if Path(os.path.realpath(folder)) in Path(os.path.realpath(path)).parents:
         raise InputError.at(path, f"a file outside of {folder}, which is read", "one in it")
 
@@ -213,7 +213,7 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
 
 
 def _fresh_folder(path: Path, final: Path) -> Path:
-    """A new folder on the file system of `final`: beside it if possible, else in it."""
+    """A new temporary folder on the file system of `final`: beside it if possible, else in it."""
     places = [next((parent for parent in final.parents if os.path.exists(parent)), final)]
     if os.path.isdir(final):
         if not os.access(final, os.W_OK):

@@ -1,4 +1,4 @@
-"""Markdown pages with generated parts, each between `<!-- NAME -->` and `<!-- end of NAME -->`."""
+"""Replacement of generated parts in Markdown pages, between `<!-- NAME -->` and `<!-- end of NAME -->`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from experiments.formats.outputs import write_whole
 
 
 def replaced(text: str, parts: Mapping[str, str]) -> str:
-    """The text of a page with the content of these parts, by name; ValueError if the comments of one are missing."""
+    """The text of a page with new content for these parts, by name; ValueError if the comments of one are missing."""
     for name, content in parts.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, found, rest = text.partition(start)

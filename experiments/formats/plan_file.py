@@ -1,4 +1,4 @@
-"""`plan.toml`: the needle, where it may enter, and obstacles; lengths in mm."""
+"""Plan files, `plan.toml`: the needle, its permitted entries, and obstacles; lengths in mm."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: a segment of skin in the plane, a box in space; about n points of it are tried."""
+    """`[entry]`: a segment of skin in the plane, a box in space; about n of its points are tried."""
 
     from_mm: Coordinates
     to_mm: Coordinates
@@ -55,7 +55,7 @@ class EntryTable(Strict):
 
 
 class ObstacleTable(Strict):
-    """`[[obstacle]]`: a ball by its centre, a capsule by the ends of its axis."""
+    """`[[obstacle]]`: a ball with its centre, or a capsule with the ends of its axis."""
 
     name: Name
     kind: Kind = "other"
@@ -90,7 +90,7 @@ class PlanFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """The planning task: `plan.toml` in metres.
+    """Content of a plan file in metres.
 
     obstacles, kinds: one kind for each; arrival_s [s]; target_sd_m [m]; n_entries, n_aims: numbers of tried entries and
     aims
@@ -107,7 +107,7 @@ class Task:
 
 
 def read_task(path: Path, dim: int) -> Task:
-    """The task of a file for a scene of this dimension; raises InputError, `file: key: expected …, found …`."""
+    """Read a plan file for a scene of this dimension; raises InputError, `file: key: expected …, found …`."""
     file = read_toml(path, PlanFile)
     places = {f"entry.{key}": getattr(file.entry, key) for key in ("from_mm", "to_mm", "normal")}
     names = [one.name for one in file.obstacle]

@@ -1,4 +1,4 @@
-"""`provenance.json` beside all output of a command: program, arguments, time and inputs."""
+"""Provenance file beside the output of each command: program, arguments, time and inputs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True)
 class Input:
-    """A file or folder that was read: its path as given, and the SHA-256 of its content."""
+    """An input file or folder: its path as given, and the SHA-256 of its content."""
 
     path: Path
     sha256: str
@@ -28,9 +28,9 @@ class Input:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Provenance:
-    """The origin of an output.
+    """Origin of an output.
 
-    arguments: of the command line; program: digest of its source; inputs: what was read
+    arguments: of the command line; program: digest of its source; inputs: files and folders that were read
     scene: the used one, None without; left_out: steps that were not done on it
     """
 
@@ -45,19 +45,19 @@ class Provenance:
 
 
 def now() -> datetime:
-    """The time, UTC."""
+    """The present time, UTC."""
     return datetime.now(UTC)
 
 
 def input_of(path: Path) -> Input:
-    """A file, or a folder with all its files, and its digest; records of this program's runs are left out."""
+    """A file, or a folder with all its files, and its digest; this program's records of runs are ignored."""
     return Input(path, content_digest(path))
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file; for a folder that of its files' digests and names, in the order of names.
+    """SHA-256 of a file; for a folder, that of its files' digests and names, in the order of names.
 
-    Raises InputError for a file that cannot be read.
+    Raises InputError for an unreadable file.
     """
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file() and file.name not in (PROVENANCE, LOG_FILE))
@@ -71,7 +71,7 @@ def content_digest(path: Path) -> str:
 
 
 def provenance_text(of: Provenance) -> str:
-    """The file's content."""
+    """Text of a provenance file."""
     table: dict[str, Any] = {
         "version": FORMAT,
         "program": {"name": "softaim", "version": version(), "source_sha256": of.program},

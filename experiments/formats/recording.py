@@ -1,4 +1,4 @@
-"""Recordings: a folder with a scene, frames or marks, their times and, if known, the truth."""
+"""Recordings: folders with a scene, frames or marks, their times and, if known, the truth."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ from experiments.log import LOG
 from vision import FilePath
 
 SAME_TIME_S = 1e-9
-"""Times that differ by less are equal: the resolution of files."""
+"""Largest difference of times that count as equal [s]: the resolution of files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fix:
-    """A direct sighting of the target: time [s], position [m], (dim,), one standard deviation for each axis [m]."""
+    """A direct measurement of the target: time [s], position [m], (dim,), one standard deviation for each axis [m]."""
 
     time_s: float
     position_m: Floats
@@ -54,13 +54,13 @@ class Fix:
 
     @property
     def cov(self) -> Floats:
-        """Its covariance [m²], (dim, dim)."""
+        """Covariance of the fix [m²], (dim, dim)."""
         return self.sd_m**2 * np.eye(len(self.position_m))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True positions of nodes; each has its own times. Filters do not read it.
+    """True positions of nodes, each with its own times. Filters do not use them.
 
     times_s: by node, increasing [s], (n,)
     positions: by node [m], (n, dim)
@@ -75,9 +75,9 @@ class Truth:
         return tuple(self.times_s)
 
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
-        """Which of the times [s], (n,), the truth spans, and the node's positions then [m], (n, dim).
+        """Which of the times [s], (n,), the truth covers, and the node's positions then [m], (n, dim).
 
-        Linear between the truth's own times. Positions outside its span are NaN.
+        Interpolated linearly; NaN outside the truth's own times.
         KeyError for a node that is not among `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
@@ -90,16 +90,16 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """A recording, checked when opened.
+    """A recording: a scene with frames or marks and their times, checked when opened.
 
-    folder: where it is
+    folder: its path
     exposures_s: one for each frame, increasing [s], (n_frames,)
-    source: the video file, or the folder of pictures or of a film's pieces; None where marks.csv takes their place,
+    source: the video file, or the folder of pictures or of a film's pieces; None with marks.csv instead,
         and in space
     films: of the cameras in space; exposures_s are then the times at which any of them exposed
     marks: for each frame the marks by another tracker; None with pictures
     truth: true positions of nodes, if known
-    fixes: direct sightings of the target, in order of time
+    fixes: direct measurements of the target, in order of time
     aside: other axes or units that its first marks seem to have; None if they fit the drawing, or nothing simple fits
     """
 
@@ -124,9 +124,9 @@ class Recording:
 def read_recording(
     folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
 ) -> Recording:
-    """The recording in a folder, with the scene of `scene_path` in place of its own; raises InputError.
+    """Read the recording in a folder, with the scene of `scene_path` instead of its own; raises InputError.
 
-    advance: is called with the share done, while a film is read
+    advance: called with the completed share, while a film is read
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -216,7 +216,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """The rows of a table as marks.csv, for any nodes and reference marks: times [s], (n,), and marks."""
+    """Rows of a table like marks.csv, for any nodes and reference marks: times [s], (n,), and marks."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -233,7 +233,7 @@ def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int
 
 
 def _spread_columns(path: Path, dim: int) -> list[str]:
-    """The columns of a table for the accuracy of its marks: sd_mm, or those of a full covariance."""
+    """Columns of a table for the accuracy of its marks: sd_mm, or those of a full covariance."""
     named = next(read_rows(path, f"columns {', '.join(['time_s', 'sd_mm', *AXES[:dim], 'node'])}"))
     return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
 
@@ -317,7 +317,7 @@ def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str,
 
 
 def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRow]], *, dim: int) -> None:
-    """Write marks.csv: the marks found at each of the times [s], (n,); raises InputError, ValueError."""
+    """Write marks.csv: the marks at each of the times [s], (n,); raises InputError, ValueError."""
     _check_times(times_s)
     rows = [(t, row) for t, found in zip(times_s, marks, strict=True) for row in found]
     for _, row in rows:

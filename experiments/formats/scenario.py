@@ -1,4 +1,4 @@
-"""Scenario files: a scene, or the shipped phantom, and the forces on it in a simulation."""
+"""Scenario files: a scene or the shipped phantom, with the forces on it in a simulation."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from experiments.formats.toml_file import Name, NotNegative, Positive, Strict, c
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 STEPS = "STEPS.md"
-"""Page of a project's steps, beside its scenarios."""
+"""File name of a project's page of steps, beside its scenarios."""
 
 MOST_STEPS = 1_000_000
-"""Most frames of a film, samples of a tremor or pokes: more are a typing error; nine hours of film at 30 frames/s."""
+"""Largest number of frames, samples of a tremor, or pokes: more are a typing error; nine hours at 30 frames/s."""
 
 PAPER_SD_MM = 4.14
-"""Standard deviation of the paper's marks, an axis [mm]."""
+"""Standard deviation of the paper's marks for each axis [mm]."""
 
 NEAR_SD_MM = 0.5
-"""The default for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
+"""Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
 OPPOSITE = np.cos(np.radians(179.0))
-"""Cosine of the angle between two directions from which on they are opposite."""
+"""Cosine of the angle between two directions above which they are opposite."""
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Light = Literal["webcam", "paper"]
@@ -41,14 +41,14 @@ Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
 """Deviation of the true constants from the scene's: relative standard deviations by kind, drawn for each constant with
-the seed. The filter has the scene's constants."""
+the seed. The filter uses the scene's constants."""
 
 
 class SeenMarks(Strict):
-    """How marks are seen where there is no film.
+    """Simulated errors of marks without a film.
 
     sd_mm: standard deviation of a mark's error on each axis, by default the paper's; known to the methods
-    lost: share of marks that are not seen; outliers: share that is seen 30 to 150 mm from the true position
+    lost: share of missing marks; outliers: share of marks at 30 to 150 mm from the true position
     """
 
     sd_mm: Positive = PAPER_SD_MM
@@ -57,7 +57,7 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """How marks are seen where there is no film; for the phantom also hue and size of its discs.
+    """Simulated errors of marks without a film; for the phantom also hue and size of its discs.
 
     The phantom has a disc on each free node; the hidden one is drawn for scoring only.
     """
@@ -79,9 +79,9 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """How the film is stored; for a scene also the light and the number of distractors in view.
+    """Format of the film; for a scene also the light and the number of distractors in view.
 
-    stagger_s: in space each camera exposes this much after the one before
+    stagger_s: in space, delay of each camera's exposure after the previous camera's
     """
 
     light: Light = "webcam"
@@ -155,7 +155,7 @@ class Scenario(Strict):
 
     @property
     def seen(self) -> SeenMarks:
-        """How marks are seen where there is no film."""
+        """Simulated errors of marks without a film."""
         usual = PAPER_SD_MM if self.scene is None else NEAR_SD_MM
         sd_mm = usual if self.marks.sd_mm is None else self.marks.sd_mm
         return SeenMarks(sd_mm=sd_mm, lost=self.marks.lost, outliers=self.marks.outliers)
@@ -168,7 +168,7 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """The scenario of this name or TOML file, completed for its own tissue; raises InputError."""
+    """Read the scenario of this name or TOML file, and complete it for its own tissue; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -177,7 +177,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """The scenario of this name or TOML file, its nodes not yet looked up in its tissue; raises InputError."""
+    """Read the scenario of this name or TOML file, without checking its nodes in its tissue; raises InputError."""
     if name in shipped():
         with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
             return _read(path)
@@ -197,7 +197,7 @@ def _read(path: Path) -> Scenario:
 def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[str], place: str) -> Scenario:
     """The scenario completed with default nodes for this network.
 
-    marked: nodes with a measured mark. Raises InputError, `place: key: …`, for what does not fit the network.
+    marked: nodes with a measured mark. Raises InputError, `place: key: …`, for values that do not fit the network.
     """
     change: dict[str, object] = {}
     for key in ("pokes", "breathing"):
@@ -225,7 +225,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture with the gravity of the network where it has none; raises InputError where there is no turn."""
+    """The posture with the network's gravity as default; raises InputError if the direction does not change."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)
@@ -248,10 +248,10 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
 
 
 def scenario_file(name: str) -> Path | None:
-    """The file of a scenario, None for a shipped one."""
+    """The file of a scenario; None for a shipped one."""
     return None if name in shipped() else Path(name)
 
 
 def scene_file(scenario: Scenario) -> Path | None:
-    """The scene file of a scenario, None for that of a phantom."""
+    """The scene file of a scenario; None for that of a phantom."""
     return None if scenario.scene is None else Path(scenario.scene)

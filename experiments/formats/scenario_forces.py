@@ -1,4 +1,4 @@
-"""The tables of forces in a scenario file."""
+"""Tables of forces in a scenario file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict
 
 UPWARD = (0.3, 1.0, 0.0)
-"""Default direction of breathing; in the plane without the last entry."""
+"""Default direction of breathing; in the plane without the last component."""
 
 Nodes = Annotated[list[str], Field(min_length=1)]
 
@@ -22,7 +22,7 @@ class Tremor(Strict):
 
 
 class Release(Strict):
-    """At the start one node is displaced by a constant force, then released."""
+    """Initial displacement of one node by a constant force, then its release."""
 
     node: str
     force_n: Coordinates
@@ -32,7 +32,7 @@ class _Forces(Strict):
     """Forces on nodes.
 
     nodes: by default all with a measured mark
-    acceleration_m_s2: the largest force over the node's mass
+    acceleration_m_s2: the largest force divided by the node's mass
     shortest_s, longest_s: range from which the duration, or the period, is drawn
     """
 
@@ -51,9 +51,9 @@ class _Forces(Strict):
 class Pokes(_Forces):
     """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
-    The size of each is drawn between the share `weakest` and the largest force.
+    Each size is drawn between the share `weakest` of the largest force and that force.
     pause_s: mean of the exponential pause between two pokes
-    together: all of the nodes at once, in the same direction, in place of a random one
+    together: all of the nodes at once, in the same direction, instead of a random one
     """
 
     pause_s: Positive
@@ -64,8 +64,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
 
-    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, all
-    of the mass of a continuum is accelerated.
+    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, the
+    whole mass of a continuum is accelerated.
     """
 
     direction: Coordinates | None = None
@@ -78,7 +78,7 @@ class Breathing(_Forces):
 
 
 class Posture(Strict):
-    """The body turns: gravity changes from one direction to another, at a rate that rises and falls.
+    """Rotation of the body: gravity changes from one direction to another, at a rate that rises and falls.
 
     from_m_s2: by default that of the scene, under which the body rests as drawn
     """
@@ -92,8 +92,8 @@ class Posture(Strict):
 class Press(Strict):
     """A probe or a plate presses on nodes, stays and withdraws.
 
-    force_n: on all nodes together, shared equally; rises_s: of lasts_s, at the start until it is complete, and at the
-    end until it is gone
+    force_n: total on all nodes, shared equally; rises_s: duration of the rise, and of the fall at the end, within
+    lasts_s
     """
 
     nodes: Nodes

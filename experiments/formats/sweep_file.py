@@ -1,4 +1,4 @@
-"""Sweep files: a scenario, a tissue, methods, seeds and a grid of parameters for `softaim sweep`."""
+"""Sweep files for `softaim sweep`: a scenario, a tissue, methods, seeds and a grid of parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from experiments.formats.scene.schema import FilterTable
 from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
 
 MOST_RUNS = 1_000_000
-"""Most runs of a sweep: more are a typing error."""
+"""Largest number of runs in a sweep: more are a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
 """Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have their own keys."""
@@ -27,7 +27,7 @@ MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breat
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""Factors on the constants of the methods, by kind; the truth is unchanged."""
+"""Factors on the constants of the methods, by kind; the truth does not change."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""First parts of the grid's keys, and what they vary."""
+"""First parts of the grid's keys, with the table that they vary."""
 
 
 class SweepFile(Strict):
@@ -67,7 +67,7 @@ class Setup:
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A sweep, checked, its combinations in the order of the grid.
+    """A checked sweep, with its combinations in the order of the grid.
 
     methods: as in the file, names not checked
     scenario: its file, None for a shipped one
@@ -83,12 +83,12 @@ class Sweep:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of the grid."""
+        """Keys of the grid."""
         return tuple(self.setups[0].at)
 
 
 def read_sweep(path: Path) -> Sweep:
-    """The sweep of a file; raises InputError, `file: key: expected …, found …`, for the first fault."""
+    """Read a sweep file; raises InputError, `file: key: expected …, found …`, for the first fault."""
     file = read_toml(path, SweepFile)
     name = file.scenario if file.scenario in shipped() else str(path.parent / file.scenario)
     if file.scenario not in shipped() and not Path(name).is_file():
@@ -133,7 +133,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A table with these values, by key without the first part."""
+    """A copy of a table with these values, by key without the first part."""
     table = dict(start)
     for key, value in at.items():
         inner = table

@@ -1,6 +1,6 @@
 """CSV files read and written completely, with errors that name row and column.
 
-Rows are counted like lines in an editor: the header is row 1.
+Rows are numbered like lines in an editor: the header is row 1.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 
 CHUNK_ROWS = 50_000
-"""Rows in memory as text at a time; a million rows of text would take ten times the memory of their numbers."""
+"""Number of rows in memory as text at a time; as text, a million rows take ten times the memory of their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,11 +38,11 @@ class Table:
     first_row: int = 2
 
     def place(self, row: int, column: str) -> str:
-        """Position in the file of an entry of this data row, counted from 0."""
+        """Position in the file of an entry in this data row, counted from 0."""
         return f"{self.path}: row {row + self.first_row}: {column}"
 
     def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
-        """Raise InputError for the first row that is not valid, (n_rows,)."""
+        """Raise InputError for the first invalid row, (n_rows,)."""
         if not good.all():
             row = int(np.argmin(good))
             own = self.numbers.get(column)
@@ -81,10 +81,10 @@ def read_table(
     rejected: Mapping[str, str] | None = None,
     torn: bool = False,
 ) -> Table:
-    """The CSV file with exactly these columns, in any order; spaces after commas, empty lines at the end are allowed.
+    """Read a CSV file with exactly these columns, in any order; spaces after commas, empty last lines are allowed.
 
     rejected: messages for possible columns that are not read, by name
-    torn: after a killed writer an incomplete last line is left out
+    torn: omit an incomplete last line, as after a killed writer
 
     Raises InputError for anything else, also for a number that is not finite.
     """
@@ -109,7 +109,7 @@ def read_table(
 
 
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
-    """Rows of a CSV file, header first, each as long as the header and on a line of its own; at least one.
+    """Rows of a CSV file, header first, each as long as the header and on a separate line; at least one.
 
     expected: for the error message of an empty file; torn: as for `read_table`. Raises InputError.
     """

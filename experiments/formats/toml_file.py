@@ -17,7 +17,7 @@ from experiments.errors import InputError, read_text, shown
 from experiments.log import LOG
 
 Number = Callable[[float], str]
-"""How a number is written."""
+"""Function that formats a number."""
 
 VERSION = 1
 """Version of the formats: scene, scenario, needle, plan and camera files."""
@@ -49,7 +49,7 @@ Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
 
 def read_toml(path: Path, model: type[Model]) -> Model:
-    """The TOML file as the model; raises InputError, `file: key: expected …, found …`, for the first fault."""
+    """Read a TOML file as a model; raises InputError, `file: key: expected …, found …`, for the first fault."""
     text = read_text(path)
     try:
         data = tomllib.loads(text)
@@ -114,7 +114,7 @@ EXPECTED = {
     "too_long": "{max_length} entries or fewer",
     "literal_error": "{expected}",
 }
-"""The expected value in words, by pydantic's type of error."""
+"""The expected value in words, from pydantic's type of error."""
 
 
 def _reported(error: ErrorDetails) -> str:
@@ -140,12 +140,12 @@ def toml_number(value: float) -> str:
 
 
 def toml_text(value: str) -> str:
-    """Text in quotes."""
+    """A text in quotes."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def toml_value(value: Any, number: Number = toml_number) -> str:
-    """A truth value, a number, a text, or a list of these, on one line."""
+    """A boolean, a number, a text, or a list of these, as TOML on one line."""
     if isinstance(value, bool | np.bool_):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -1,6 +1,6 @@
-"""Detection, estimation and guidance of a recording or a live source.
+"""Detection, estimation and guidance for a recording or a live source.
 
-What may enter: a way of running.
+A new way of running them belongs here.
 """
 
 # Import each from its own module, so that a subcommand loads only what it needs.

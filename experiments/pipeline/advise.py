@@ -1,4 +1,4 @@
-"""Advice on a needle, frame by frame of a recording: what `softaim advise` does."""
+"""Advice on a needle for each frame of a recording: what `softaim advise` does."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ SURE_M = 1e-9
 
 
 SETTLED_S = 0.5
-"""The breathing model starts this time after the first tracked frame [s]: the first ones have large errors; chosen."""
+"""Delay of the breathing model after the first tracked frame [s]; choice: the first frames have large errors."""
 
 
 class BreathingPath:
-    """A breathing model of the target beside its filter.
+    """A breathing model of the target, in addition to its filter.
 
-    State: the model, and from when on it is updated [s].
+    State: the model, and the time from which it is updated [s].
     """
 
     def __init__(self, dim: int) -> None:
         self.model, self._from_s = Breathing(dim), np.inf
 
     def learn(self, tissue: TissueFilter, estimate: TargetEstimate) -> None:
-        """Take in the estimate of the newest frame."""
+        """Update with the estimate of the newest frame."""
         if estimate.status is not Status.TRACKING or estimate.cov is None:
             return
         self._from_s = min(self._from_s, estimate.time_s + SETTLED_S)
@@ -101,8 +101,8 @@ def advise(
 ) -> Advised:
     """Run the filter through every frame and advise at each, with the needle at the plan's position.
 
-    watch: called with each frame, its step and the advice. every_s: advice at the first frame, then at the first after
-    each such interval [s]; `watch` gets only those frames. Raises InputError, SourceError.
+    watch: called with each frame, its step and the advice. every_s: interval of advice, at the first frame after each
+    [s]; `watch` gets only those frames. Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
@@ -135,14 +135,14 @@ def advise(
 
 
 def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
-    """The predicted push of the whole insertion on the target [m], (dim,)."""
+    """Predicted push of the whole insertion on the target [m], (dim,)."""
     return plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
 
 
 def observed_hits(done: Advised) -> Floats:
     """Observed hit rate for an insertion by each frame's advice, given the true target, (n_frames,).
 
-    It is the share of needles that hit, over the random errors of tip and push. NaN where no needle arrives, or where
+    It is the share of needles that hit, over the random errors of tip and push. NaN if no needle arrives, or if
     the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The truth has no
     needle: its push is added as stated.
     """

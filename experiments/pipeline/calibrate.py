@@ -1,4 +1,4 @@
-"""`softaim calibrate`: from pictures of a board to camera files."""
+"""Calibration of cameras from pictures of a board: what `softaim calibrate` does."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ from vision import (
 from vision.cameras.board import larger_board
 
 Picture = Callable[[Calibration, str], bytes]
-"""Draws a calibration as a file of a form: png, pdf or svg."""
+"""Function that draws a calibration as a file of a form: png, pdf or svg."""
 
 Write = Callable[[Mapping[Path, str | bytes]], None]
-"""Writes files together, by their paths."""
+"""Function that writes files together, by their paths."""
 
 
 @dataclass(frozen=True, slots=True)
 class AlsoWrite:
-    """Optional files beside camera.toml: for other programs, and a vector file, pdf or svg."""
+    """Optional files besides camera.toml: for other programs, and a vector file, pdf or svg."""
 
     opencv_yaml: Path | None = None
     ros_yaml: Path | None = None
@@ -60,7 +60,7 @@ class AlsoWrite:
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """Board from the command's options; InputError names the option.
 
-    text: 9x6, inner corners of a chessboard or squares of a ChArUco board
+    text: such as 9x6, inner corners of a chessboard or squares of a ChArUco board
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -126,7 +126,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, and the one of the plane if it is a separate file."""
+    """The pictures, and that of the plane if it is a separate file."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)
@@ -171,7 +171,7 @@ def calibrate_many(
 
 
 def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
-    """Folders by camera of `left=DIR` texts; InputError for anything else."""
+    """Folders by camera from texts like `left=DIR`; InputError for anything else."""
     folders: dict[str, Path] = {}
     for text in cameras:
         name, equals, folder = text.partition("=")
@@ -201,7 +201,7 @@ def command(
     write: Write = write_together,
     folder: Callable[[Path], AbstractContextManager[Path]] = output_folder,
 ) -> list[Calibration]:
-    """Calibrate one camera from pictures, or several from a folder each. Raises for bad input.
+    """Calibrate one camera from pictures, or several from a folder each. Raises errors for bad input.
 
     write: writes files together; folder: opens the output folder for several cameras
     """

@@ -1,8 +1,8 @@
-"""The filter, the open loop and the registered methods on the same marks of one recording: `softaim compare`.
+"""Comparison of the filter, the open loop and other methods on the marks of one recording: `softaim compare`.
 
-The track finds the marks once, and runs the filter and the open loop; the methods of `estimators.METHODS` are given the
+The track finds the marks once, and runs the filter and the open loop; the methods of `estimators.METHODS` get the
 same marks. Each method has the physics, the start and the force model of the filter. The extended, stock unscented and
-ensemble filters use the poked mode only; the particle filter uses all modes, and approximates the optimum. The smoother
+ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimum. The smoother
 uses the marks of all frames, and fixes like the filter.
 """
 
@@ -44,7 +44,7 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """A track with the estimates of these methods, None: all; stage(name) is called with the share done.
+    """A track with the estimates of these methods, None: all; stage(name) is called with the completed share.
 
     Raises InputError, SourceError, UnknownMethodError.
     """
@@ -61,7 +61,7 @@ def compare(
 
 
 def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem:
-    """The input of every method by a scene and a recording's fixes."""
+    """The input of every method, from a scene and a recording's fixes."""
     return TrackingProblem(
         scene.network,
         scene.target.point,
@@ -74,7 +74,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track with the estimates of one more method, and its time for each frame [s]."""
+    """The steps of a track with the estimates of a further method, and its time per frame [s]."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps

@@ -20,7 +20,7 @@ CONSTANTS = ("simulate", "identify")
 """Steps after which the constants are those of the tissue: it was simulated with them, or they were identified."""
 
 SAGS = 1e-3
-"""Least reported difference of rest and drawing, relative to the network's size: drawings are no finer."""
+"""Least reported difference between rest and drawing, relative to the network's size: drawings are no finer."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -47,7 +47,7 @@ def rest_line(scene: Scene) -> str | None:
     """A message if the network does not rest as drawn, so that the predicted target is displaced, too; else None.
 
     Usually its rest lengths are then the drawn lengths, which are right only without gravity. Also None if rest lengths
-    were identified since: then other constants may move the rest shape.
+    were identified since: then other constants may have changed the rest shape.
     """
     if rest_is_known(scene):
         return None
@@ -62,7 +62,7 @@ def rest_line(scene: Scene) -> str | None:
 
 
 def scene_line(scene: Scene) -> str:
-    """The assumptions: the network, its marks and target, uncertainty of constants, noise levels, steps done."""
+    """One line on the assumptions: network, marks and target, uncertainty of constants, noise levels, steps done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
     solid = network.continuum
@@ -76,7 +76,7 @@ def scene_line(scene: Scene) -> str:
 
 
 Command = Literal["simulate", "identify", "tune", "track", "insert"]
-"""Stages for which steps are required: simulation, identification, tuning, and estimation."""
+"""Stages that require earlier steps: simulation, identification, tuning, and estimation."""
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
@@ -100,7 +100,7 @@ def is_identified(scene: Scene) -> bool:
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """Why the constants are not those of the tissue; None if they were identified, or have a stated uncertainty."""
+    """Reason why the constants are not those of the tissue; None if identified, or with a stated uncertainty."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.name in CONSTANTS for step in scene.steps)
@@ -109,7 +109,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """Why the noise levels are not those of the tissue; None if they were tuned or stated."""
+    """Reason why the noise levels are not those of the tissue; None if they were tuned or stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):

@@ -1,4 +1,4 @@
-"""Open a source by its name: those of `vision.open_source`, recordings, and the simulated phantom."""
+"""Opening of frame sources by name: those of `vision.open_source`, recordings, and the simulated phantom."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def open_source(
 def open_live(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
 ) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
-    """The newest frames of a source, or of those of several cameras in space, and the scene, as `open_source`."""
+    """The newest frames of a source, or of several cameras in space, and the scene, as `open_source`."""
     named = by_camera(specs)
     if "" not in named:
         scene = None if scene_path is None else scene_in_space(scene_path, named)
@@ -80,7 +80,7 @@ def open_live(
 def open_each(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """Every frame of a source, by "", or of several cameras, by name, and the scene, as `open_source`."""
+    """Every frame of a source, with the key "", or of several cameras, by name, and the scene, as `open_source`."""
     named = by_camera(specs)
     if "" in named:
         scene, frames = open_source(named[""], scene_path, live=False, fps=fps)
@@ -97,7 +97,7 @@ def _recording_in(spec: str, scene_path: Path | None, fps: float | None) -> Reco
 
 
 def by_camera(specs: Sequence[str]) -> dict[str, str]:
-    """The sources by the camera that each names, NAME=SOURCE; "" for a single one without a name. InputError."""
+    """The sources by camera, from texts like NAME=SOURCE; "" for a single one without a name. InputError."""
     named: dict[str, str] = {}
     for spec in specs:
         match = None if Path(spec).exists() else re.fullmatch(r"(\w[\w .-]*)=(.+)", spec)

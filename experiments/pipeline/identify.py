@@ -33,22 +33,22 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Ratio of the target's error without its mark, after to before, above which the scene is not written: from a minute's
-recording a tenth is uncertain; chosen."""
+"""Ratio of the target's error without its mark, after to before, above which the scene is not written; choice: a
+recording of a minute determines it to a tenth."""
 
 MOST_SHARED = 0.5
-"""Squared correlation of two constants above which they are reported as confounded; chosen."""
+"""Squared correlation of two constants above which they are reported as confounded; choice."""
 
 NAMED = 4
-"""Number of constants named for a combination, largest weights first, and of pairs named in a line."""
+"""Largest number of constants named for a combination, by weight, and of pairs named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
-"""Why a recording hardly determines the tissues of a mesh."""
+"""Reason why a recording hardly determines the tissues of a mesh."""
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError for films in space if marks of these nodes are for scoring only: they are not searched for."""
+    """Raise InputError for films in space if marks of these nodes are for scoring only: such marks are not searched."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -67,7 +67,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 
 
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
-    """The scene, with corrected rest lengths, so that it rests as in the recording; raises InputError."""
+    """The scene with corrected rest lengths, so that it rests as in the recording; raises InputError."""
     network = recording.scene.network
     if network.continuum is not None:
         raise InputError.at("--at-rest", "a network of springs", "a mesh, which rests as drawn")
@@ -96,7 +96,7 @@ def identified_scene(
     """The scene with the constants of a calibration recording and their uncertainty, and the full result.
 
     workers: processes that share the passes of the filter.
-    Raises InputError if the hidden mark is not seen, and if the result fits worse than the scene.
+    Raises InputError if the hidden mark is not visible, and if the result fits worse than the scene.
     """
     scene = recording.scene
     try:
@@ -118,7 +118,7 @@ def identified_scene(
 
 
 def check_fit(recording: Recording, found: IdentificationResult) -> None:
-    """Raise InputError if the constants found fit the recording worse than those of its scene."""
+    """Raise InputError if the identified constants fit the recording worse than those of its scene."""
     if found.log_likelihood < found.log_likelihood_before:
         raise InputError.at(
             recording.folder,
@@ -181,7 +181,7 @@ class Constant:
 
 
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[Constant]:
-    """The result, constant by constant; mesh: the one whose tissues have them."""
+    """The identified constants one by one; mesh: the mesh whose tissues have them."""
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
         Constant(
@@ -198,7 +198,7 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations that the recording determines less than the prior does.
 
-    For each: the share of the variance that is left, and the constants with the largest weights.
+    For each: the remaining share of the variance, and the constants with the largest weights.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -238,7 +238,7 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """By kind, the constants that keep the given values, because the recording does not determine them."""
+    """For each kind, the constants that keep the given values because the recording does not determine them."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:
@@ -247,7 +247,7 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
 
 
 def identification_report(found: IdentificationResult, mesh: SceneMesh | None = None) -> dict[str, object]:
-    """The output of `softaim identify --json`; mesh: the one whose tissues have the constants."""
+    """The output of `softaim identify --json`; mesh: the mesh whose tissues have the constants."""
     return {
         "passes": found.passes,
         "converged": found.converged,
@@ -279,7 +279,7 @@ def _mm(length_m: float | None) -> float | None:
 
 
 def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
-    """The fit of the constants found, one line each."""
+    """The fit of the identified constants, one line each."""
     residuals = found.residuals
     why = "" if found.n_agreeing else ": the search from the scene's own fits all frames better"
     lines = [f"{found.n_agreeing} of {found.n_starts} preliminary searches led to these constants{why}"]

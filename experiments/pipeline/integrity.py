@@ -1,4 +1,4 @@
-"""Whether an estimate may be used for guidance: contradictions between marks and model, and unobservable errors.
+"""Integrity of estimates for guidance: contradictions between marks and model, and unobservable errors.
 
 The error budget uses what a scene states, and defaults otherwise; the mathematics is in `estimators.consistency`.
 """
@@ -56,7 +56,7 @@ USUAL = UsualUncertainty()
 
 
 def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
-    """The balance of forces of a scene's body, with stated or default uncertainties of constants and camera."""
+    """Balance of forces on a scene's body, with stated or default uncertainties of constants and camera."""
     which = parameters(scene.network, ("stiffness",))
     together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
     uncertainty = together if scene.uncertainty is None else scene.uncertainty
@@ -77,7 +77,7 @@ def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Float
 
 
 def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
-    """The sources of the target's error that marks do not show; the filter considers the stated ones.
+    """Sources of the target's error that marks do not show; the filter considers the stated ones.
 
     Errors of constants are stated in `[uncertainty]`, which `softaim identify` writes; of a camera's scale in
     `scale_sd` or the `uncertainty` of its calibration; of the target's position in `position_sd_mm`.
@@ -109,7 +109,7 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
     found.append(_source("the target's position in the tissue", place, stated=sd_m is not None))
-    if not rest_is_known(scene):  # what identification moved it by is among the constants
+    if not rest_is_known(scene):  # the change by identification is among the constants
         sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
             network.positions[network.free].ravel()
         )
@@ -148,7 +148,7 @@ def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> 
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """The largest sources of the target's variance, up to `MOST` of it together."""
+    """The largest sources of the target's variance, together up to `MOST` of it."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -159,7 +159,7 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the errors of the scene's camera are not stated, or in space those of all cameras."""
+    """Whether the errors of the scene's camera are not stated; in space, of all cameras."""
     if scene.space_cameras:
         return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None
@@ -176,17 +176,17 @@ UNEVEN = "pictures come too unevenly to determine exposure times"
 
 
 class IntegrityMonitor:
-    """Monitors the estimates of a scene's filter, frame by frame in order of time.
+    """Monitor of the estimates of a scene's filter, frame by frame in order of time.
 
     budget: sources of the target's error; unstated: covariance of unconsidered errors [m²], (dim, dim)
     State: the contradiction; the balance of forces on the marks; tested_s, start of its test [s], None before marks;
-    how late pictures may be [s], the delay that somebody has acknowledged, and whether they come unevenly.
+    largest delay of pictures [s], the delay that a person has acknowledged, and whether they come irregularly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # who leads a body moves all marks together
+        # a leader moves all marks together
         settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
         self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
@@ -196,7 +196,7 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns why there is no guidance, None if there is.
 
-        From the first marks on a body is monitored for `MEANS` averaging times before guidance: a cut spring does not
+        A body is monitored for `MEANS` averaging times from its first marks before guidance: a cut spring does not
         show in innovations, and a poke may hide it in one average.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
@@ -214,17 +214,17 @@ class IntegrityMonitor:
         return shares_words(variance_shares(self.budget, estimate))
 
     def restart(self) -> None:
-        """Forget the marks: the filter restarts."""
+        """Discard the marks, because the filter restarts."""
         self._balance.forget()
         self.tested_s = None
 
     def looked(self) -> None:
-        """Reset after somebody looked at tissue, marks and picture."""
+        """Reset after a person has checked tissue, marks and picture."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """How much later than their times pictures may come [s], and whether that changed."""
+        """Set the largest delay of pictures after their times [s]; returns whether it changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven
@@ -233,7 +233,7 @@ class IntegrityMonitor:
 
     @property
     def fault(self) -> str | None:
-        """Why there is no guidance, whatever the newest estimate's status; None if there is."""
+        """Reason why there is no guidance, whatever the newest estimate's status; None if there is."""
         if self.contradiction.reason:
             return self.contradiction.reason
         if self._late_s > self._known_late_s:

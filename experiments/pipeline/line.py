@@ -1,4 +1,4 @@
-"""The line from a frame to the target: detect, identify, predict, update; the paper's method on the same marks."""
+"""Processing of one frame up to the target: detect, identify, predict, update; the paper's method on the same marks."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from vision import PlaneCamera
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
-"""Coordinates and velocities of free nodes, 100 nodes in space, beyond which a command takes minutes to prepare; the
-commands refuse more, the filter does not; chosen."""
+"""Number of coordinates and velocities of free nodes above which a command takes minutes to prepare; choice: 100 nodes
+in space. The commands refuse more, the filter does not."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Common error of fixes where the scene states none: an ultrasound probe's calibration; the scene's to state."""
+"""Default common error of fixes: that of an ultrasound probe's calibration; a scene should state its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,12 +60,12 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """The result of one frame.
+    """Result of one frame.
 
     estimates: by method
     marks: all marks identified in the frame, including those for scoring only, by the present association; corrected by
     reference marks if the scene has any
-    swap: an exchange of marks that was found, None in almost all frames
+    swap: a detected exchange of marks, None in almost all frames
     refused: nodes whose marks the gate rejected
     sight: the search for marks, None without `explain`
     reference: result for the reference marks, None if the scene has none
@@ -84,7 +84,7 @@ class Step:
 
     @property
     def stages_s(self) -> dict[str, float]:
-        """Time of the filter's stages [s], in order."""
+        """Time of each stage of the filter [s], in order."""
         return {
             "predict": self.predict_s,
             "detect": self.detect_s,
@@ -93,27 +93,27 @@ class Step:
 
 
 class Watcher(Protocol):
-    """An observer of each frame, None for another tracker's marks, and its step."""
+    """Protocol of an observer of each frame (None for another tracker's marks) and its step."""
 
     def take(self, frame: vision.Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Called with the frame and its step, and the advice, if there is one; the line has the state after them."""
 
 
 class Film(Watcher, Protocol):
-    """A film of the run; `finish` moves it to the folder of its tables."""
+    """Protocol of a film of the run; `finish` moves it to the folder of its tables."""
 
     def finish(self, folder: Path) -> None:
         """End the film: no further frame comes."""
 
 
 class Line:
-    """Runs the methods through the frames of one scene, in order of exposure.
+    """Processing of the frames of one scene, in order of exposure, by all methods.
 
-    check: also predict each mark as if it were hidden, and widen the covariance if that shows a wrong model
-    fixes: direct sightings of the target, fused at their times; their common error is also estimated
-    explain: keep in each step what was searched and why it was not found; estimates do not change
+    check: also predict each mark without using it, and inflate the covariance if that shows a wrong model
+    fixes: direct measurements of the target, used at their times; their common error is also estimated
+    explain: record in each step what was searched and why it was not found; estimates do not change
     State: the filter, the names of its marks (identity), the filters that check it, the paper's open loop
-    (baseline=False leaves it out), the marks' colours, the fixes still to come; with reference marks, the pose of the
+    (omitted with baseline=False), the marks' colours, the remaining fixes; with reference marks, the pose of the
     camera or tracker; in space the sight of the cameras.
     """
 
@@ -144,7 +144,7 @@ class Line:
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
-        """Search the scene's marks in these colours from now on; their learnt appearance is dropped."""
+        """Search the scene's marks in these colours from now on; their learnt appearance is discarded."""
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
@@ -152,7 +152,7 @@ class Line:
 
     @property
     def camera(self) -> PlaneCamera:
-        """The scene's first camera with its present pose, by the reference marks."""
+        """The scene's first camera with its present pose, from the reference marks."""
         camera = self.scene.cameras[0]
         return camera if self.reference is None else self.reference.camera(camera)
 
@@ -206,7 +206,7 @@ class Line:
         return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
-        """Move the filter to this time [s], by way of the fixes that came until then."""
+        """Predict the filter to this time [s], and use the fixes until then."""
         if self.checks is not None:
             for other in self.checks.without.values():
                 other.predict(exposure_s)
@@ -292,5 +292,5 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """The settings with a common error of fixes, by default for unstated ones."""
+    """The settings with a common error of fixes; the default if none is stated."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

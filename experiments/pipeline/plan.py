@@ -28,15 +28,15 @@ from experiments.pipeline.track import each_frame
 Advance = Callable[[float], None]
 
 SHOWN = 4
-"""Number of next best paths that are listed."""
+"""Number of next best paths in the list."""
 
 APART = 10e-3
-"""Least distance between entries of different paths in the list [m]; chosen."""
+"""Least distance between entries of different paths in the list [m]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan, its task, and its target estimate: `at rest`, or the filter's status and the time it is for [s]."""
+    """A plan, its task, and its target estimate: `at rest`, or the filter's status and the estimate's time [s]."""
 
     scene: Scene
     task: Task
@@ -105,7 +105,7 @@ def table(done: Planned) -> pd.DataFrame:
 
 
 def next_best(found: Plan) -> list[int]:
-    """Rows of the best path and up to `SHOWN` others, each with an entry apart from those before."""
+    """Rows of the best path and up to `SHOWN` others, whose entries are apart from each other."""
     chosen: list[int] = []
     for k in found.order[: int(found.allowed.sum())]:
         if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):

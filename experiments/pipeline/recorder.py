@@ -1,6 +1,6 @@
-"""Record frames as they come: what `softaim record` does.
+"""Recording of frames as they arrive: what `softaim record` does.
 
-Unlike other output, a recording has its final name while it grows, so that a killed program leaves what was written:
+Unlike other output, a recording has its final name during writing, so that a killed program leaves what was written:
 the film in pieces of a second, each named when it is complete on the disk, then its rows of frames.csv. At the end the
 pieces are joined into one film.
 """
@@ -53,7 +53,7 @@ class Recorder:
     """Writer of a recording that grows piece by piece. Disk errors raise InputError.
 
     After an interruption at any moment, such as Ctrl-C, a piece can be finished again without duplicates.
-    State: the film's pieces, the piece that is being written, the last exposure time [s], the fault that ended it.
+    State: the film's pieces, the present piece, the last exposure time [s], the fault that ended it.
     """
 
     def __init__(
@@ -138,7 +138,7 @@ class Recorder:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Numbers of recorded frames and of dropped frames of the source, and whether there is a scene."""
+    """Number of recorded frames and of dropped frames of the source, and whether there is a scene."""
 
     n_frames: int
     n_dropped: int
@@ -210,7 +210,7 @@ def record(
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove a recording's files from a folder, except its scene; all else stays. Raises InputError."""
+    """Remove a recording's files from a folder, except its scene; other files stay. Raises InputError."""
     of_cameras = [*_growing(folder), *(path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)]
     of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
     try:
@@ -275,7 +275,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """The folders of cameras, of a recording of several that has not been joined."""
+    """Folders of cameras in a recording of several cameras that has not been joined."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 

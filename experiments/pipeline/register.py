@@ -1,4 +1,4 @@
-"""A scene in the coordinates of a tracker, by points measured on its body: what `softaim register` does."""
+"""Registration of a scene to a tracker's coordinates, by points measured on its body: what `softaim register` does."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""Probability of the residuals, by the stated errors of the points, below which they contradict them [1]; choice."""
+"""Probability of the residuals below which they contradict the stated errors of the points [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Points of a body: names, (k,), places as drawn and as measured [m], (k, dim), covariances [m²], (k, dim, dim)."""
+    """Points of a body: names, (k,), drawn and measured positions [m], (k, dim), covariances [m²], (k, dim, dim)."""
 
     names: tuple[str, ...]
     drawn: Floats
@@ -40,9 +40,9 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: by point the error of its prediction by the others, and that expected [m]; None where they determine none
-    suspect: the point without which the fit improves most; None where none can be left out
-    target_sd_m: error of the registration at the target, an axis [m]
+    left_out: for each point its distance from the others' prediction, and the expected one [m]; None if undetermined
+    suspect: the point without which the fit improves most; None if no point can be omitted
+    target_sd_m: error of the registration at the target for each axis [m]
     stated: whether the scene states the error of the target's place
     """
 
@@ -63,7 +63,7 @@ class Registered:
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
     """The scene moved to the points of a table, or of a folder's, in its first seconds; raises InputError.
 
-    mesh_file: of the moved mesh
+    mesh_file: file of the moved mesh
     """
     path = table / MARKS if table.is_dir() else table
     points = _points(scene, path, seconds)
@@ -92,7 +92,7 @@ def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Re
 
 
 def _points(scene: Scene, path: Path, seconds: float) -> Points:
-    """The points of a table: of each the mean in the first seconds."""
+    """Points of a table: the mean of each in the first seconds."""
     times_s, rows = read_points(path, scene)
     last_s = times_s.min(initial=np.inf) + seconds + SAME_TIME_S
     used: dict[str, list[MarkRow]] = {}
@@ -130,7 +130,7 @@ def _check_reading(path: Path, points: Points, plain_m: float) -> None:
 
 
 def _target_sd(scene: Scene, found: Registration) -> float:
-    """Error of the registration at the target, an axis [m]: larger where residuals are larger than stated."""
+    """Error of the registration at the target for each axis [m]: larger if residuals are larger than stated."""
     target = scene.target
     place = scene.network.positions[[scene.network.index(target.node)]] + np.array(target.offset_m or 0.0)
     larger = max(1.0, np.sqrt(found.chi_square / found.degrees))
@@ -138,7 +138,7 @@ def _target_sd(scene: Scene, found: Registration) -> float:
 
 
 def _left_out(points: Points, k: int, others: Registration | None) -> tuple[float, float] | None:
-    """Distance of a point from its prediction by the others, and that expected [m]."""
+    """Distance of a point from its prediction by the others, and the expected distance [m]."""
     if others is None:
         return None
     drawn = points.drawn[[k]]

@@ -54,7 +54,7 @@ class Swept:
 
 
 def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
-    """A case for each combination and seed. Raises InputError for what cannot be run."""
+    """A case for each combination and seed. Raises InputError for a case that cannot run."""
     for k, name in enumerate(sweep.methods):
         if name not in method_names():
             raise InputError.at(f"{sweep.path}: methods[{k}]", f"one of {', '.join(method_names())}", shown(name))
@@ -80,7 +80,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """What a run needs of a scenario; of a scene its text, not its path."""
+    """Part of a scenario that a run needs; for a scene its text, not its path."""
     true = true_scene(text, scenario, str(sweep.scene))
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
@@ -137,7 +137,7 @@ def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTabl
 
 
 def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) -> MassSpringNetwork:
-    """The network with all constants of a kind times its factor."""
+    """The network with all constants of each kind multiplied by the kind's factor."""
     which = parameters(network, tuple(kind for kind in KINDS if kind in factors))
     return scale_parameters(network, which, [np.log(factors[one.kind]) for one in which])
 
@@ -255,7 +255,7 @@ FORMS = {
 
 
 def cells(table: pd.DataFrame) -> list[list[str]]:
-    """The summary as text, heads first; keys of the grid with a single value are left out."""
+    """The summary as text, heads first; keys of the grid with a single value are omitted."""
     names = [str(name) for name in table.columns if "." not in name or len(set(table[name])) > 1]
     forms = [FORMS.get(name, (name, None)) for name in names]
     rows = [

@@ -1,4 +1,4 @@
-"""Both methods on a recording, scored if the truth is known: what `softaim track` does."""
+"""Tracking of a recording by both methods, with scores if the truth is known: what `softaim track` does."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Track:
     truth, truth_cov: position of the target [m], (n_frames, dim), NaN where unknown, and covariance of its error [m²],
     (n_frames, dim, dim): that of the mark which shows it
     counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
-    withheld: of the check, by node: figures of marks predicted as if hidden
+    withheld: results of the check by node: figures of marks predicted as if hidden
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of its reported variance is the error of its place in the tissue, the same in all frames
     marks: by node, shares of frames found, refused and lost, and why
@@ -90,9 +90,9 @@ def track(
     check: bool = False,
     watch: Watcher | None = None,
 ) -> Track:
-    """Run both methods through every frame; `advance` is called with the share done. Raises InputError, SourceError.
+    """Run both methods through every frame; `advance`: called with the completed share. Raises InputError, SourceError.
 
-    check: also predict each mark as if it were hidden; watch: called with each frame and its step
+    check: also predict each mark without using it; watch: called with each frame and its step
     """
     if check and len(recording.scene.measured_nodes) < 2:
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
@@ -176,8 +176,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    Its node from truth.csv, or from its own mark for scoring; the map of all estimates leads from the node to the
-    target.
+    Its node's position comes from truth.csv, or from its own mark for scoring; the map of all estimates leads from the
+    node to the target.
     """
     scene = recording.scene
     node = scene.target.node
@@ -195,7 +195,7 @@ def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Float
 
 def table(done: Track, method: str) -> pd.DataFrame:
     """The estimates of one method for estimates.csv, with err_mm and nees if the truth is known."""
-    import pandas as pd  # here: a live run, which has no use for it, is to begin at once
+    import pandas as pd  # here: a live run, which does not need it, must start at once
 
     estimates = done.estimates(method)
     rows = pd.DataFrame([row(e) for e in estimates], columns=header(done.recording.scene.network.dim))
@@ -207,7 +207,7 @@ def table(done: Track, method: str) -> pd.DataFrame:
 
 
 def _nees(errors: Floats, truth_cov: Floats, estimates: list[TargetEstimate]) -> Floats:
-    """NEES of each frame, (n_frames,): NaN where error or covariance is unknown, inf where the latter is singular."""
+    """NEES of each frame, (n_frames,): NaN if error or covariance is unknown, inf if the covariance is singular."""
     nees = np.full(len(errors), np.nan)
     covs = {
         k: e.cov + truth_cov[k] for k, e in enumerate(estimates) if e.cov is not None and np.isfinite(errors[k]).all()
@@ -275,7 +275,7 @@ def summary(done: Track) -> dict[str, dict[str, Any]]:
 
 
 def verdict_of(done: Track) -> str:
-    """Verdicts on the filter by innovations and truth, and the number of frames with marks."""
+    """Verdicts on the filter from innovations and truth, and the number of frames with marks."""
     estimates, found = done.estimates(FILTER), figures(done, FILTER)
     refused = int(done.counts.get("marks_refused") or 0)
     frozen, pictures = int(done.counts.get("frames_frozen") or 0), done.recording.marks is None

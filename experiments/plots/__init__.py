@@ -1,6 +1,6 @@
 """Figures of results, with matplotlib.
 
-What may enter: another figure.
+Another figure belongs here.
 """
 
 # Import each from its own module: all of them load the filter, which adds two seconds to a calibration's picture.

@@ -58,19 +58,19 @@ COLOURS = {
     Advice.NO_GUIDANCE: GREY,
 }
 LANE_MM = 6.5
-"""Printed height of a lane [mm]: a reason's text above its bars."""
+"""Printed height of a lane [mm], with a reason's text above its bars."""
 
 MOST_CHANGES = 40
-"""Most changes of advice drawn as lines: more would merge."""
+"""Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Difference of probabilities that print does not show, and range of misses that is none, by the lesion's radius."""
+"""Difference of probabilities that is invisible in print, and relative range of misses that counts as none."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
 OBSERVED = "observed: share of random errors of tip and push that hit the true target"
-"""A truth is one path; only the tip is random, so the share is between 0 and 1."""
+"""Note on the observed hits: the truth is one path and only the tip is random, so the share is between 0 and 1."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
@@ -84,7 +84,7 @@ def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) ->
 def advice_figure(done: Advised) -> Figure:
     """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice.
 
-    A miss that does not change is stated in words. In space the needle is shown in the body from two sides.
+    A constant miss is stated in words. In space the needle is shown in the body from two sides.
     """
     rows, reasons = table(done), reasons_of(done)
     lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
@@ -147,7 +147,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Probabilities of a hit; of a later or turned insertion only where it differs from one now."""
+    """Probabilities of a hit; those of a later or turned insertion only if they differ from the immediate one's."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -162,7 +162,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
 
 
 def _differ(rows: pd.DataFrame, column: str) -> bool:
-    """Whether a probability differs visibly from that of an insertion now, in any frame."""
+    """Whether a probability differs visibly from that of an immediate insertion, in any frame."""
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
 
 

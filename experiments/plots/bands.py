@@ -1,4 +1,4 @@
-"""Periods of a condition as coloured bands: one artist for each condition."""
+"""Coloured bands for periods of a condition: one artist for each condition."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.arrays import Floats
 from experiments.plots.style import BLACK, GREY, VERMILLION
 
 STATUS_COLOURS = {Status.COASTING: GREY, Status.LOST: BLACK, Status.DIVERGED: VERMILLION}
-"""Statuses of frames whose estimate is not based on fitting marks."""
+"""Colours of statuses of frames whose estimate is not based on fitting marks."""
 
 FAINT = 0.25
 """Opacity of a band behind curves."""

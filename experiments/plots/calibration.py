@@ -1,4 +1,4 @@
-"""The plot of a calibration: residuals over the picture's area, and the fit of each picture."""
+"""Plot of a calibration: residuals over the picture's area, and the fit of each picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def calibration_picture(calibration: Calibration, form: str) -> bytes:
 
 @styled
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Arrows from expected to seen corners, enlarged, beside bars of the rms of each picture."""
+    """Enlarged arrows from expected to detected corners, beside bars of the rms of each picture."""
     figure, [[area, bars]] = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
     _residuals(calibration, area)
     _bars(calibration, bars)

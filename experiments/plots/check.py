@@ -1,4 +1,4 @@
-"""Picture of a scene's check: the network as drawn and at rest, names, marks, anchors, target, what marks tell."""
+"""Picture of a scene's check: the network as drawn and at rest, names, marks, anchors, target, information of marks."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILL
 from experiments.projects.check import SceneCheck
 
 MANY = 30
-"""Most nodes of a body whose unmarked nodes are labelled: more labels would be illegible."""
+"""Largest number of nodes of a body whose unmarked nodes are labelled: more labels would be illegible."""
 
 N_BARS = 20
-"""Most marks whose share is drawn."""
+"""Largest number of marks whose share is drawn."""
 
 LEAST_BARS = 6
-"""Least number of bars for which the axis has room, so that a single bar is not too wide."""
+"""Number of bars for which the axis has room at least, so that a single bar is not too wide."""
 
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""Largest distance of drawn and rest positions that the print does not show [mm]: then one of them is drawn."""
+"""Largest distance between drawn and rest positions that is invisible in print [mm]: then only one of them is drawn."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""

@@ -1,6 +1,6 @@
 """Plot of a comparison: observed and predicted error of each method over time.
 
-Without truth, the distance of each from the filter in place of the error.
+Without truth, the distance of each method from the filter replaces the error.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _off_mm(done: Track, method: str) -> Floats:
 
 
 def _predicted_mm(done: Track, method: str) -> Floats:
-    """Root mean square error predicted by a method, (n,) [mm]; NaN where it has none."""
+    """Root mean square error predicted by a method, (n,) [mm]; NaN if it predicts none."""
     variances = [AXES[a] * 2 for a in range(done.recording.scene.network.dim)]
     return np.sqrt(table(done, method)[variances].sum(axis=1, skipna=False).to_numpy())
 

@@ -23,10 +23,10 @@ from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, gr
 
 N_BINS = 8
 SPARED = 0.05
-"""Share of frames that may lie outside the plot at either end, and are counted."""
+"""Share of frames that may lie outside the plot at either end; they are counted."""
 
 NARROW = 3.0
-"""Ratio of the ends of an axis below which 1, 2 and 5 a decade are too few ticks."""
+"""Ratio of the ends of an axis below which 1, 2 and 5 per decade are too few ticks."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
 """Limits of plots of NEES and NIS: four decades from the bounds no frame is consistent."""
@@ -38,7 +38,7 @@ def has_sigmas(done: Track) -> bool:
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
-    """Error and standard deviation for each axis [mm] and NEES of the frames with known ones, (n,) each."""
+    """Error and standard deviation for each axis [mm] and NEES, (n,) each, of the frames that have them."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
     error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
@@ -50,8 +50,8 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 def sigma_figure(done: Track) -> Figure:
     """Observed error against predicted standard deviation, in groups of frames; raises ValueError for no frames.
 
-    The band contains 95 % of the groups for a consistent covariance: the root mean square of as many independent errors
-    as the effective number of the group's frames, which are correlated in time.
+    The band contains 95 % of the groups for a consistent covariance. It is that of the root mean square of independent
+    errors, as many as the effective number of the group's frames, which are correlated in time.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
@@ -148,7 +148,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Errors of marks predicted as if hidden, by their predicted errors: 1 is consistent; ValueError for no marks."""
+    """Ratio of observed to predicted errors of marks predicted as if hidden; ValueError for no marks."""
     if not withheld:
         raise ValueError("withheld_figure: expected marks that were predicted as if hidden, found none")
     width = COLUMN_MM if len(withheld) <= 8 else PAGE_MM

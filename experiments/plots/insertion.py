@@ -30,22 +30,22 @@ from experiments.simulation.policies import POLICIES
 
 COLOURS = dict(zip(POLICIES, (GREY, ORANGE, SKY, BLUE, GREEN), strict=True))
 DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid", "solid"), strict=True))
-"""Line styles beside colours, for lines that cross."""
+"""Line styles in addition to colours, for lines that cross."""
 
 WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
 """Widths of lines that often coincide: a later one is narrower than those below it [pt]."""
 
 N_LEAST = 5
-"""Bins with fewer insertions are not drawn, but counted."""
+"""Number of insertions below which a bin is not drawn, but counted."""
 
 FARTHEST_MM = 20.0
-"""Larger distances are not drawn, but counted."""
+"""Distance above which a miss is not drawn, but counted [mm]."""
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
     """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each.
 
-    The latter two are left out where no bin has `N_LEAST` insertions.
+    The latter two are omitted if no bin has `N_LEAST` insertions.
     """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
     bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}

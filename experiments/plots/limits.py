@@ -1,6 +1,6 @@
 """Limits of plots, from the body and its measurements: diverging estimates do not stretch them.
 
-What lies outside a plot is marked at its edge; long recordings are thinned to the points that a plot can show.
+Values outside a plot are marked at its edge; long recordings are thinned to the points that a plot can show.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from experiments.arrays import Floats
 from experiments.pipeline.track import Track
 
 N_DRAWN = 4000
-"""Most points of a line: three for each pixel of a plot's width."""
+"""Largest number of points in a line: three for each pixel of a plot's width."""
 
 N_CARETS = 400
-"""Most carets on an edge: closer ones would merge."""
+"""Largest number of carets on an edge: closer ones would merge."""
 
 OUTLIERS = 0.01
 """Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
 
 USUAL, FAR = 0.99, 10.0
-"""An axis shows this share of a series, and no value above this many times its median; the rest may lie outside."""
+"""Share of a series that an axis shows, and largest value shown, relative to the median; the rest may lie outside."""
 
 
 def body_box(done: Track) -> Floats:
-    """Lowest and highest corner [m] of the body's box, (2, dim): its network, the marks seen, the truth."""
+    """Lowest and highest corner [m] of the body's box, (2, dim): its network, the marks, the truth."""
     corners = [done.recording.scene.network.positions]
     marks = np.array([mark.position for step in done.steps for mark in step.marks])
     if len(marks):
@@ -82,7 +82,7 @@ def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
-    """Carets on the upper and lower edge of a plot where a series lies outside; returns the number of these frames."""
+    """Carets on the upper and lower edge of a plot for values outside; returns the number of these frames."""
     low, high = ax.get_ylim()
     count = 0
     for beyond, edge, marker in ((values > high, 0.985, "^"), (values < low, 0.015, "v")):

@@ -14,7 +14,7 @@ from experiments.plots.limits import body_box, mark_beyond, thinned, widened
 from experiments.plots.style import OURS, PAPERS, TRUE
 
 AROUND = 0.5
-"""Margin of a plot around the body, by the body's size."""
+"""Margin of a plot around the body, relative to the body's size."""
 
 
 def means_mm(done: Track, method: str) -> Floats:
@@ -57,7 +57,7 @@ def draw_over_time(
 ) -> None:
     """A coordinate of the filter and the open loop, with bands of multiples of sigma about the filter's.
 
-    The bands of several multiples are about zero.
+    Several multiples are drawn about zero.
     """
     times = done.times_s
     at, spread = thinned(times, sigma)

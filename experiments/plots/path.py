@@ -1,4 +1,4 @@
-"""The path of the target: in the plane coloured by time, in space over time and from two sides."""
+"""Plot of the target's path: in the plane coloured by time, in space over time and from two sides."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ from experiments.plots.style import (
 
 N_ELLIPSES = 40
 MOST_NAMES = 30
-"""Most nodes of a network whose unmarked nodes are labelled."""
+"""Largest number of nodes of a network whose unmarked nodes are labelled."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
 """Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
 
 FAINT = 0.3
-"""Opacity of an ellipse whose frame had no marks that fit."""
+"""Opacity of an ellipse for a frame without fitting marks."""
 
 OURS_IN_TIME = colormaps[TIME_MAP](0.35)
-"""For a legend: a colour from the map."""
+"""Colour from the map, for a legend."""
 
 
 @styled
@@ -105,7 +105,7 @@ def _in_space(done: Track) -> Figure:
 
 
 def _last(done: Track) -> TargetEstimate | None:
-    """The last estimate near the body whose ellipsoid is no larger than the body; None if there is none."""
+    """The last estimate near the body whose ellipsoid is not larger than the body; None if there is none."""
     box, size = widened(body_box(done), AROUND), body_size(done)
     near = [e for e in done.estimates(FILTER) if e.cov is not None and not outside(e.mean[None], box)[0]]
     return next((e for e in reversed(near) if e.cov is not None and _fits(e.cov, 0.5 * size)), None)
@@ -141,7 +141,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """The paths alone, with ellipses; returns how many were drawn, and how many were larger than the plot."""
+    """The paths alone, with ellipses; returns the number of drawn ellipses, and of those larger than the plot."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -197,7 +197,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """2-sigma ellipses of some frames, faint where the estimate is not based on fitting marks."""
+    """2-sigma ellipses of some frames, faint if the estimate is not based on fitting marks."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}
@@ -210,7 +210,7 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 
 
 def _film(done: Track, ax: Axes) -> bool:
-    """Draw the first frame of the film around the network; False where there is none, or the camera is not square."""
+    """Draw the first frame of the film around the network; False if there is none, or the camera is not square."""
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
         return False
@@ -229,7 +229,7 @@ def _film(done: Track, ax: Axes) -> bool:
 
 
 def _network(done: Track, ax: Axes, *, lines: bool) -> None:
-    """Names of the nodes where they are drawn; also springs and nodes if there is no film."""
+    """Names of the nodes at their drawn positions; also springs and nodes if there is no film."""
     scene = done.recording.scene
     network = scene.network
     x = 1e3 * network.positions

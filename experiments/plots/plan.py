@@ -159,7 +159,7 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
-    """Across the view, the best path's line at a height in it [mm]; without a best path, that of the lesion."""
+    """Position of the best path's line across the view, at a height in it [mm]; without a best path, of the lesion."""
     found = done.plan
     tip, entry = (
         view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))
@@ -184,7 +184,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
-    """One path from each entry, the most probable; the best and the next best stand out."""
+    """The most probable path from each entry; the best and the next best stand out."""
     found = done.plan
     n_aims = done.task.n_aims
     shown = [

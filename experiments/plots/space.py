@@ -1,6 +1,6 @@
-"""A body in space from two sides: its shaded surface or its springs, with marks, target and needle.
+"""Drawing of a body in space from two sides: its shaded surface or its springs, with marks, target and needle.
 
-Views are orthographic. What is nearer to the viewer is drawn later, larger or darker.
+Views are orthographic. Things nearer to the viewer are drawn later, larger or darker.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
 """Directions of views: to the right of z, and from above. The second view is the one that adds most marks."""
 
 N_FACES = 4000
-"""Most faces that are drawn."""
+"""Largest number of faces that are drawn."""
 
 N_SPRINGS = 600
-"""Most springs that are drawn: more hide each other."""
+"""Largest number of springs that are drawn: more hide each other."""
 
 SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
 """Colour of a surface in full light and of its wall, and of springs near and far."""
 
 VISIBLE = 0.01
-"""Share of the seen area of a body above which the legend names its wall."""
+"""Share of the visible area of a body above which the legend names its wall."""
 
 DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
-"""Share of light on a face that is turned away from the lamp; the lamp, right, up and toward the viewer."""
+"""Share of light on a face turned away from the lamp; direction of the lamp: right, up and toward the viewer."""
 
 MARGIN = 0.06
-"""Room around a body, by its size."""
+"""Margin around a body, relative to its size."""
 
 NEEDLE = "#7a4b1e"
 """Colour of a needle: black lines beside the body are curves over time."""
@@ -64,7 +64,7 @@ class View:
     toward: Floats
 
     def seen_mm(self, places_m: Floats) -> Floats:
-        """Places [m], (..., dim), in the plot [mm], (..., 2)."""
+        """Positions [m], (..., dim), in the plot [mm], (..., 2)."""
         return np.asarray(1e3 * places_m @ self.across.T)
 
     def seen_cov_mm2(self, cov: Floats) -> Floats:
@@ -73,7 +73,7 @@ class View:
 
 
 FLAT = View(np.eye(2), np.zeros(2))
-"""The view of a flat body, across its plane."""
+"""The view of a flat body, perpendicular to its plane."""
 
 
 def view_from(turn_deg: float) -> View:
@@ -85,7 +85,7 @@ def view_from(turn_deg: float) -> View:
 
 
 def two_views(scene: Scene) -> tuple[View, View]:
-    """Two sides of a body: together they show most marks."""
+    """Two views of a body that together show most marks."""
     first, *others = map(view_from, TURNS_DEG)
     measured = np.array([mark.measured for mark in scene.marks])
     hidden = ~facing(first, scene) & measured
@@ -102,7 +102,7 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
     """The body as drawn in its scene, with names of the marks on this side.
 
-    room_mm: side of the square in print that the axes fill; within_m: other places that the axes contain [m], (n, 3)
+    room_mm: side of the square in print that the axes fill; within_m: other positions that the axes contain [m], (n, 3)
     """
     network = scene.network
     draw_surface(ax, view, outside, wall_faces(scene, outside))
@@ -115,7 +115,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp; wall: the held, (n_faces,)."""
+    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp; wall: fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -134,7 +134,7 @@ def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_]
 
 
 def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int64], tint: str | None = None) -> None:
-    """Springs between places [m], (n, 3), the far ones paler, thinner and first; tint: a colour in place of grey."""
+    """Springs between positions [m], (n, 3), the far ones paler, thinner and first; tint: a colour in place of grey."""
     if not 0 < len(springs) <= N_SPRINGS:
         return
     depth = nearness(view, places_m[springs].mean(axis=1))
@@ -145,7 +145,7 @@ def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int
 
 
 def nearness(view: View, places_m: Floats) -> Floats:
-    """How near places [m], (n, 3), are to the viewer: 0 for the farthest, 1 for the nearest, (n,)."""
+    """Nearness of positions [m], (n, 3), to the viewer: 0 for the farthest, 1 for the nearest, (n,)."""
     depth = places_m @ view.toward
     return np.asarray((depth - depth.min()) / max(float(np.ptp(depth)), 1e-12))
 
@@ -156,7 +156,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
     named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
     for k, mark in enumerate(scene.marks):
-        if mark.node == scene.target.node and not mark.measured:  # the target stands there
+        if mark.node == scene.target.node and not mark.measured:  # the target is drawn there
             continue
         style: dict[str, Any] = (
             {"mec": "0.2", "mew": 0.4, "ms": 3.6, "zorder": 5} if k in named else {"mew": 0.0, "ms": 2.2, "zorder": 4}
@@ -174,9 +174,9 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners of names beside places, (n, 2), each where it covers least of marks and of names before it.
+    """Lower left corners of names beside positions, (n, 2), each where it covers least of marks and of earlier names.
 
-    scale: units of the plot for a millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
+    scale: units of the plot per millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
     """
     disc, gap = 1.3 * scale * np.ones(2), 0.9 * scale
     taken = [*kept_free, *(np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places)]
@@ -197,7 +197,7 @@ def _overlap(one: Floats, other: Floats) -> float:
 
 
 def frame(ax: Axes, view: View, places_m: Floats) -> None:
-    """Equal scales around places [m], (n, 3), with the directions of the axes and a bar for the scale."""
+    """Equal scales around positions [m], (n, 3), with the directions of the axes and a bar for the scale."""
     at = view.seen_mm(places_m)
     low, high = at.min(axis=0), at.max(axis=0)
     reach = float((high - low).max())
@@ -234,7 +234,7 @@ def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Flo
 
 
 def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> None:
-    """The needle to its tip as far as the plot reaches, and its line ahead of the tip [m], dashed."""
+    """The needle to its tip as far as the plot extends, and its line ahead of the tip [m], dashed."""
     tip = insertion.entry + insertion.depth_m * insertion.axis
     shaft, ahead = (view.seen_mm(np.stack([tip, tip + by * insertion.axis])) for by in (-SHAFT_M, ahead_m))
     ax.plot(*shaft.T, color=NEEDLE, lw=1.8, zorder=7, scalex=False, scaley=False)
@@ -242,7 +242,7 @@ def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> N
 
 
 def close_up(ax: Axes, middle: Floats, reach: float) -> None:
-    """Limits around a place in the plot [mm], (2,), as far as this [mm], with a bar of its own."""
+    """Limits around a position in the plot [mm], (2,), up to this distance [mm], with a separate scale bar."""
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set(visible=True, color="0.6")
@@ -250,7 +250,7 @@ def close_up(ax: Axes, middle: Floats, reach: float) -> None:
 
 
 def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Line2D | Patch]:
-    """Entries of a legend by label for what `draw_body` shows from these sides."""
+    """Legend entries by label for what `draw_body` shows from these sides."""
     near = np.array([facing(view, scene) for view in views])
     measured = np.array([mark.measured for mark in scene.marks])
     scored = any(not mark.measured and mark.node != scene.target.node for mark in scene.marks)
@@ -269,7 +269,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
 
 
 def _is_seen(faces: NDArray[np.bool_], outside: Outside, views: Sequence[View]) -> bool:
-    """Whether these faces are at least `VISIBLE` of what is seen from any side."""
+    """Whether these faces are at least `VISIBLE` of the visible area from any side."""
     areas = [(outside.normals @ view.toward).clip(0.0) for view in views]
     return any(bool(area[faces].sum() > VISIBLE * area.sum()) for area in areas)
 

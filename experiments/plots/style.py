@@ -29,18 +29,18 @@ DPI = 300
 """Resolution of PNG files [px/inch]: journals require it for halftones."""
 
 TEXT_PT, SMALL_PT = 7.0, 6.0
-"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the least that is legible in print."""
+"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the smallest that is legible in print."""
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"
 
 TRUE, OURS, PAPERS = BLACK, BLUE, ORANGE
-"""The truth, the filter, the paper's open loop: the same colours in all plots."""
+"""Colours of the truth, the filter and the paper's open loop, the same in all plots."""
 
 TIME_MAP = "viridis"
 
 HALO = [withStroke(linewidth=1.4, foreground="white")]
-"""Around words over lines."""
+"""White outline of words over lines."""
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",
@@ -70,7 +70,7 @@ STYLE: dict[Any, Any] = {
     "figure.titlesize": TEXT_PT,
     "image.cmap": TIME_MAP,
     "pdf.fonttype": 42,  # text that other programs can edit
-    "svg.hashsalt": "softaim",  # names inside that are the same each time
+    "svg.hashsalt": "softaim",  # names inside that do not change
 }
 
 UNDATED = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
@@ -80,7 +80,7 @@ P = ParamSpec("P")
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A function that draws, in the house style."""
+    """Decorator for functions that draw, which sets the house style."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -91,18 +91,18 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(width_mm: float, height_mm: float) -> Figure:
-    """An empty figure of this size in print; made without pyplot: no global state, nothing to close."""
+    """An empty figure of this size in print; created without pyplot: no global state, nothing to close."""
     return Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
 
 
 def grid_figure(width_mm: float, height_mm: float, **grid: Any) -> tuple[Figure, NDArray[np.object_]]:
-    """A figure with a grid of axes, (n_rows, n_columns), as `Figure.subplots` takes it."""
+    """A figure with a grid of axes, (n_rows, n_columns); grid: as for `Figure.subplots`."""
     figure = new_figure(width_mm, height_mm)
     return figure, figure.subplots(squeeze=False, **grid)
 
 
 def span(ax: Axes, times_s: Floats) -> None:
-    """Limits from the first time to the last [s]; a single time is left to matplotlib."""
+    """Set limits from the first time to the last [s]; a single time is left to matplotlib."""
     if len(times_s) > 1:
         ax.set_xlim(times_s[0], times_s[-1])
 
@@ -119,7 +119,7 @@ def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellips
     """The ellipse at this many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular one the least is rounding
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # for a singular covariance the least one is rounding
     return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 

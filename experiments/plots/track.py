@@ -30,8 +30,8 @@ def write_track_plots(
     """Draw the plots of a track into an existing folder; returns the files written.
 
     path.png; with truth error.png and sigma.png; without it motion.png, in space part of path.png; consistency.png
-    where marks were taken in; withheld.png where marks were predicted as if hidden. vector: "pdf" or "svg" for a vector
-    file beside each; advance: is called with the share done
+    if marks were used; withheld.png if marks were predicted as if hidden. vector: "pdf" or "svg" for a vector
+    file beside each; advance: called with the completed share
     """
     pictures = {"path": path_figure(done)}
     if done.has_truth:

@@ -1,4 +1,4 @@
 """Project folders from a template, and checks of scenes.
 
-What may enter: help for a user's own phantom.
+Help for a user's own phantom belongs here.
 """

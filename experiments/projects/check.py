@@ -35,7 +35,7 @@ FRAMES_PER_S = 30.0
 """Default frame rate without a recording or an option."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Least and most time of marks at rest for the filter [s]; more than the least while its covariance still changes."""
+"""Shortest and longest time of marks at rest for the filter [s]; it is extended while the covariance still changes."""
 
 SETTLED = 0.01
 """Relative change of the target's variance over a quarter of a second below which it is steady."""
@@ -45,10 +45,10 @@ SETTLED = 0.01
 class SceneCheck:
     """Properties of a scene about its rest.
 
-    path: of the scene's file; rest: where the network rests [m], (n_nodes, dim)
+    path: of the scene's file; rest: positions at rest [m], (n_nodes, dim)
     stable_s: longest stable explicit step; step_s: longest step of the filter, an implicit one
-    interval_s: of the frames; seen: the measured marks in a frame at rest; single: nodes of those that a single camera
-    in space sees, known only across its ray; unfound: nodes whose marks are not detected, and why, None without rows
+    interval_s: of the frames; seen: the measured marks in a frame at rest; single: nodes of the marks that only a
+    single camera in space sees; unfound: nodes whose marks are not detected, and why, None without rows
     estimate: the scene's filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
     quiet_m, pushed_m: lower bound on the standard deviation of the target on each axis for unbiased estimates, without
@@ -77,14 +77,14 @@ class SceneCheck:
 
     @property
     def sigma_m(self) -> float:
-        """Standard deviation of the target on each axis by the scene's filter [m]."""
+        """Standard deviation of the target on each axis, from the scene's filter [m]."""
         return per_axis(np.asarray(self.estimate.cov))
 
     @property
     def mark_sd_m(self) -> float:
-        """Standard deviation of a mark on each axis, the calibration's error included [m].
+        """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        Of the marks that several cameras see; if a single one sees each mark, that across its ray.
+        For the marks that several cameras see; if a single one sees each mark, that across its ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
@@ -105,7 +105,7 @@ def checked(
     sd_mm: float | None = None,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> SceneCheck:
-    """The check of a scene file or of a recording's scene; raises InputError.
+    """Check a scene file or a recording's scene; raises InputError.
 
     frames_per_s, sd_mm: of the marks, in place of the recording's or the camera's
     """
@@ -163,7 +163,7 @@ def _interval_s(recording: Recording | None) -> float:
 def _seen(
     scene: Scene, rest: Floats, recording: Recording | None, sd_mm: float | None
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
-    """The measured marks at rest with their covariances, those of a single camera, and nodes whose marks are not found.
+    """Measured marks at rest with covariances, nodes that only one camera sees, and nodes without found marks.
 
     Covariances come from the option, the rows of marks.csv, or a picture: the first of the film, or a synthetic one. If
     no measured mark is found there, or without these, they are `NEAR_SD_MM`.
@@ -193,7 +193,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """The search in a picture of the line's scene, in space in one picture of each camera."""
+    """The search in a picture of the line's scene; in space, in one picture of each camera."""
     scene = line.scene
     if not scene.space_cameras:
         return line.see(0.0, _picture(scene, recording))
@@ -209,7 +209,7 @@ def _step(line: Line, recording: Recording | None) -> Step:
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
-    """Shared error of a mark there by the camera's calibration, None for an exact one."""
+    """Shared error of a mark at a position due to the camera's calibration, None for an exact one."""
     if scene.space_cameras and scene.n_calibration and not scene.reference.marks:
         return calibration_shifts(scene)(place[None])[0]
     camera = scene.cameras[0] if scene.cameras else None

@@ -1,4 +1,4 @@
-"""A project of a body of tetrahedra: mesh, tissues, wall, marks and target by the options of `softaim new`."""
+"""Project of a body of tetrahedra: mesh, tissues, wall, marks and target from the options of `softaim new`."""
 
 from __future__ import annotations
 
@@ -35,31 +35,31 @@ from experiments.projects.template import (
 )
 
 FILE = "mesh.npz"
-"""The mesh in the folder of a project."""
+"""File name of the mesh in a project's folder."""
 
 N_MARKS = 40
-"""Number of marks of a project without a file of them."""
+"""Default number of marks of a project."""
 
 FEW, MANY = 10, 80
-"""Marks below which the target is poorly determined, and above which an estimate takes longer than a frame; choice: in
-a breast of 968 nodes 6 marks leave 2.1 mm an axis, 10 leave 0.3 mm; an estimate takes 40 ms with 80, 0.2 s with 160."""
+"""Number of marks below which the target is poorly determined, and above which an estimate is too slow; choice: in a
+breast of 968 nodes 6 marks leave 2.1 mm per axis, 10 leave 0.3 mm; it takes 40 ms with 80, 0.2 s with 160."""
 
 WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
-"""What `--fixed` may be, for messages."""
+"""Forms of `--fixed`, for messages."""
 
 TARGET = "T"
 
 NEAR = 0.05
-"""Distance of a mark from the surface, by the extent, to which it is moved onto it; choice: 5 mm of 100 mm."""
+"""Largest distance from the surface of a mark that is moved onto it, relative to the extent; choice: 5 mm of 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Weight of nodes that are not held below which a target does not move [1]; numerical."""
+"""Weight of free nodes below which a target does not move [1]; numerical."""
 
 N_DRAWS = 100
-"""Most draws of the simulated lesion's place until one is inside the body: a choice."""
+"""Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
 
 SHALLOWEST_MM = 0.01
-"""Least depth of a target below the surface: less has no direction to the skin."""
+"""Least depth of a target below the surface [mm]: less has no direction to the skin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class MeshChoice:
 def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Template:
     """The project of a body of tetrahedra; raises InputError.
 
-    young_pa: of a body of one tissue
+    young_pa: Young's modulus [Pa] for a body of one tissue
     """
     _check_words(of, young_pa)
     size_m = None if of.size_mm is None else 1e-3 * of.size_mm
@@ -127,7 +127,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
 
 
 def _check_words(of: MeshChoice, young_pa: float | None) -> None:
-    """Raise InputError for options that fit no body; warn for a number of marks of little use."""
+    """Raise InputError for options that fit no body; warn of too few or too many marks."""
     check_tissues(of.field, of.regions, young_pa)
     fixed = (of.fixed or "").strip()
     if of.fixed is not None and not (PLANE.fullmatch(fixed) or REGION.fullmatch(fixed) or _label_of(fixed)):
@@ -145,9 +145,9 @@ def _check_words(of: MeshChoice, young_pa: float | None) -> None:
 
 
 def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
-    """Raise InputError for options that do not fit a body of places [m], (n, 3), before elements are made.
+    """Raise InputError for options that do not fit a body with positions [m], (n, 3), before elements are made.
 
-    body: of the file, None of a surface
+    body: of the file, None for a surface
     """
     if of.fixed is None:
         raise InputError.at("--fixed", f"where the body is held, {WALL_FORMS}", f"none; {extents(places)}")
@@ -169,19 +169,19 @@ def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
 
 
 def _outside(of: MeshChoice, places: Floats) -> InputError:
-    """The fault of a target outside of a body of places [m], (n, 3)."""
+    """The error for a target outside of a body with positions [m], (n, 3)."""
     found = f"{of.target_mm}, which is outside; {extents(places)}"
     return InputError.at("--target", f"a place inside {of.path.name}", found)
 
 
 def _label_of(fixed: str) -> str:
-    """The label in `faces LABEL`, or `faces FIELD=LABEL`; empty of other forms."""
+    """The label in `faces LABEL`, or `faces FIELD=LABEL`; empty for other forms."""
     what, _, label = fixed.strip().partition(" ")
     return label.strip() if what == "faces" else ""
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """The nodes of labelled faces; None of another form; raises InputError for no such label, or several fields."""
+    """The nodes of labelled faces; None for another form; raises InputError for a missing label, or several fields."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -209,7 +209,7 @@ def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.i
 
 
 def _free_faces(body: Body, fixed: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Faces of the outside with no corner that is held, (k, 3); raises InputError for none."""
+    """Outer faces without a fixed corner, (k, 3); raises InputError if there are none."""
     is_held = np.zeros(len(body.mesh.nodes), dtype=bool)
     is_held[fixed] = True
     faces = body.faces.nodes[~is_held[body.faces.nodes].any(axis=1)]
@@ -219,7 +219,7 @@ def _free_faces(body: Body, fixed: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Floats]:
-    """Names and places of marks on the free surface [m]; raises InputError."""
+    """Names and positions of marks on the free surface [m]; raises InputError."""
     if not marks.isdecimal():
         return _listed(Path(marks), mesh, faces)
     nodes, count = np.unique(faces), int(marks)
@@ -260,7 +260,7 @@ def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Fl
 
 
 def _place(text: str) -> Floats:
-    """The place [m], (3,), that `--target` states; raises InputError."""
+    """The position [m], (3,), that `--target` states; raises InputError."""
     try:
         place = 1e-3 * np.array([float(part) for part in text.split(",")])
     except ValueError:
@@ -271,9 +271,9 @@ def _place(text: str) -> Floats:
 
 
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
-    """The target's place [m], (3,): that of the option, else the middle of the element next to that of the body.
+    """Position of the target [m], (3,): the option's, else the centre of the element nearest to the body's centre.
 
-    anchored: nodes that are held; raises InputError for a target among them
+    anchored: fixed nodes; raises InputError for a target among them
     """
     if of.target_mm is None:
         centres = mesh.nodes[mesh.elements].mean(axis=1)
@@ -294,7 +294,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """The simulated lesion's place [m], (3,): off by the stated deviation on each axis, inside the body, not held."""
+    """Position of the simulated lesion [m], (3,): with the stated deviation per axis, inside the body, not fixed."""
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):
@@ -304,7 +304,7 @@ def _drawn(
 
 
 def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:
-    """Weight of the nodes that are not held at a place [m], (3,); MeshError outside."""
+    """Weight of the free nodes at a position [m], (3,); MeshError outside."""
     element, weights = locate(mesh, place[None])
     return float(weights[~np.isin(mesh.elements[element], anchored)].sum())
 

@@ -1,4 +1,4 @@
-"""User meshes: `nodes.csv` and optionally `springs.csv` in place of a triangulation.
+"""Spring meshes of a user: `nodes.csv` and optionally `springs.csv` in place of a triangulation.
 
 nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or empty
 springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
@@ -24,8 +24,8 @@ YES = ("yes", "")
 """Entries of `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; it also detects metres in
-place of millimetres."""
+"""Shortest permitted spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; it also detects
+metres in place of millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +113,7 @@ def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], positions: Floats) -> str:
-    """The node marked in the file, else the free one nearest to the middle of all."""
+    """The target node of the file, else the free node nearest to the middle of all."""
     if target.sum() > 1:
         raise InputError.at(table.place(int(np.flatnonzero(target)[1]), "target"), "one target", "a second one")
     free = np.flatnonzero(~fixed)
@@ -127,7 +127,7 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
 
 
 def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
-    """Free nodes at corners of the hull; if there are none, all but the target."""
+    """Free nodes at corners of the hull; if there are none, all except the target."""
     free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
     corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
     return [name for name in free if name in corners] or free

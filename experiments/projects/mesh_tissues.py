@@ -1,4 +1,4 @@
-"""The tissues of a mesh: of one kind, by the labels of a file, or by a field from fat to gland."""
+"""Tissues of a mesh: a single one, by the labels of a file, or by a field from fat to gland."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body
 
 CLASSES = 4
-"""Tissues between fat and gland into which a field is divided; choice: the stiffness of each is identified, and marks
-on the surface determine few."""
+"""Number of tissues between fat and gland into which a field is divided; choice: the stiffness of each is identified,
+and marks on the surface determine few."""
 
 GROUPS = "gmsh:physical"
-"""The field of labels of Gmsh."""
+"""Name of the field with Gmsh's labels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 
 
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
-    """The tissues of a body; raises InputError.
+    """Assign the tissues of a body; raises InputError.
 
     field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue;
     all of them checked
@@ -80,7 +80,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and gland by a field of their share, moduli and densities in proportion."""
+    """Mixtures of fat and gland by a field of their share, with proportional moduli and densities."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Where the needle of a new project enters, and where it aims."""
+"""Entry and aim of the needle in a new project."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ AIMING = 6
 """Fixed-point iterations of the aim under the needle's own push; numerical: the last moves it by less than 0.01 mm."""
 
 N_ENTRIES = 200
-"""Number of entries that are compared: some every 15 mm of a breast's skin; a choice."""
+"""Number of entries that are compared; choice: about every 15 mm of a breast's skin."""
 
 THROUGH = np.linspace(0.1, 1.0, 10)
-"""Where on the way from the entry to the target there has to be tissue [1]."""
+"""Positions on the way from the entry to the target where there has to be tissue [1]."""
 
 BEFORE = np.linspace(0.02, 1.0, 25)
-"""Where before the entry there has to be none, by the extent of the body [1]."""
+"""Positions before the entry, relative to the extent of the body, where there must be no tissue [1]."""
 
 
 def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
@@ -50,7 +50,7 @@ def surest_entry(
     """The point of the free surface [m], (3,), from which push and bending leave the least error, and the aim, (3,).
 
     No needle comes from the side of the wall, nodes (k,), where the rest of the person is.
-    faces: of the surface, (k, 3); nearest: the point next to the target [m], (3,), taken if no straight needle enters
+    faces: of the surface, (k, 3); nearest: the point nearest to the target [m], (3,), the result if no needle can enter
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
     push = NeedlePush(network, target, forces)
@@ -71,7 +71,7 @@ def surest_entry(
 
 
 def _is_open(mesh: TetMesh, entry: Floats, target: Floats) -> bool:
-    """Whether a straight needle gets to an entry [m], (3,), from outside, and through tissue alone to the target."""
+    """Whether a straight needle reaches an entry [m], (3,), from outside, and the target through tissue only."""
     way, extent_m = target - entry, float(np.linalg.norm(np.ptp(mesh.nodes, axis=0)))
     through = entry + THROUGH[:, None] * way
     before = entry - BEFORE[:, None] * extent_m * way / np.linalg.norm(way)

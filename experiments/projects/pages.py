@@ -28,10 +28,10 @@ POKED_M = 0.02
 """Displacement of the softest mark of a continuum under its strongest poke, if that lasted [m]: a probe's press."""
 
 WAVE = 2.5
-"""Range of a breath by the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
+"""Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""Strongest poke by dimension: a soft breast's masses are 40 g and well supported, 40 m/s² is a push of 1 to 2 N."""
+"""Strongest poke by dimension [m/s²]: a soft breast's masses are 40 g and well supported, 40 m/s² is 1 to 2 N."""
 
 HORIZON_S = 1.0
 """Horizon of the search for a better start: five periods of a breast, and half the default of two seconds."""
@@ -75,7 +75,7 @@ MESH_KEYS = {
     "damping_s": "damping by stiffness",
     "position_mm": "of a mark on the surface, or of the target inside, at rest",
 }
-"""The same in a scene of a mesh."""
+"""The same for a scene with a mesh."""
 
 TABLES = {
     "[mesh]": "The tissue: a mesh of tetrahedra.",
@@ -190,7 +190,7 @@ def _breath(of: Template) -> tuple[str, ...]:
 
 
 def _with(line: str, comment: str) -> str:
-    """A line of a file with its meaning."""
+    """A line of a file with a comment on its meaning."""
     return f"{line:<36} # {comment}"
 
 

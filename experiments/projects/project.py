@@ -1,4 +1,4 @@
-"""A new project: a template of the chosen kind, and its files. What `softaim new` makes."""
+"""New projects: a template of the chosen kind, and its files. What `softaim new` does."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Direction from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
-"""Durations of the recordings [s]. One with a breath has five: the breathing model predicts after two of them."""
+"""Durations of the recordings [s]. One with breathing has five breaths: the model predicts after two of them."""
 
 
 class Kind(StrEnum):
@@ -44,7 +44,7 @@ def project(
     mesh: MeshChoice | None = None,
     seed: int = 0,
 ) -> Template:
-    """The template of a project of this kind; raises InputError for choices that do not belong to it.
+    """The template of a project of this kind; raises InputError for options of another kind.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
     nodes, springs: files of a mesh of springs; mesh: a body of tetrahedra; seed: of the simulated tissue's constants

@@ -1,4 +1,4 @@
-"""Output of `softaim check`: a line each for rest, motion, steps, marks and target, and for each missing part."""
+"""Output of `softaim check`: one line each for rest, motion, steps, marks and target, and for each missing part."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ N_LOWEST = 3
 """Number of listed frequencies."""
 
 SURE = 0.9
-"""Hit probability with the best aim below which a warning is given: the default threshold of GO."""
+"""Hit probability with the best aim below which there is a warning: the default threshold of GO."""
 
 SURER = 0.95
-"""Ratio of a filter's sigma at rest to the bound below which a warning is given [1]."""
+"""Ratio of a filter's sigma at rest to the bound below which there is a warning [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ def _target(done: SceneCheck) -> str:
 
 
 def _accuracy(done: SceneCheck) -> str:
-    """Accuracy of the marks, and how many a single camera sees."""
+    """Accuracy of the marks, and the number that only one camera sees."""
     own, n_single = f"{1e3 * done.mark_sd_m:.2g} mm", len(done.single)
     if not n_single:
         return own
@@ -245,7 +245,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _view(done: SceneCheck) -> str:
-    """What the camera of a flat scene sees, for marks outside of its picture."""
+    """View of the camera of a flat scene, for marks outside of its picture."""
     outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
     view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
     if view is None:

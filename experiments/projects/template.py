@@ -1,4 +1,4 @@
-"""Content of a new project: a scene by a user, and simulated tissue that differs from it.
+"""Content of a new project: a user's scene, and simulated tissue that differs from it.
 
 The numbers below define the template; the user changes them in the files.
 """
@@ -32,22 +32,22 @@ HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
 """Hues of the marks, in turn: a sixth of the circle apart."""
 
 MARK_SIZE = 1.0 / 6.0
-"""Diameter of a mark by the shortest spring."""
+"""Diameter of a mark, relative to the shortest spring."""
 
 RADIUS_MM = 5.0
-"""Radius of the target."""
+"""Radius of the target [mm]."""
 
 LEAST_REACH_MM = 20.0
-"""Least distance from the needle's entry to the target, which may lie on the outline of the nodes."""
+"""Least distance from the needle's entry to the target [mm], which may lie on the outline of the nodes."""
 
 SIZE_PX, ROOM = (640, 480), 1.6
-"""Size of the picture, and margin of the plane around the body."""
+"""Size of the picture [px], and factor of the plane's size over the body's."""
 
 FINEST_MM = 0.01
-"""Least size of a camera's pixel [mm], to which it is rounded."""
+"""Step to which the size of a camera's pixel is rounded, and its least value [mm]."""
 
 CALIBRATION_SD_PX = 0.68
-"""Error of marks in the scenarios' light, `paper`."""
+"""Error of marks in the scenarios' light `paper` [px]."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
 """Relative standard deviation of the simulated tissue's constants, common to a group of springs."""
@@ -75,7 +75,7 @@ class Template:
 
     @property
     def truth_all_seen(self) -> Scene:
-        """The simulated tissue in a calibration: every mark measured, also those inside."""
+        """The simulated tissue for a calibration: every mark measured, including those inside."""
         return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
 
 

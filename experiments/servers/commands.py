@@ -1,4 +1,4 @@
-"""Commands of clients to a running loop, checked before they are passed on: one error in one line, or a command."""
+"""Commands of clients to a running loop, checked before they are passed on; an error has one line."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 LONGEST_M = 10.0
-"""Largest distance of a position from the origin [m]: beyond it a client's input is an error; chosen."""
+"""Largest distance of a position from the origin [m]: a larger one is an error of the client; choice."""
 
 Coordinate = Annotated[float, Field(ge=-1e3 * LONGEST_M, le=1e3 * LONGEST_M)]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=3)]
@@ -19,7 +19,7 @@ class _Command(BaseModel):
 
 
 class Pause(_Command):
-    """Pause or resume the use and recording of frames; paused, the target is predicted, without advice."""
+    """Pause or resume the use and recording of frames; during a pause the target is predicted, without advice."""
 
     command: Literal["pause"]
     on: bool
@@ -33,13 +33,13 @@ class Record(_Command):
 
 
 class Reset(_Command):
-    """Forget the state and start again with the next frame."""
+    """Reset the state, and start again with the next frame."""
 
     command: Literal["reset"]
 
 
 class Fix(_Command):
-    """A direct sighting of the target, such as by ultrasound: position [mm], or [px] in the picture, and sd [mm]."""
+    """A direct measurement of the target, such as by ultrasound: position [mm], or [px] in the picture, and sd [mm]."""
 
     command: Literal["fix"]
     place_mm: Place | None = None
@@ -67,7 +67,7 @@ UNSEEN = {"command": "needle_unseen"}
 
 
 class NeedleUnseen(_Command):
-    """The tracker does not see the needle: there is no advice on it until its position is sent again."""
+    """Record that the tracker does not see the needle: there is no advice until its position is sent again."""
 
     command: Literal["needle_unseen"]
 
@@ -77,7 +77,7 @@ _ADAPTER: TypeAdapter[Command] = TypeAdapter(Command)
 
 
 def read_command(found: Any) -> Command:
-    """The command of a decoded JSON object, or of its text. Raises ValueError, in one line, if it is invalid."""
+    """Read a command from a decoded JSON object, or from its text. Raises ValueError, in one line, if it is invalid."""
     try:
         return _ADAPTER.validate_json(found) if isinstance(found, str | bytes) else _ADAPTER.validate_python(found)
     except ValidationError as error:

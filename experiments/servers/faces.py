@@ -10,13 +10,13 @@ from experiments.errors import InputError, shown
 
 LOOPBACK = "127.0.0.1"
 PAGE_PORT, IGTL_PORT = 8765, 18944
-"""The page's default port, and that registered for OpenIGTLink."""
+"""Default port of the page, and the port registered for OpenIGTLink."""
 BACKLOG = 32
 
 
 @dataclass(frozen=True, slots=True)
 class Faces:
-    """The servers of a run: listening sockets, None for those not served.
+    """Servers of a run: listening sockets, None for servers that do not run.
 
     token: required to write; read_open: whether a client may read without it
     """
@@ -49,7 +49,7 @@ def usual(port: int) -> socket.socket:
 
 
 def is_loopback(listener: socket.socket) -> bool:
-    """Whether it is reachable from this machine only."""
+    """Whether a socket is reachable from this machine only."""
     return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
 
 

@@ -1,4 +1,4 @@
-"""The newest state of a live run, in the serving process: for any number of clients, without waiting.
+"""Newest state of a live run in the serving process, for any number of clients, without waiting.
 
 `message` defines the messages. Runs in one asyncio loop.
 """
@@ -34,7 +34,7 @@ class Feed:
 
     send: passes a command of `commands` to the loop, which may refuse it; does not wait
     scene: the constant part, sent to viewers first
-    State: the newest moment; number of clients that want pictures.
+    State: the newest moment; number of clients that request pictures.
     """
 
     def __init__(self, scene: Message, send: Callable[[Message], None] = lambda _command: None) -> None:
@@ -44,7 +44,7 @@ class Feed:
         self._changed = asyncio.Event()
 
     def publish(self, text: bytes, picture: bytes | None) -> None:
-        """Store what the loop published."""
+        """Store the state that the loop published."""
         self.newest = Moment(1 if self.newest is None else self.newest.number + 1, text, picture)
         self._changed.set()
         self._changed = asyncio.Event()

@@ -1,6 +1,6 @@
 """The loop's end of the servers: it sends the newest state to the serving process, and receives requests.
 
-The loop does not wait: one thread sends the newest state whenever that process has received the one before, another
+The loop does not wait: one thread sends the newest state whenever that process has received the last one, another
 thread reads. If that process ends or hangs, the loop continues.
 """
 
@@ -24,16 +24,16 @@ from experiments.servers.faces import Faces
 from experiments.servers.process import serve
 
 MOST_REQUESTS = 64
-"""Most requests that wait for the loop; then the newest is refused; chosen."""
+"""Largest number of waiting requests; above it the newest is refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval of pictures [s]: more are not distinguishable, and each takes 3 ms to compress; chosen."""
+"""Least interval of pictures [s]; choice: more are not distinguishable, and each takes 3 ms to compress."""
 
 QUALITY = 80
-"""JPEG quality, of 100: marks and their rims are clearly visible; chosen."""
+"""JPEG quality, out of 100; choice: marks and their rims are clearly visible."""
 
 ENDS_S = 2.0
-"""Timeout for the end of that process [s]; chosen."""
+"""Timeout for the end of that process [s]; choice."""
 
 
 class Link:
@@ -41,7 +41,7 @@ class Link:
 
     notices: lines with the addresses, for standard error: see `tell`
     State, shared with the threads: the waiting state; whether the process is ready for it, and how many of its clients
-    want pictures; requests not yet fetched.
+    request pictures; requests not yet fetched.
     """
 
     def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
@@ -81,7 +81,7 @@ class Link:
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace a waiting state by the newest one; message: makes it, in the sending thread."""
+        """Replace a waiting state by the newest one; message: creates it, in the sending thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()

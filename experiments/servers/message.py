@@ -26,11 +26,11 @@ STALE_MS = 200
 """Age of the newest state above which a viewer calls it stale [ms]; a requirement of users at the needle."""
 
 N_FACES = 1500
-"""Most faces of a surface for viewers: what a browser shades at each state; chosen."""
+"""Largest number of faces of a surface for viewers; choice: what a browser can shade at each state."""
 
 
 def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
-    """The loop's performance for a state; interval_s: usual frame interval [s]."""
+    """The loop's performance counters for a state; interval_s: usual frame interval [s]."""
     return {
         "frames": known.frames,
         "without_frame": known.without_frame,
@@ -96,7 +96,7 @@ def state_message(
 ) -> dict[str, Any]:
     """The message of one state.
 
-    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False where it was predicted without one
+    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False if it was predicted without one
     counters: as in `counters_message`
     overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); nis_band: 95 % interval of NIS
     needle: its position; fault: why the estimate is not reliable, None if it is
@@ -160,7 +160,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
-    """The annotation in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
+    """Annotation in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],
         "target_px": _px(overlay.target_px),
@@ -201,7 +201,7 @@ def _px(place_px: Floats | None) -> list[float] | None:
 
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
-    """The semi-axes of the 95 % ellipse, (2, 2), a row each; None if there are none."""
+    """Semi-axes of the 95 % ellipse, (2, 2), one per row; None without an ellipse."""
     if cov_px2 is None or not np.isfinite(cov_px2).all():
         return None
     values, vectors = np.linalg.eigh(cov_px2)

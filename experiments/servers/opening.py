@@ -1,4 +1,4 @@
-"""Open the servers of a live run: listening sockets, and the serving process."""
+"""Opening of a live run's servers: listening sockets, and the serving process."""
 
 from __future__ import annotations
 

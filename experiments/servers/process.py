@@ -1,4 +1,4 @@
-"""The process that serves a live run: states from the loop go to the feed, requests of clients go back."""
+"""Process that serves a live run: states from the loop go to the feed, requests of clients go back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from experiments.servers.feed import Feed
 from experiments.threads import begin_helper
 
 LONGEST = 64 * 1024 * 1024
-"""Most bytes of one message from the loop: a picture of 8K is 20 MB; chosen."""
+"""Largest number of bytes of one message from the loop; choice: a picture of 8K is 20 MB."""
 
 
 def serve(connection: Connection, faces: Faces) -> None:
@@ -63,7 +63,7 @@ class _Served:
         return servers
 
     async def _watched(self, name: str, server: Awaitable[None]) -> None:
-        """Run a server; if it fails the others continue."""
+        """Run a server; if it fails, the others continue."""
         try:
             await server
         except Exception as error:

@@ -1,4 +1,4 @@
-"""Shows a live run to viewers, and handles their requests: an `Attendant`."""
+"""Publisher of a live run to viewers, which also handles their requests: an `Attendant`."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ from experiments.servers.message import counters_message, scene_message, state_m
 from vision import Frame, SourceError
 
 LAST_EVENTS = 8
-"""Number of events in a state; chosen."""
+"""Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""Time for a source to fail before the addresses are printed [s]; chosen."""
+"""Time for a source to fail before the addresses are printed [s]; choice."""
 
 ATTENDS_S = 0.005
-"""Longest time of requests between two frames [s]; chosen."""
+"""Longest time for requests between two frames [s]; choice."""
 
 BAND = (0.025, 0.975)
 """Quantiles of the 95 % interval of NIS."""
@@ -137,11 +137,11 @@ class Shows:
         )
 
     def attend(self, control: Control) -> None:
-        """Handle the requests since the last turn of the loop; failed ones are reported.
+        """Handle the requests since the last cycle of the loop; failed ones are reported.
 
-        It ends after `ATTENDS_S`, so that many requests do not delay a frame. The rest is handled in the next turn. The
-        addresses are printed with the first frame, or after a while without one: for bad input the error is the only
-        line.
+        It ends after `ATTENDS_S`, so that many requests do not delay a frame. The rest is handled in the next cycle.
+        The
+        addresses are printed with the first frame, or later without one: for bad input the error is the only line.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
@@ -162,7 +162,7 @@ class Shows:
         self._paused = control.session.paused
 
     def __enter__(self) -> Self:
-        """As a context manager: keeps events until its end."""
+        """Begin to keep events, until the end of the block."""
         LOG.addHandler(self._events)
         return self
 
@@ -195,7 +195,7 @@ def do(command: Command, control: Control) -> None:
 
 @lru_cache(maxsize=256)
 def nis_band(degrees: int) -> tuple[float, float] | None:
-    """The 95 % interval of NIS with this many coordinates; None for none."""
+    """The 95 % interval of NIS for this number of coordinates; None for none."""
     if not degrees:
         return None
     low, high = chi2.ppf(BAND, degrees)

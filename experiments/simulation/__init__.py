@@ -1,6 +1,6 @@
 """Truth and films of scenarios, a camera in front of the phantom, closed-loop insertion.
 
-What may enter: sources of truth, no scores.
+Sources of truth belong here, scores do not.
 """
 
 # Import each from its own module: the phantom's process has to begin before anything else is loaded.

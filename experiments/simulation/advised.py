@@ -1,8 +1,8 @@
 """Reliability of the probabilities of `softaim advise`: its needle, inserted from its entry at times of its advice.
 
-Every second there is advice as in `softaim advise`, by the filter of the given scene. Then the needle goes in at once,
-straight along its direction, to the advised depth, in the true tissue, which deforms; the needle neither steers nor
-waits.
+Advice comes every second, as in `softaim advise`, from the filter of the given scene. Then the needle is inserted at
+once, straight along its direction, to the advised depth, in the true tissue, which deforms; the needle neither steers
+nor waits.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Interval of advice [s]: insertions of one run are then nearly independent; size of the study."""
+"""Interval of advice [s], at which insertions of one run are nearly independent; size of the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
     """Advice at a time [s], and the result of its insertion.
 
-    probability: of a hit, None if none was stated; hit, miss_m: None if no needle went in
+    probability: of a hit, None if none was stated; hit, miss_m: None if no needle was inserted
     """
 
     time_s: float
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Advice every second, from the first frame after the warm-up; `state`: the tissue's then."""
+    """Advice every second, from the first frame after the warm-up; `state`: state of the tissue then."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -77,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion now; forces are known up to the later time only."""
+    """Result of an immediate insertion; forces are known only up to the later time."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -96,7 +96,7 @@ def inserted(
 
 
 def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, object]:
-    """Predicted and observed hits, of all insertions and after GO, and bins of them; see `_compared`."""
+    """Predicted and observed hits, of all insertions and after GO, and in bins; see `_compared`."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
     advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
@@ -132,7 +132,7 @@ def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str,
 
 
 def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
-    """Standard deviation of the mean of observed less predicted hits, by leaving each run out; None for one run."""
+    """Standard deviation of the mean of observed less predicted hits, by omitting each run; None for one run."""
     sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
     sizes = np.array([len(run) for run in stated])
     n = len(sums)

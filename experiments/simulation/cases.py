@@ -22,10 +22,10 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
-"""Seeds below were used for choices, or seen before settings changed; results start with this one."""
+"""First seed of results; those below were used for choices, or seen before settings changed."""
 
 BREATHING_WARM_S = 12.0
-"""Time with marks before the needle may start in breathing tissue [s]: two breaths; chosen."""
+"""Time with marks before the needle may start in breathing tissue [s]; choice: two breaths."""
 
 ENTRY_M = (0.015, 0.020)
 """Entry of the needle in the phantom, relative to the resting target [m]: 25 mm of tissue; a parameter of the study."""
@@ -34,10 +34,10 @@ SPEED_M_S = 0.05
 """Speed of a needle without a file [m/s]."""
 
 DEEPEST_M = 0.06
-"""Depth in the phantom at which a needle is drawn back or has missed [m]; a parameter of the study."""
+"""Depth in the phantom at which a needle is retracted or has missed [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""The same in a user's scene, beyond the resting target [m]: as in the phantom."""
+"""The same depth in a user's scene, beyond the resting target [m]: as in the phantom."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
 """One outer mass at a time is poked: 3.4 m/s² is the root mean square on a coordinate of a half sine in any direction
@@ -51,7 +51,7 @@ FAR_M, N_ALONG = 0.05, 100
 body; choice: a probe between robot and skin is shorter."""
 
 ELSEWHERE = 0.1
-"""Distance of a mark in the filter's scene from that in the scenario's, by the extent, at most [1]; choice: sagging,
+"""Largest relative distance of a mark in the filter's scene from that in the scenario's [1]; choice: sagging,
 registration and another mesh of the same body move it less."""
 
 AT_REST_M = 1e-9
@@ -183,7 +183,7 @@ def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
 
 
 def resting_target(scene: Scene) -> Floats:
-    """The target in the network as drawn [m], (dim,)."""
+    """Position of the target in the network as drawn [m], (dim,)."""
     network = scene.network
     return target_map(network, scene.target.point).position(network.positions[network.free].ravel())
 
@@ -194,7 +194,7 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
 
 
 def phantom_plan(scene: Scene) -> NeedlePlan:
-    """The study's needle in the phantom, which first points down."""
+    """The study's needle in the phantom, which initially points down."""
     insertion = Insertion(resting_target(scene) + ENTRY_M, np.array([0.0, -1.0]), SPEED_M_S)
     return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, 2), AdviceSettings())
 

@@ -1,4 +1,4 @@
-"""A needle inserted into moving tissue by one policy, in closed loop: sight, estimate, command, tissue response.
+"""Closed-loop insertion of a needle into moving tissue by one policy: sight, estimate, command, tissue response.
 
 At every frame the policy gives the target's position, now or predicted, and the robot moves the needle's line towards
 it at a limited speed. COMMIT_S before arrival the line is fixed: at this commitment a probability is given.
@@ -46,7 +46,7 @@ class Tried:
     drawn_probability, drawn_hit: the same for a lesion with the drawn radius drawn_radius_m, and whether it was hit
     miss_m: distance of the tip or the notch's middle from the true target at arrival [m], None if the needle never
     arrived
-    seconds: from permission to start until arrival [s]; insertions: number begun
+    seconds: from permission to start until arrival [s]; insertions: number of insertions begun
     """
 
     policy: str
@@ -95,7 +95,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle from the first frame after the warm-up on; `state`: the tissue's then, the policy warmed up."""
+    """Insert the needle after the warm-up; `state`: state of the tissue then; the policy is warmed up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s

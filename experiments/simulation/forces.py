@@ -1,4 +1,4 @@
-"""The forces of a scenario on the free nodes over time, and where the tissue starts."""
+"""Forces of a scenario on the free nodes over time, and the initial state of the tissue."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from experiments.formats.scenario_forces import UPWARD, Breathing, Pokes, Postur
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Force:
-    """A force on the free nodes over time: at(t [s]) [N], (n_free, dim); bends_s: where its slope jumps [s], (n,)."""
+    """A force on the free nodes over time: at(t [s]) [N], (n_free, dim); bends_s: times of slope changes [s], (n,)."""
 
     at: Callable[[float], Floats]
     bends_s: Floats
 
     def __call__(self, t: float) -> Floats:
-        """At this time [s]."""
+        """The force at this time [s]."""
         return self.at(t)
 
 
@@ -42,7 +42,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Half-sine pushes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
+    """Half-sine pokes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
     rows = _rows(network, pokes.nodes)
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
@@ -72,7 +72,7 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
     """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim).
 
-    Without nodes, those forces on the points of a continuum that displace them as if all of it were accelerated.
+    Without nodes, the forces on the points of a continuum that displace them like an acceleration of the whole mass.
     """
     direction = np.array(breathing.direction or UPWARD[: network.dim])
     direction *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
@@ -91,7 +91,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
-    """What a turn of gravity adds to that under which the tissue rests as drawn [N], (n_free, dim)."""
+    """Difference between the turned gravity and that under which the tissue rests as drawn [N], (n_free, dim)."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
     angle = np.arccos(np.clip(before @ after / sizes.prod(), -1.0, 1.0))
@@ -107,7 +107,7 @@ def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
 
 
 def press_force(network: MassSpringNetwork, press: Press) -> Force:
-    """A push on nodes that rises, stays and ends [N], (n_free, dim)."""
+    """A force on nodes that rises, stays and ends [N], (n_free, dim)."""
     rows, peak = _rows(network, press.nodes), np.zeros((len(network.free), network.dim))
     peak[rows] = np.array(press.force_n) / len(rows)
     end_s = press.start_s + press.lasts_s
@@ -119,12 +119,12 @@ def press_force(network: MassSpringNetwork, press: Press) -> Force:
 
 
 def _risen(share: float) -> float:
-    """A smooth rise from 0 at 0 to 1 at 1, by half a cosine."""
+    """A smooth rise from 0 at 0 to 1 at 1: half a cosine."""
     return 0.5 - 0.5 * float(np.cos(np.pi * np.clip(share, 0.0, 1.0)))
 
 
 def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
-    """The forces on the free nodes that displace them as this acceleration of all mass does [N], (n_free, dim)."""
+    """Forces on the free nodes that displace them like this acceleration of the whole mass [N], (n_free, dim)."""
     solid = network.continuum
     if solid is None:
         return network.masses[network.free][:, None] * acceleration

@@ -1,7 +1,7 @@
 """Simulated robotic insertion in closed loop: the benefit of the estimate, of prediction and of waiting.
 
 `softaim insert SCENARIO --out DIR`: policies compared on the same truths, seed by seed. `docs/insertion.md` has the
-figures obtained.
+resulting figures.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from experiments.simulation.world import world_of
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Results: every policy in every run, n_runs lists of one `Tried` each; and insertions by advice in each."""
+    """Results: every policy in every run, n_runs lists of one `Tried` each; and insertions by advice in each run."""
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
@@ -62,14 +62,14 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """Reliability of `filter-ahead`'s probabilities at its commitments, for a lesion drawn in each run."""
+    """Reliability of `filter-ahead`'s probabilities at its commitments, with a lesion drawn in each run."""
     committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
     predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
     return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])
 
 
 def summary(done: Trials) -> dict[str, object]:
-    """summary.json: a row for each policy, by its name, and the calibration."""
+    """Content of summary.json: a row for each policy, by its name, and the calibration."""
     case = done.case
     return {
         "scenario": case.scenario.title,
@@ -85,10 +85,10 @@ def summary(done: Trials) -> dict[str, object]:
 
 
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
-    """Hit rate with its 95 % interval [clopper1934], misses of those that arrived, means over runs.
+    """Hit rate with its 95 % interval [clopper1934], misses of the needles that arrived, means over runs.
 
-    seconds_to_hit: of hits; insertions: number begun in a run; retractions: number drawn back; never: not arrived
-    predicted, observed: mean probability at the commitments and their hit rate; None where the policy states none
+    seconds_to_hit: of hits; insertions: number begun per run; retractions: number retracted; never: not arrived
+    predicted, observed: mean probability at the commitments and their hit rate; None if the policy states none
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
@@ -113,7 +113,7 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
 
 
 def table(done: Trials) -> pd.DataFrame:
-    """runs.csv: a row for each run and policy; mm and seconds; empty without a value."""
+    """Content of runs.csv: a row for each run and policy; mm and seconds; empty without a value."""
     rows = [
         {
             "seed": done.case.seed + k,
@@ -133,7 +133,7 @@ def table(done: Trials) -> pd.DataFrame:
 
 
 def advised_table(done: Trials) -> pd.DataFrame:
-    """advised.csv: a row for each advice; empty where no needle went in."""
+    """Content of advised.csv: a row for each advice; empty if no needle was inserted."""
     rows = [
         {
             "seed": done.case.seed + k,

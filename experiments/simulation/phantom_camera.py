@@ -1,4 +1,4 @@
-"""A camera before the simulated phantom, in real time."""
+"""A camera in front of the simulated phantom, in real time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Most motion to catch up, for example after a pause or compilation [s]; choice: takes 0.4 s."""
+"""Longest motion to catch up with, for example after a pause or compilation [s]; choice: it takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: an
@@ -30,7 +30,7 @@ COMES_AGAIN_S = 360.0
 
 
 class PhantomCamera:
-    """A camera before the poked phantom, moved by SciPy's RK45 in real time and drawn on request.
+    """A camera in front of the poked phantom, which SciPy's RK45 moves in real time; pictures are drawn on request.
 
     State: the phantom's state (n_state,) at time_s since it began to move, and that moment on the clock; its picture.
     """
@@ -72,7 +72,7 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Wait for the next due frame, or take the one due now if drawing fell behind; far behind, the phantom pauses.
+        """Wait for the next due frame, or take the due one if drawing is late; far behind, the phantom pauses.
 
         It is drawn before it is due, so that the measured latency does not include drawing.
         """
@@ -105,7 +105,7 @@ class PhantomCamera:
             self._state,
             [self.time_s, due],
             force=lambda t: sum((force(t % COMES_AGAIN_S) for force in self._forces), nothing),
-            method="RK45",  # between bends of the tremor a method of higher order gains nothing
+            method="RK45",  # between slope changes of the tremor a method of higher order gains nothing
             rtol=RTOL,
             atol=ATOL,
             max_step_s=STEP_S,

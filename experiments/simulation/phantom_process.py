@@ -1,4 +1,4 @@
-"""The camera before the simulated phantom in its own process, so that it does not take time of the loop."""
+"""Camera in front of the simulated phantom in its own process, so that it takes no time of the loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HEADER = struct.Struct("<dII")
 [px]."""
 
 ENDS_S = 2.0
-"""Timeout for the end of that process [s]; chosen."""
+"""Timeout for the end of that process [s]; choice."""
 
 
 def film(connection: Connection, fps: float | None) -> None:
@@ -70,11 +70,11 @@ class PhantomProcess:
         return self
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """It always is."""
+        """Always true."""
         return True
 
     def grab(self) -> bool:
-        """Wait for the next picture; False where none will come."""
+        """Wait for the next picture; False if none will come."""
         try:
             self._sent = self._connection.recv_bytes()
         except (OSError, EOFError):

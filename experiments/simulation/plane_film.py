@@ -1,4 +1,4 @@
-"""The film of a flat scene by its camera: marks on the plane, over the springs."""
+"""Film of a flat scene by its camera: marks on the plane, over the springs."""
 
 from __future__ import annotations
 
@@ -59,8 +59,8 @@ def write_film(
     path: Path,
     advance: Callable[[float], None],
 ) -> None:
-    """Write the film of a flat scene by its camera; `advance` gets the share done."""
-    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the container's least; frames.csv has the times
+    """Write the film of a flat scene by its camera; `advance`: called with the completed share."""
+    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the container's least rate; frames.csv has the times
     stored = scenario.video
     size_px = scene.cameras[0].size_px
     with (

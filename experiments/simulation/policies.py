@@ -60,20 +60,20 @@ class Policy:
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted target from now on; pushes: the needle's predicted pushes in the frames ahead."""
+        """Predicted path of the target from now on; pushes: the needle's predicted pushes in the frames ahead."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """The density of the target's position then, None if there is none.
+        """Density of the target's position at this time, None if there is none.
 
         parts: of the needle's predicted force from now until then [N], (2, n_free, dim), see `predicted_parts`
         """
         return None
 
     def fault(self, now_s: float) -> str | None:
-        """Why there is no guidance now, None if there is."""
+        """Reason why there is no guidance now, None if there is."""
         return None
 
 
@@ -85,7 +85,7 @@ def horizon_s(world: World) -> float:
 
 
 def across(axis: Floats) -> Floats:
-    """Unit vectors across a unit vector (dim,) and each other, (dim - 1, dim)."""
+    """Unit vectors perpendicular to a unit vector (dim,) and to each other, (dim - 1, dim)."""
     if len(axis) == 2:
         return np.array([[-axis[1], axis[0]]])
     least = np.eye(3)[int(np.abs(axis).argmin())]
@@ -97,7 +97,7 @@ def across(axis: Floats) -> Floats:
 def predicted_push(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """Forces on the free nodes [N] that the needle makes in the next n steps of step_s [s], (n, n_free, dim).
+    """Predicted forces of the needle on the free nodes [N] in the next n steps of step_s [s], (n, n_free, dim).
 
     With its stated constants: full cutting and friction forward, friction back.
     beside: offset from its first line along each of `across` [m], (dim - 1,)
@@ -123,16 +123,16 @@ def predicted_parts(
 
 
 def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
-    """Covariance of a target [m²] by parts of the needle's force, relative errors uniform up to `error`, independent.
+    """Covariance of a target [m²] due to parts of the needle's force, with uniform relative errors up to `error`.
 
-    gives: the target's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim)
+    gives: the target's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim), independent
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
     return error**2 / 3.0 * shifts.T @ shifts
 
 
 class Rest(Policy):
-    """Aim once, at the resting target."""
+    """Policy: aim once, at the resting target."""
 
     name = "rest"
 
@@ -143,7 +143,7 @@ class Rest(Policy):
 
 
 class Paper(Rest):
-    """Aim at the open loop's present target. State: that simulation."""
+    """Policy: aim at the open loop's present target. State: that simulation."""
 
     name = "open-loop"
 
@@ -169,7 +169,7 @@ class Warm:
 
 
 class Filtered(Policy):
-    """Aim at the filter's present target. State: the filter, its last estimate."""
+    """Policy: aim at the filter's present target. State: the filter, its last estimate."""
 
     name = "filter"
 
@@ -198,7 +198,7 @@ class Filtered(Policy):
 
 
 class Ahead(Filtered):
-    """Aim at the predicted target: by the breathing model while it holds, otherwise by the filter.
+    """Policy: aim at the predicted target, from the breathing model while it holds, otherwise from the filter.
 
     State: as `Filtered`, and the breathing model of the target without the needle's predicted shift.
     """
@@ -216,7 +216,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """By the filter's tables, and by the breathing model while it holds."""
+        """Predicted path from the filter's tables, and from the breathing model while it holds."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -227,7 +227,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """By the breathing model while it holds, by the filter, plus the effect of wrong needle forces."""
+        """Density from the breathing model while it holds, from the filter, plus the effect of wrong needle forces."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -246,14 +246,14 @@ class Ahead(Filtered):
 
 
 class Waiting(Ahead):
-    """As `Ahead`, but started on GO, and drawn back if a hit becomes improbable."""
+    """Policy: as `Ahead`, but started on GO, and retracted if a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Key of the filter of all worlds with this network, target, marks, settings and uncertainty, pickled."""
+    """Tables for the filters of all worlds with this pickled network, target, marks, settings and uncertainty."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
@@ -262,7 +262,7 @@ def _tables(model: bytes, ahead_s: float) -> AheadTables:
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """The tissue's state, the paper's simulation and the filter at the first frame at which a needle may start.
 
-    That frame itself has not been seen yet.
+    That frame itself has not been used yet.
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)

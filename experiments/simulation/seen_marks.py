@@ -1,4 +1,4 @@
-"""A recording of simulated marks: a true motion, its marks with noise, some lost, some misplaced; no film."""
+"""Recordings of simulated marks: a true motion, its marks with noise, some lost, some misplaced; no film."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Truth:
 
 
 def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:
-    """Which marks are not seen, (n_frames, n_marks), and distances of outliers from true positions [m], same shape."""
+    """Which marks are missing, (n_frames, n_marks), and distances of outliers from true positions [m], same shape."""
     lost = rng.random(shape[:2]) < marks.lost
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)

@@ -1,6 +1,6 @@
 """Truth and film, or marks, of a scenario: the recording that `softaim simulate` writes.
 
-Truth comes from SciPy's adaptive integrators, not from the steps that the filter takes.
+Truth comes from SciPy's adaptive integrators, not from the steps of the filter.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Level of the discrepancy of a simulated phantom, whose model is the truth, by its extent [1]; chosen."""
+"""Level of the discrepancy for a simulated phantom, whose model is the truth, relative to its extent [1]; choice."""
 
 TRUTH = 0.2
-"""Share of the truth in the progress before a film."""
+"""Share of the progress before a film, for the truth."""
 
 STIFF_S = 1e-4
-"""Least explicit step [s]; if it would be shorter, implicit steps are used; numerical: they are then cheaper."""
+"""Shortest explicit step [s]; below it implicit steps are used, which are then faster; numerical."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """The scene of the scenario: its file's, or that of a camera before its phantom. Raises InputError."""
+    """The scene of the scenario: its file's, or that of a camera in front of its phantom. Raises InputError."""
     if scenario.scene is not None:
         return read_scene(Path(scenario.scene))
     network = four_mass_phantom()
@@ -108,7 +108,7 @@ def true_motion(
 ) -> Truth:
     """Positions of the scenario's nodes at these times [s], (n,); a network without anchors is `supported`.
 
-    times_s: default: the scenario's exposure times. `advance` is called with the share done, in hundredths. Raises
+    times_s: default: the scenario's exposure times. `advance` is called with the completed share, in hundredths. Raises
     InputError.
     """
     times = exposures(scenario) if times_s is None else times_s
@@ -148,7 +148,7 @@ def simulate(
     filmed: bool = True,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Write the recording of a scenario to the folder `out`; `advance` gets the share done. Raises InputError.
+    """Write the recording of a scenario to the folder `out`; `advance` gets the completed share. Raises InputError.
 
     filmed: False: marks.csv in place of the film, as without a camera
     """
@@ -182,7 +182,7 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """The scene of its file with the step `simulate`; cameras of other files are written out.
+    """Copy the scene's file with the step `simulate`; cameras of other files are included.
 
     If the truth has other constants than the scene, `simulate` is not among its steps.
     """

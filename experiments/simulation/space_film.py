@@ -1,4 +1,4 @@
-"""Films of a body in space by its cameras: marks on the skin, seen by the cameras that they face."""
+"""Films of a body in space by its cameras: marks on the skin that face each camera."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from vision import SpaceCamera
 
 
 def times_of(scenario: Scenario, exposures_s: Floats, n_cameras: int) -> list[Floats]:
-    """Exposure times of each camera [s]: each exposes `stagger_s` after the one before."""
+    """Exposure times of each camera [s]: each exposes `stagger_s` after the previous camera."""
     return [exposures_s + k * scenario.video.stagger_s for k in range(n_cameras)]
 
 
@@ -42,7 +42,7 @@ def draw_in_space(
 ) -> NDArray[np.uint8]:
     """One frame of all nodes at these positions [m], (n_nodes, 3): the measured marks that face the camera.
 
-    covered: nodes whose marks something hides
+    covered: nodes whose marks are covered
     """
     network = scene.network
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]

@@ -1,7 +1,7 @@
-"""The world of an insertion: the true tissue, richer than the filter's model, and its marks.
+"""Simulated world of an insertion: the true tissue, more detailed than the filter's model, and its marks.
 
-It has forces on all masses, hidden ones included, friction, and a needle with constants unknown to the filter, in fine
-steps (`dynamics.needle.steered`): for springs sixteen times finer than the filter's, for a continuum 1/960 s.
+It has forces on all masses, including hidden ones, friction, and a needle whose constants the filter does not know, in
+fine steps (`dynamics.needle.steered`): for springs sixteen times finer than the filter's, for a continuum 1/960 s.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""External forces are linear over this time [s]: four knots for each of the tremor's."""
+"""Time over which external forces are linear [s]: four pieces for each of the tremor's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
-    """The part that all policies share.
+    """The part of a simulated world that all policies share.
 
-    network: the tissue's; assumed: the filter's, drawn at rest; aim: from a state of the tissue to its target
-    knots: external forces; needle: its true constants; start: the tissue's state at time 0, as
-    `steady_state` has it: (n_state,), longer for a continuum
-    noise: of the measured marks [m], (n_frames, n_marks, dim); missed: marks that are not seen, (n_frames, n_marks)
+    network: the tissue's; assumed: the filter's, drawn at rest; aim: map from a state of the tissue to its target
+    knots: external forces; needle: its true constants; start: the tissue's state at time 0, as in
+    `steady_state`: (n_state,), longer for a continuum
+    noise: of the measured marks [m], (n_frames, n_marks, dim); missed: missing marks, (n_frames, n_marks)
     offset_m: from the target of the scene to the true one [m], (dim,)
     tip_noise: standard normal, (dim,): final error of the tip, in standard deviations
     share: random number in (0, 1) for the run
@@ -74,11 +74,11 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """The target in a state [m], (dim,): where its node is, but for the error of its registration."""
+        """Target in a state [m], (dim,): the position of its node plus the error of its registration."""
         return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
-        """The marks of a state at a frame."""
+        """Marks of a state at a frame."""
         sd = 1e-3 * self.case.seen.sd_mm
         cov = sd**2 * np.eye(self.network.dim)
         return [
@@ -90,7 +90,7 @@ class World:
     def moved(
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
-        """The tissue under the needle from one time to another [s], and whether the skin is punctured."""
+        """State of the tissue under the needle after an interval [s], and whether the skin is punctured."""
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 

@@ -1,6 +1,6 @@
 """One file for each published table or figure, named in its docstring.
 
-What may enter: another study.
+Another study belongs here.
 """
 
 # Nothing is imported here: each study is run as a module.

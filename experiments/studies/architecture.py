@@ -1,7 +1,7 @@
 """The rooms of the four packages and the imports between them: the drawing and the lists of docs/architecture.md.
 
     python -m experiments.studies.architecture          # rewrites both, from the code
-    python -m experiments.studies.architecture --check  # exit code 1 where the page no longer is what the code is
+    python -m experiments.studies.architecture --check  # exit code 1 if the page differs from the code
 
 A room is a sub-package. The first line of its docstring states its content.
 """

@@ -1,18 +1,17 @@
-"""Speed of the parts against references, all timed in one run on the same work.
+"""Speed of the parts against references, all measured in one run on the same work.
 
-filter_step: one frame of the filter, three marks of the phantom; and of filterpy's interacting mixture with as many
-stock unscented filters as modes, and the same states, noise, rates and marks: with its motion in plain NumPy, one sigma
-point after the other, and compiled like ours.
+filter_step: one frame of the filter, three marks of the phantom. References: filterpy's interacting mixture with as
+many stock unscented filters as modes, and the same states, noise, rates and marks, with its motion in plain NumPy, one
+sigma point after the other, and with compiled motion.
 full_step: the same with association of interchangeable marks, frame after frame; considered: with ten unknown
 constants.
-bodies: frames of grids in space, springs along edges and diagonals: 18 free nodes of which 17 are marked, 48 of which
-40 are.
+bodies: frames of grids in space, springs along edges and diagonals: 18 free nodes with 17 marks, 48 with 40.
 advice: the two parts of `guide`: one second of the target's path, at 30 times; advice from a path, 21 starts
-over 2 s, in the plane and in space; 500 straight paths made, judged and ranked; one probability of a hit in space.
+over 2 s, in the plane and in space; 500 straight paths created, evaluated and ranked; a hit probability in space.
 live_frame: the part of advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4
 starts; and the path from tables alone.
-recording: advice, noise levels and the smoother on a recording, by its frames: `bench_recording`.
-detect: four red marks in pictures of 1280x720; in the whole picture, where they are expected, and OpenCV's
+recording: advice, noise levels and the smoother on a recording, per frame: `bench_recording`.
+detect: four red marks in pictures of 1280x720; in the whole picture, near expected positions, and OpenCV's
 SimpleBlobDetector with its own settings on the same pictures.
 scaling: breasts of 1,000 to 14,000 nodes with 40 marks, a row each, see `experiments.studies.scaling`.
 loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed.
@@ -79,7 +78,7 @@ Moments = tuple[Floats, Floats]
 Groups = Sequence[Sequence[str]]
 
 SUB_STEPS = 4
-"""Runge-Kutta steps of a frame in plain NumPy."""
+"""Number of Runge-Kutta steps per frame in plain NumPy."""
 
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
@@ -98,7 +97,7 @@ def repeated_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """The target after a frame of ours, of filterpy's in plain NumPy and compiled, from one posterior and marks."""
+    """The target after one frame by our filter, filterpy's in plain NumPy and compiled, from one posterior."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)
@@ -145,7 +144,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
 
 
 def filter_step() -> dict[str, float]:
-    """A frame of our filter against stock filterpy's."""
+    """Time of a frame of our filter and of stock filterpy's."""
     ours, plain, compiled = filter_pair()
     ours_ms, plain_ms, compiled_ms = repeated_ms(ours, 300), repeated_ms(plain, 2), repeated_ms(compiled, 5)
     found = {"ours_ms": ours_ms, "filterpy_ms": plain_ms, "filterpy_compiled_ms": compiled_ms}
@@ -153,7 +152,7 @@ def filter_step() -> dict[str, float]:
 
 
 def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
-    """Median of a frame of a filter [ms]."""
+    """Median time of a frame of a filter [ms]."""
     identity = AssociationFilter(tissue, groups)
 
     def step(time_s: float, marks: list[MarkMeasurement]) -> None:
@@ -164,7 +163,7 @@ def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
-    """The whole filter, frame after frame, with exact and with uncertain constants."""
+    """Time of the whole filter, frame after frame, with exact and with uncertain constants."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = resting_frames(network, OUTER, 0.00414, n_frames)
@@ -175,12 +174,12 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
 
 
 def bodies(n_frames: int = 40) -> dict[str, float]:
-    """Frames of large bodies, their marks to 0.5 mm."""
+    """Time of frames of large bodies, with marks accurate to 0.5 mm."""
     return {f"grid_{n}_ms": _grid_ms(side, n_frames) for n, side in ((18, 3), (48, 4))}
 
 
 def _grid_ms(side: int, n_frames: int) -> float:
-    """The filter of a cube of 6 cm with this many nodes a side, on its lowest layer, with marks on its surface."""
+    """Time of the filter for a cube of 6 cm with this many nodes per side, on its lowest layer."""
     layer = np.arange(float(side))
     places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
@@ -207,7 +206,7 @@ def _grid_ms(side: int, n_frames: int) -> float:
 
 
 def advice() -> dict[str, float]:
-    """The path of the phantom's target for a second [ms], advice on a needle from a path, a hit's probability."""
+    """Times for a second of the target's path [ms], for advice on a needle from a path, and for a hit's probability."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     passed(tissue, resting_frames(network, OUTER, 1e-3, 10))
@@ -258,7 +257,7 @@ def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
 
 
 def detect(n_frames: int = 60) -> dict[str, float]:
-    """Marks found in whole pictures and where they are expected, against OpenCV's blob detector."""
+    """Time to find marks in whole pictures and near expected positions, against OpenCV's blob detector."""
     rng = np.random.default_rng(0)
     radius, names = 12.0, ("M1", "M2", "M3", "M4")
     homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
@@ -291,7 +290,7 @@ def detect(n_frames: int = 60) -> dict[str, float]:
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
-    """The loop of the paper at 640x480: the frame is in memory, the estimate is out."""
+    """Time of the paper's loop at 640x480, from the frame in memory to the estimate."""
     scene, times_s, images = _filmed_webcam(n_frames)
     line, seconds = Line(scene, baseline=False), []
     for exposure_s, image in zip(times_s, images, strict=True):
@@ -323,4 +322,4 @@ BENCHMARKS: dict[str, tuple[float, Callable[[], dict[str, float] | list[dict[str
     "loop_640x480": (0.9, loop_640x480),
     "film_640x480": (1.0, lambda: film_640x480(*_filmed_webcam(60))),
 }
-"""Each with the share of work done after it."""
+"""Benchmarks, each with the completed share of the work after it."""

@@ -1,9 +1,9 @@
 """Speed of work on whole recordings: advice on a needle, the level of the discrepancy, the smoother.
 
-One recording of the phantom at rest, three marks to 1 mm, 30 frames/s; figures of `softaim bench`, row `recording`.
+One recording of the phantom at rest, three marks accurate to 1 mm, 30 frames/s; row `recording` of `softaim bench`.
 advise: a frame's advice, 21 starts over 2 s, with a path from tables, and from `TissueFilter.predict_path`.
-tune: `tune_strain` on 50 frames, for each frame, and as a number of passes of the filter.
-smooth: `fixed_interval`, for each frame; ratio: by the filter alone on the same frames.
+tune: `tune_strain` on 50 frames, per frame, and as a number of passes of the filter.
+smooth: `fixed_interval`, per frame; ratio: to the time of the filter alone on the same frames.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float
 
 
 def recording() -> dict[str, float]:
-    """All figures of this page; medians or totals by frames, in ms."""
+    """All figures of this module; medians or totals per frame, in ms."""
     frames = resting_frames(four_mass_phantom(), OUTER, MARK_SD_M, N_SMOOTHED)
     return advised(frames) | tuned(frames[:N_TUNED]) | smoothed(frames)
 

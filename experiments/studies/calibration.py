@@ -31,7 +31,7 @@ MARK_SD_M = 0.0005
 SEEDS = range(7000, 7100)
 ERRORS_M = (0.0003, 0.001, 0.002)
 SETTLED = 15
-"""Frames of the start that are left out."""
+"""Number of frames at the start that are ignored."""
 
 FILTERS = (INDEPENDENT, CONSIDERED) = "independent", "considered"
 
@@ -40,8 +40,8 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Errors before scaling, chosen. Whole: lens and pose as after a calibration from a dozen pictures; marks move mostly
-alike. Turned: the lens is exact; the camera is turned about its axis and nearer or further."""
+"""Errors before scaling; choice. Whole: lens and pose as after a calibration from a dozen pictures; marks move mostly
+alike. Turned: the lens is exact; the camera is rotated about its axis and nearer or further."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -53,7 +53,7 @@ Run = dict[str, tuple[Floats, Floats]]
 
 
 def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
-    """A camera before the phantom whose calibration moves marks at rest by this much on average [m]."""
+    """A camera in front of the phantom whose calibration moves marks at rest by this much on average [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",
@@ -69,7 +69,7 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
 
 
 def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
-    """The filters on the same marks, seen by a camera miscalibrated by one draw of its directions."""
+    """The filters on the same marks, with a camera miscalibrated by one draw of its directions."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)

@@ -1,4 +1,4 @@
-"""The two scenarios of the paper, simulated, filmed and tracked: what `softaim demo` does.
+"""Simulation, film and track of the paper's two scenarios: what `softaim demo` does.
 
 Reproduces the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
 """
@@ -17,7 +17,7 @@ from experiments.simulation.simulate import simulate
 
 SCENARIOS = ("quiet", "poked")
 PAPER_MM = {"quiet": (15.93, 9.28), "poked": (18.29, 12.31)}
-"""Mean and SD of the hidden mass's error as published [mm], at 1.09 s a frame and marks found to 4.14 ± 1.47 mm."""
+"""Published mean and SD of the hidden mass's error [mm], at 1.09 s per frame and marks accurate to 4.14 ± 1.47 mm."""
 
 
 def tracked(
@@ -49,7 +49,7 @@ def demo(
     """Write recordings and tracks of both scenarios to the folder `out`; figures by scenario and method.
 
     vector: "pdf" or "svg" for a vector file beside each plot; stage(name) is called at the start of each part and
-    returns a function of the share done
+    returns a function of the completed share
     """
     from experiments.plots.track import write_track_plots  # matplotlib is slow to load: only where it is needed
 

@@ -33,7 +33,7 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
     """Options of a study; doc: its module's docstring, with a first line of description and its command.
 
-    out: whether its runs are kept in a folder; page: whose tables it can rewrite, of docs/
+    out: whether its runs are stored in a folder; page: page of docs/ whose tables it can rewrite
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -59,7 +59,7 @@ def _count(text: str) -> int:
 
 
 def seeds_of(given: argparse.Namespace) -> range:
-    """The seeds that were chosen by the options of `add_seeds`."""
+    """The seeds from the options of `add_seeds`."""
     return range(given.first_seed, given.first_seed + given.n_seeds)
 
 
@@ -73,13 +73,13 @@ def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]
 
 
 def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers) -> pd.DataFrame:
-    """The rows of all runs, kept in a folder and continued there. Raises InputError, RunsFailedError."""
+    """The rows of all runs, stored in a folder and continued there. Raises InputError, RunsFailedError."""
     with run_bar(folder.name) as advance:
         return run_study(work, cases, folder, workers, advance).checked()
 
 
 def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
-    """The results of the runs, in the order of the jobs, not kept. Raises InputError, RunsFailedError."""
+    """The results of the runs, in the order of the jobs, not stored. Raises InputError, RunsFailedError."""
     with run_bar("runs") as advance:
         return results(work, jobs, workers, advance)
 

@@ -64,7 +64,7 @@ def seeded_run(case: tuple[str, int]) -> Run:
 
 
 def study(scenario_name: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Figures over seeded runs: mean errors [mm], their ratio, 95 % coverage, the worst error of any frame [mm]."""
+    """Figures over seeded runs: mean errors [mm], their ratio, 95 % coverage, the largest error of any frame [mm]."""
     runs: list[Run] = runs_of(seeded_run, [(scenario_name, seed) for seed in seeds], workers)
     errors = {m: 1e3 * np.concatenate([r.errors[m] for r in runs]) for m in (OPEN_LOOP, FILTER)}
     means = {m: float(e.mean()) for m, e in errors.items()}

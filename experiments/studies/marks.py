@@ -1,4 +1,4 @@
-"""Accuracy of mark detection in synthetic frames of known truth, in good light and over the whole range of rooms.
+"""Accuracy of mark detection in synthetic frames with known truth, in good light and over the whole range of rooms.
 
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
@@ -46,17 +46,17 @@ from vision.tracking.settings import FINDER
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
-"""Seeds below were used for choices; the study's start with this one."""
+"""First seed of the study; seeds below were used for choices."""
 VISIBLE = 0.5
-"""Share of a mark that must be seen for it to count as visible."""
+"""Least visible share of a mark that counts as visible."""
 FAR_PX = 4.0
-"""Marks found further than this from their true positions are counted, and also enter the error."""
+"""Distance from the true position above which a mark is counted as far [px]; it also enters the error."""
 PREDICTED_SD_PX = 3.0
-"""Error of a filter's prediction of a mark on each axis [px]; the tissue filter's is less at a millimetre a pixel."""
+"""Error of a filter's prediction of a mark on each axis [px]; the tissue filter's is less at a millimetre per pixel."""
 
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
-    """A row a mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether it was named so."""
+    """A row for each mark and frame: visible, found, error du dv [px], covariance uu vv [px²], right name."""
     frames = iter(synthetic_run(seed, n_frames, level))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
@@ -123,7 +123,7 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
-    """Two marks of one hue that cross, touching or one over the other, at 2 px a frame or more.
+    """Two marks of one hue that cross, touching or one over the other, at 2 px per frame or more.
 
     Returns the frames lost, all frames, and the marks found.
 

@@ -64,10 +64,10 @@ BALL, HOOK = "ball", "hook"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """The plane of the swing in the camera; its unit is the pixel at the hook's distance, its origin the hook.
+    """Plane of the swing in the camera; its unit is the pixel at the hook's distance, its origin the hook.
 
-    narrowing: cosine of the angle between it and the picture; nearing: relative increase of distance for one unit to
-    the right; center_px: where the optical axis meets the picture, (2,)
+    narrowing: cosine of the angle between it and the picture; nearing: relative increase of distance per unit to
+    the right; center_px: intersection of the optical axis with the picture, (2,)
     radius_px: length of the cord [units]
     """
 
@@ -77,7 +77,7 @@ class Plane:
     radius_px: float
 
     def to_px(self, units_per_m: float = 1.0) -> Floats:
-        """Homography from the plane to the picture, (3, 3), for coordinates with this many units in a metre."""
+        """Homography from the plane to the picture, (3, 3), for coordinates with this many units per metre."""
         (u0, v0), (u, v), q = HOOK_PX, self.center_px, self.nearing
         unit = np.array([[u * q + self.narrowing, 0.0, u0], [v * q, -1.0, v0], [q, 0.0, 1.0]])
         return unit @ np.diag([units_per_m, units_per_m, 1.0])
@@ -117,7 +117,7 @@ class Swing:
 
 
 def seen_centers(film: Path) -> tuple[Floats, Floats]:
-    """Exposure times [s], (n,), and centres of the ball [px], (n, 2); InputError where a frame shows none."""
+    """Exposure times [s], (n,), and centres of the ball [px], (n, 2); InputError if a frame shows none."""
     rows = followed(film, FILMS["red-pendulum"])
     if not rows.seen.all():
         raise InputError(f"{film}: frame {rows.frame[~rows.seen].iloc[0]}: expected a red ball, found none")
@@ -195,7 +195,7 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
 
 
 def write_recording(film: Path, folder: Path) -> Swing:
-    """Make the film a recording in an existing folder; returns the swing that gave its scale."""
+    """Convert the film to a recording in an existing folder; returns the swing that gave its scale."""
     with vision.VideoFileFrames(film) as frames:
         height, width = next(iter(frames)).image.shape[:2]
     times, centers = seen_centers(film)
@@ -249,7 +249,7 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
 
 
 def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
-    """Whether the ball was held, flew freely since it was last seen, had hit the wall, or leaned on it."""
+    """State of the ball: held, flying freely since its last mark, after a strike, or leaning on the wall."""
     first = frame - int(np.argmin(hidden[frame::-1]))
     if frame <= FIRST_FREE:
         return "held"
@@ -300,7 +300,7 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
 
 
 def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
-    """Make all output of this script in the folder `out`; returns the figures of report.json. Raises InputError."""
+    """Write all output of this script to the folder `out`; returns the figures of report.json. Raises InputError."""
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")

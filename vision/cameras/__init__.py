@@ -1,6 +1,6 @@
-"""Lenses, poses, cameras for a plane and in space, triangulation, calibration from boards.
+"""Cameras for a plane and in space: lenses, poses, triangulation, calibration.
 
-What may enter: another camera, lens or board.
+Another camera, lens or board belongs here.
 """
 
 from vision.cameras.board import DICTIONARIES, Board, Corners, find_board

@@ -1,4 +1,4 @@
-"""Calibration boards: corners of a chessboard or ChArUco board in a picture, to a fraction of a pixel.
+"""Detection of calibration boards: corners of a chessboard or ChArUco board in a picture, with sub-pixel accuracy.
 
 Board axes: x along a row of corners, y up the columns, z out of the print; the origin is the middle of all inner
 corners. Image axes: u right, v down, the centre of the first pixel is (0, 0).
@@ -19,14 +19,14 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Least side of a square in a picture that is searched for a larger board [px]: corners are still found; a choice."""
+"""Least side of a square in a picture that is searched for a larger board [px]; choice: corners are still found."""
 
 
 @dataclass(frozen=True, slots=True)
 class Board:
-    """A flat print of squares.
+    """A calibration board: a flat print of squares.
 
-    columns, rows: inner corners along x and along y
+    columns, rows: number of inner corners along x and along y
     square_m: side of a square [m]
     dictionary, marker_m: of a ChArUco board, its markers' dictionary and side [m]; None for a chessboard
 
@@ -60,7 +60,7 @@ class Board:
 
     @property
     def has_one_way_up(self) -> bool:
-        """Whether the print looks different after a turn by 180 degrees."""
+        """Whether the print looks different after a rotation by 180 degrees."""
         return self.dictionary is not None or (self.columns + self.rows) % 2 == 1
 
     @property
@@ -73,7 +73,7 @@ class Board:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Corners:
-    """Corners of a board seen in a picture: in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
+    """Corners of a board detected in a picture: in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
 
     board_m: Floats
     seen_px: Floats
@@ -84,9 +84,9 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 
 
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
-    """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None where it is not found.
+    """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None if it is not found.
 
-    A chessboard counts only if all of it is seen; a ChArUco board needs settings.fewest_corners corners in two rows.
+    A chessboard has to be completely visible; a ChArUco board needs settings.fewest_corners corners in two rows.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
@@ -107,9 +107,9 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """A chessboard with a column or a row more than stated that a picture shows around these corners, None for none.
+    """The board with one more column or row than stated, if the picture shows it around these corners, else None.
 
-    image: (height, width) grey; searched around the corners only, in few pixels: a search in vain takes seconds in many
+    image: (height, width) grey; searched only near the corners: a vain search of all pixels takes seconds
     """
     if board.dictionary is not None:
         return None
@@ -149,7 +149,7 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
 def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
-    for before_opencv_46 in (False, True):  # which squares have markers, for an even number of rows
+    for before_opencv_46 in (False, True):  # with or without markers on even squares, for an even number of rows
         printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
         printed.setLegacyPattern(before_opencv_46)
         seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)

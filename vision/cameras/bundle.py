@@ -1,6 +1,6 @@
 """Bundle adjustment of cameras and boards: least squares over all corners, with the covariance of the result.
 
-World axes are those of one board, the plane's. Camera axes: x right, y down, z forward, as OpenCV has them. Metres.
+World axes are those of one board, the plane's. Camera axes: x right, y down, z forward, as in OpenCV. Metres.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose
 
 N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
-"""Parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), of a camera (these, rotation, translation), of a board."""
+"""Number of parameters of a lens (fx fy cx cy k1 k2 p1 p2 k3), a camera (lens, rotation, translation), a board."""
 
 
 class CalibrationError(ValueError):
-    """Pictures from which no camera can be calibrated; the message is one line: what was found and what to do."""
+    """Error for pictures from which no camera can be calibrated; one line says what was found and what to do."""
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J with normalised columns; beyond it the inverse keeps only two or three digits."""
+"""Largest condition number of J'J with normalised columns; above it the inverse has only two or three digits."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
@@ -47,7 +47,7 @@ class Setup:
     boards: tuple[Pose, ...]
 
     def moved(self, step: Floats, plane: int) -> Setup:
-        """Moved by a step, (15 n_cameras + 6 (n_boards - 1),): all cameras in order, then all boards except `plane`."""
+        """The setup after a step, (15 n_cameras + 6 (n_boards - 1),): all cameras, then all boards except `plane`."""
         n = len(self.cameras)
         ours, theirs = step[: N_CAMERA * n].reshape(n, N_CAMERA), step[N_CAMERA * n :].reshape(-1, N_BOARD)
         moved = {b: pose.moved(theirs[k]) for b, pose, k in self._free(plane)}
@@ -63,7 +63,7 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Adjusted:
-    """The best fit.
+    """Result of a bundle adjustment.
 
     setup: fitted cameras and boards
     residuals_px: seen minus expected of each sighting's corners, each (n, 2) [px]
@@ -77,11 +77,11 @@ class Adjusted:
 
 
 def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequence[float]) -> Adjusted:
-    """Least squares over lenses, cameras and boards; board `plane` defines the world and is fixed.
+    """Least-squares fit of lenses, cameras and boards; board `plane` defines the world and is fixed.
 
-    sds_px: relative accuracy of each camera's corners [px]; their common scale is taken from the residuals
+    sds_px: relative accuracy of each camera's corners [px]; their common scale is estimated from the residuals
 
-    Raises CalibrationError where the corners do not determine the parameters.
+    Raises CalibrationError if the corners do not determine the parameters.
     """
     weights = [1.0 / sds_px[s.camera] for s in sightings]
 
@@ -120,7 +120,7 @@ def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def _projected(lens: Lens, camera: Pose, points_m: Floats) -> tuple[Floats, Floats]:
-    # Transformed to camera axes before OpenCV: its rotation vectors are inexact near a half turn, where ours are.
+    # Transformed to camera axes before OpenCV: its rotation vectors are inexact near a half turn, ours are not.
     points = points_m @ camera.rotation.T + camera.translation_m
     px, J = cv2.projectPoints(points, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     # columns of J: rotation vector, translation, fx fy, cx cy, k1 k2 p1 p2 k3
@@ -160,7 +160,7 @@ def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[flo
 
 
 def _rotations(n_cameras: int, n_boards: int) -> list[int]:
-    """Where small rotations begin among the parameters."""
+    """Indices at which small rotations begin among the parameters."""
     cameras = [N_CAMERA * c + N_LENS for c in range(n_cameras)]
     return cameras + [N_CAMERA * n_cameras + N_BOARD * b for b in range(n_boards - 1)]
 

@@ -1,4 +1,4 @@
-"""Calibration of a camera from pictures of a board: lens, pose before a plane, and the joint covariance of both.
+"""Calibration of a camera from pictures of a board: lens, pose relative to a plane, and their joint covariance.
 
 World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
 The lens model is that of [brown1971], the calibration from planes that of [zhang2000].
@@ -31,7 +31,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """The corners found in one picture, and its name."""
+    """Board corners found in one picture, and the picture's name."""
 
     name: str
     corners: Corners
@@ -39,9 +39,9 @@ class View:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """A calibrated camera.
+    """A calibrated camera: lens, pose and uncertainty, with the pictures and residuals of the calibration.
 
-    name: what the camera is called
+    name: name of the camera
     size_px: width and height of its pictures [px]
     lens: matrix and distortion k1 k2 p1 p2 k3
     plane_image: the picture whose board lies on the plane of the world
@@ -73,7 +73,7 @@ class Calibration:
 
     @property
     def distortion(self) -> Floats:
-        """k1 k2 p1 p2 k3, (5,)."""
+        """Distortion coefficients k1 k2 p1 p2 k3, (5,)."""
         return self.lens.distortion
 
     @property
@@ -98,17 +98,17 @@ class Calibration:
 
     @property
     def reprojection_rms_px(self) -> float:
-        """Root mean square distance between corners seen and expected [px]."""
+        """Root mean square distance between detected and expected corners [px]."""
         return rms(np.concatenate(self.residuals_px))
 
     @property
     def rms_px_each(self) -> Floats:
-        """The same picture by picture [px], (n_images,)."""
+        """Root mean square distance between detected and expected corners for each picture [px], (n_images,)."""
         return np.array([rms(r) for r in self.residuals_px])
 
     @property
     def mm_per_px(self) -> Floats:
-        """Size of a pixel at the picture's centre on the plane, across and down [mm], (2,)."""
+        """Size of a pixel on the plane at the picture's centre, across and down [mm], (2,)."""
         centre = (np.array(self.size_px, dtype=np.float64) - 1) / 2
         ray = np.append(cv2.undistortPoints(centre.reshape(1, 1, 2), self.matrix, self.distortion).ravel(), 1.0)
         normal = self.pose.rotation[:, 2]
@@ -132,11 +132,11 @@ def calibrate(
     left_out: Sequence[str] = (),
     settings: CalibrationSettings = DEFAULTS,
 ) -> Calibration:
-    """Calibrate the camera of these views; `plane` names the picture of the board on the plane, default the last used.
+    """Calibrate a camera from these views; `plane` names the picture of the board on the plane, default the last used.
 
     left_out: "name: reason" of pictures without a board, to be kept in the record
 
-    Raises CalibrationError: fewer than four views, views all alike, or the plane's picture not among those used.
+    Raises CalibrationError: fewer than four views, views too similar, or the plane's picture not among those used.
     """
     used, dropped, lens = _without_outliers(views, size_px, [*left_out], settings)
     names = [view.name for view in used]
@@ -161,7 +161,7 @@ def calibrate(
 
 
 def upright(camera: Pose) -> Pose:
-    """The number of quarter turns, world to board, that point x most nearly to the right for this camera."""
+    """Rotation by quarter turns, world to board, after which x points most nearly to the right for this camera."""
     across, up = camera.rotation[0, :2]
     quarter = int(np.rint(np.arctan2(up, across) / (np.pi / 2)))
     c, s = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[quarter % 4]
@@ -169,7 +169,7 @@ def upright(camera: Pose) -> Pose:
 
 
 def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
-    """Raise CalibrationError where a focal length is too uncertain: cov (9 or more, ...) of fx fy ..."""
+    """Raise CalibrationError if a focal length is too uncertain: cov (9 or more, ...) of fx fy ..."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
     most = settings.largest_focal_sd
     if not share < most:

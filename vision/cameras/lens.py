@@ -1,6 +1,6 @@
 """Lenses and poses of cameras.
 
-Camera axes: x right, y down, z forward, as OpenCV has them. Image axes: u right, v down, pixels. Metres.
+Camera axes: x right, y down, z forward, as in OpenCV. Image axes: u right, v down, pixels. Metres.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ from numba import njit
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Most steps of the undistortion; four are enough for a lens of k1 = -0.3 at the corner of its picture."""
+"""Largest number of steps of the undistortion; four suffice for a lens of k1 = -0.3 at the corner of its picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pose:
-    """A rigid motion x -> rotation x + translation_m: rotation (3, 3), translation (3,) [m]."""
+    """Pose as a rigid motion x -> rotation x + translation_m: rotation (3, 3), translation (3,) [m]."""
 
     rotation: Floats
     translation_m: Floats
 
     def after(self, first: Pose) -> Pose:
-        """The composition: `first`, then this motion."""
+        """Composition of two motions: `first`, then this motion."""
         return Pose(self.rotation @ first.rotation, self.rotation @ first.translation_m + self.translation_m)
 
     def inverse(self) -> Pose:
@@ -33,7 +33,7 @@ class Pose:
         return Pose(self.rotation.T, -self.rotation.T @ self.translation_m)
 
     def moved(self, step: Floats) -> Pose:
-        """Moved by a step, (6,): small rotation step[:3] [rad] from the left, shift step[3:] [m]."""
+        """The pose after a step, (6,): small rotation step[:3] [rad] from the left, shift step[3:] [m]."""
         return Pose(cv2.Rodrigues(step[:3])[0] @ self.rotation, self.translation_m + step[3:])
 
 
@@ -41,8 +41,8 @@ class Pose:
 class Lens:
     """A lens: matrix (3, 3) [px] and distortion, as in OpenCV.
 
-    distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, too, (12,)
-    An ideal position is where the point would be seen without distortion, with the same matrix.
+    distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, (12,)
+    An ideal position is that of a point in a picture without distortion, with the same matrix.
     """
 
     matrix: Floats
@@ -53,7 +53,7 @@ class Lens:
         object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
-        """The lens with (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the rest of the distortion stays."""
+        """The lens with (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the other distortion coefficients stay."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()
@@ -65,7 +65,7 @@ class Lens:
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """Ideal positions, (n, 2), of seen ones, (n, 2), by Newton's method; ValueError where there are none."""
+        """Ideal positions, (n, 2), of distorted ones, (n, 2), by Newton's method; ValueError if there are none."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)
@@ -89,7 +89,7 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivative of the places of points [m], (n, 3), by errors of lens and pose [px], (n, 2, 15).
+    """Derivative of the projections of points [m], (n, 3), by errors of lens and pose [px], (n, 2, 15).
 
     In the order of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
     """

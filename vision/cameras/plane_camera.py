@@ -17,21 +17,21 @@ DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
 )
 DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
-"""Points of the unit disc and their weights: means of polynomials over the disc are exact to degree 5."""
+"""Weights of points of the unit disc: means of polynomials over the disc are exact to degree 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlaneCamera:
-    """A calibrated view of one plane.
+    """A calibrated camera for one plane: the mapping between plane and picture, with its uncertainty.
 
-    name: what the camera is called
+    name: name of the camera
     size_px: width and height of its picture [px]
     plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
-    calibration_sd_px: error of each mark's position [px], one standard deviation an axis, independent between marks
+    calibration_sd_px: error of each mark's position [px], one standard deviation per axis, independent between marks
     lens: distortion of the homography's picture, None without distortion
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
-    scale_sd: relative error of its millimetres a pixel about mid-picture [1], one standard deviation: one more
+    scale_sd: relative error of its millimetres per pixel about mid-picture [1], one standard deviation: a further
     direction of the calibration; None: not stated
 
     Raises ValueError that names the field.
@@ -99,7 +99,7 @@ class PlaneCamera:
         return self._seen_from(points_px)[0]
 
     def cov_to_plane(self, points_px: ArrayLike, covs_px: ArrayLike) -> Floats:
-        """Covariances on the plane [m²], (n, 2, 2), of places seen [px], (n, 2), with covariances [px²], (n, 2, 2)."""
+        """Covariances on the plane [m²], (n, 2, 2), from positions [px], (n, 2), with covariances [px²], (n, 2, 2)."""
         J = self._seen_from(points_px)[1]
         return J @ np.asarray(covs_px, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
@@ -109,34 +109,34 @@ class PlaneCamera:
         return J @ np.asarray(covs_m, dtype=float).reshape(-1, 2, 2) @ J.transpose(0, 2, 1)
 
     def mm_per_px(self, point_m: ArrayLike) -> Floats:
-        """Size of one pixel on the plane at that point, across and down [mm], shape (2,)."""
+        """Size of one pixel on the plane at a point, across and down [mm], shape (2,)."""
         J = self._seen_from(self.project(np.reshape(point_m, (1, 2))))[1][0]
         return np.asarray(1e3 * np.hypot(J[0], J[1]), dtype=np.float64)
 
     def disc_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The picture of a disc at that point of the plane, as `Outline.shape_px`, (2, 2) [px]."""
+        """The image of a disc at a point of the plane, as `Outline.shape_px`, (2, 2) [px]."""
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The picture of a ball about that point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
+        """The image of a ball about a point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
 
         A ball is not foreshortened like a disc on the plane: its scale is that along the direction without
-        foreshortening, the greater singular value of the Jacobian. It differs from a pinhole's picture, which is wider
+        foreshortening, the greater singular value of the Jacobian. It differs from a pinhole's image, which is wider
         away from mid-picture by 1 / cos of the angle off the axis: a homography does not contain that angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
 
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
-        """Offset of the middle of a disc's picture from the picture of its middle [px], (n, 2).
+        """Offset of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
 
-        points_m: middles of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
+        points_m: centres of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
         Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion adds to it.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
         seen, J = self._seen((p[:, None] + radii[:, None, None] * DISC).reshape(-1, 2))
-        # area of the picture by that of the plane
+        # image area divided by plane area
         weights = DISC_WEIGHTS * np.abs(np.linalg.det(J)).reshape(len(p), -1)
         places = seen.reshape(len(p), -1, 2)
         middles = (weights[:, :, None] * places).sum(axis=1) / weights.sum(axis=1, keepdims=True)
@@ -144,7 +144,7 @@ class PlaneCamera:
 
     @property
     def view_m(self) -> Floats | None:
-        """Corners of the picture on the plane, in order around it [m], (4, 2); None where one is beyond the horizon."""
+        """Corners of the picture on the plane, in order around it [m], (4, 2); None if one is beyond the horizon."""
         right, down = (size - 1.0 for size in self.size_px)
         try:
             return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])
@@ -177,7 +177,7 @@ class PlaneCamera:
         return len(self.calibration) + bool(self.scale_sd)
 
     def _lens_error(self, p: Floats) -> Floats:
-        """The same for lens and pose only; p: [m], (n, 2)."""
+        """As `calibration_error`, for lens and pose only; p: [m], (n, 2)."""
         if self.lens is None or not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         by_px = by_calibration(self.lens, self.pose, np.column_stack([p, np.zeros(len(p))]))
@@ -193,7 +193,7 @@ class PlaneCamera:
         return seen, bent @ J
 
     def _seen_from(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """The points of the plane at these positions in the picture, (n, 2), and the Jacobian, (n, 2, 2)."""
+        """Points of the plane at these positions in the picture, (n, 2), and the Jacobian, (n, 2, 2)."""
         if self.lens is None:
             return self._mapped(self.px_to_plane, points_px)
         ideal = self.lens.ideal(np.asarray(points_px, dtype=float).reshape(-1, 2))
@@ -201,7 +201,7 @@ class PlaneCamera:
         return points, J @ np.linalg.inv(self.lens.distorted(ideal)[1])
 
     def _mapped(self, homography: Floats, points: ArrayLike) -> tuple[Floats, Floats]:
-        """The points mapped, (n, 2), and the Jacobian of the map at each, (n, 2, 2)."""
+        """Images of the points, (n, 2), and the Jacobian of the map at each, (n, 2, 2)."""
         p = np.asarray(points, dtype=float).reshape(-1, 2)
         q = p @ homography[:, :2].T + homography[:, 2]
         w = q[:, 2:]
@@ -247,7 +247,7 @@ def fronto_parallel_camera(
 def posed_camera(
     name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, *, calibration: ArrayLike = ()
 ) -> PlaneCamera:
-    """A camera with this lens and pose before the plane z = 0 of the world.
+    """A camera with this lens and pose in front of the plane z = 0 of the world.
 
     calibration: directions in which lens and pose are uncertain, each by one standard deviation, (n_directions, 15)
     """

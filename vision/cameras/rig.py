@@ -1,4 +1,4 @@
-"""Calibration of several cameras of one scene, from pictures of a board that were taken together."""
+"""Joint calibration of several cameras of one scene, from simultaneous pictures of a board."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """Pictures of a camera: its name, their size [px], views of the board, "name: reason" of others."""
+    """Pictures of a camera: its name, their size [px], views of the board, "name: reason" of other pictures."""
 
     name: str
     size_px: tuple[int, int]
@@ -36,7 +36,7 @@ def calibrate_together(
     plane: the picture whose board is the world, upright as the first camera sees it; default: the last one that
         the first camera used
 
-    Raises CalibrationError, also where the board looks the same when turned or no pictures connect the cameras.
+    Raises CalibrationError, also if the board looks the same after a half turn or no pictures connect the cameras.
     """
     if not board.has_one_way_up:
         raise CalibrationError(

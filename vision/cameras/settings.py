@@ -1,4 +1,4 @@
-"""Settings of a calibration: which boards, pictures and results count."""
+"""Settings of a calibration: valid boards, pictures and results."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class CalibrationSettings:
-    """Which boards, pictures and results of a calibration count.
+    """Settings of a calibration: valid boards, pictures and results.
 
     corner_window: half the window in which a corner is refined, as a share of the least distance between corners [1];
         choice
-    fewest_corners: corners that are enough of a partly seen ChArUco board [1]; choice
-    fewest_views: pictures that show the board [1]; source: [zhang2000] section 3.1, three views determine the camera
-        matrix, and one more shows whether they agree
-    outlier_ratio: a picture is left out if its rms exceeds this many times the median picture's [1]; choice
-    least_tilt_deg: least angle that some two boards must have, because parallel boards determine no more than one does
+    fewest_corners: least number of visible corners of a ChArUco board [1]; choice
+    fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
+        the camera matrix, and one more shows whether they agree
+    outlier_ratio: a picture is omitted if its rms exceeds this many times the median picture's [1]; choice
+    least_tilt_deg: least angle between some two boards, because parallel boards determine no more than one does
     (section 4 there) [degrees]; choice
-    largest_focal_sd: relative standard error of a focal length beyond which the pictures are too similar [1]; choice
-    together_px: pictures of one name were not taken together where a camera's rms, adjusted with the others, exceeds
-        its own by more than this [px]; choice
+    largest_focal_sd: relative standard error of a focal length above which pictures are too similar [1]; choice
+    together_px: pictures of one name were not simultaneous if a camera's rms, adjusted with the others, exceeds its own
+        by more than this [px]; choice
 
     Raises ValueError that names the field.
     """

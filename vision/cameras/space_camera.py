@@ -1,4 +1,4 @@
-"""Cameras of a scene in space: points to pixels, pixels to rays, and what their calibration leaves open.
+"""Cameras of a scene in space: projection of points, rays of pixels, and uncertainty of the calibration.
 
 World axes: x right, y up, z toward the viewer, metres. Image axes: u right, v down, the centre of the first pixel is
 (0, 0).
@@ -23,13 +23,13 @@ FAR_PX = 1e6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpaceCamera:
-    """A calibrated camera with a place in space.
+    """A calibrated camera in space.
 
-    name: what the camera is called
+    name: name of the camera
     size_px: width and height of its picture [px]
     lens: matrix and distortion
     pose: world to camera [m]
-    calibration_sd_px: error of each mark's position [px], one standard deviation an axis, independent between marks
+    calibration_sd_px: error of each mark's position [px], one standard deviation per axis, independent between marks
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
 
@@ -60,13 +60,13 @@ class SpaceCamera:
 
     @property
     def centre_m(self) -> Floats:
-        """Where it stands [m], (3,)."""
+        """Centre of the camera [m], (3,)."""
         return self.pose.inverse().translation_m
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point not before the camera.
+        """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point behind the camera.
 
-        Far beside the picture a lens may fold: only points `in_view` are projected as the camera sees them.
+        Far outside the picture a lens model may fold: only points `in_view` are projected as the camera sees them.
         """
         return self.seen(points_m)[0]
 
@@ -80,14 +80,14 @@ class SpaceCamera:
         return self._bent(ideal, depth)
 
     def ray(self, points_px: ArrayLike) -> tuple[Floats, Floats]:
-        """The rays of places in the picture [px], (n, 2): their origin [m], (3,), and unit directions, (n, 3)."""
+        """Rays of positions in the picture [px], (n, 2): their origin [m], (3,), and unit directions, (n, 3)."""
         ideal = self.lens.ideal(np.array(points_px, dtype=float).reshape(-1, 2))
         ways = (ideal - self.lens.matrix[:2, 2]) / self.lens.matrix[[0, 1], [0, 1]]
         directions = np.column_stack([ways, np.ones(len(ways))]) @ self.pose.rotation
         return self.centre_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def in_view(self, points_m: ArrayLike) -> NDArray[np.bool_]:
-        """Which points [m], (n, 3), are before the camera and in its picture, (n,)."""
+        """Which points [m], (n, 3), are in front of the camera and in its picture, (n,)."""
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
@@ -99,28 +99,28 @@ class SpaceCamera:
         return np.asarray(inside & (away < self.fold_px)), places, J
 
     def disc_shape(self, point_m: ArrayLike, normal: ArrayLike, radius_m: float) -> Floats:
-        """The picture of a disc at a point [m], (3,), across its normal, (3,), as `Outline.shape_px`, (2, 2) [px]."""
+        """The image of a disc at a point [m], (3,), with this normal, (3,), as `Outline.shape_px`, (2, 2) [px]."""
         _, _, axes = np.linalg.svd(np.reshape(normal, (1, 3)))
         return np.asarray(radius_m * self.seen(np.reshape(point_m, (1, 3)))[1][0] @ axes[1:].T, dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The picture of a ball about a point [m], (3,), as `Outline.shape_px`, (2, 2) [px]: that of its own disc."""
+        """The image of a ball about a point [m], (3,), as `Outline.shape_px`, (2, 2) [px]."""
         return self.disc_shape(point_m, np.reshape(point_m, 3) - self.centre_m, radius_m)
 
     def calibration_error_px(self, points_m: ArrayLike) -> Floats:
-        """Shift of the places of points [m], (n, 3), by one sd along each direction, (n, 2, n_directions) [px]."""
+        """Shift of the projections of points [m], (n, 3), by one sd along each direction, (n, 2, n_directions) [px]."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         if not len(self.calibration):
             return np.zeros((len(p), 2, 0))
         return self.moved_by(p, self.calibration)
 
     def moved_by(self, points_m: ArrayLike, steps: Floats) -> Floats:
-        """Shift of the places of points [m], (n, 3), by small errors of lens and pose, (k, 15): (n, 2, k) [px]."""
+        """Shift of the projections of points [m], (n, 3), by small errors of lens and pose, (k, 15): (n, 2, k) [px]."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 3)
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
     def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
-        """Places [px], (n, 2), and their derivatives [px/m], (n, 2, 3), of ideal ones [px] at these depths [m]."""
+        """Positions [px], (n, 2), and derivatives [px/m], (n, 2, 3), of ideal positions [px] at these depths [m]."""
         focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
         ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
         # u = f x / z + c: du = f (dx - (x / z) dz) / z
@@ -129,7 +129,7 @@ class SpaceCamera:
         return places, bent @ by_point
 
     def _ideal(self, points_m: Floats) -> tuple[Floats, Floats]:
-        """Ideal places [px], (n, 2), and depths [m], (n,), of points [m]; NaN where the depth is 0 or less."""
+        """Ideal positions [px], (n, 2), and depths [m], (n,), of points [m]; NaN where the depth is 0 or less."""
         at = points_m @ self.pose.rotation.T + self.pose.translation_m
         depth = at[:, 2]
         ways = at[:, :2] / np.where(depth > 0.0, depth, np.nan)[:, None]
@@ -137,7 +137,7 @@ class SpaceCamera:
 
 
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
-    """Distance of ideal places from the middle up to which a lens does not fold the picture over itself [px]."""
+    """Distance of ideal positions from the middle up to which a lens model does not fold the picture [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]

@@ -1,4 +1,4 @@
-"""Points in space from their places in the pictures of several cameras, with covariances.
+"""Triangulation of points from the pictures of several cameras, with covariances.
 
 Each point is seen by any subset of the cameras. The plain triangulation, the point nearest to its rays, is the start of
 least squares over the distances in the pictures [hartley2004].
@@ -16,25 +16,25 @@ from vision.arrays import Floats
 from vision.cameras.space_camera import SpaceCamera
 
 STEPS = 8
-"""Most steps of Gauss-Newton; numerical: from the plain triangulation three are usual."""
+"""Largest number of Gauss-Newton steps; numerical: from the plain triangulation three are usual."""
 
 SETTLED_M = 1e-6
-"""A step below which a point stays where it is [m]; numerical."""
+"""Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Effect of all directions of the calibration that are left out on the places of points, root mean square [px]; choice:
-a tenth of the error of a good mark, whose square adds a hundredth to its variance."""
+"""Root mean square effect of all omitted directions of the calibration on the projections [px]; choice: a tenth of the
+error of a good mark, whose square adds a hundredth to its variance."""
 
 N_CALIBRATION = 15
-"""Parameters of a camera's lens and pose."""
+"""Number of parameters of a camera's lens and pose."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What one camera sees of some points.
+    """Positions of points in one camera's picture.
 
-    camera: the camera; which: the points, by number, each once, (m,)
-    places_px, covs_px2: where [px], (m, 2), and the covariances of that [px²], (m, 2, 2)
+    camera: the camera; which: indices of the points, each once, (m,)
+    places_px, covs_px2: positions [px], (m, 2), and their covariances [px²], (m, 2, 2)
     steps: directions in which its lens and pose are uncertain, one sd each, (n_shared, 15); the same row is the same
         direction for all cameras
     """
@@ -48,11 +48,11 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triangulated:
-    """Points in space.
+    """Triangulated points in space with their covariances.
 
-    positions, covs: where [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
+    positions, covs: positions [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
     shared: shift by one sd along each direction of the calibration [m], (n, 3, n_shared)
-    misfit: sum of squared normalised distances in the pictures, less what the calibration explains [1], (n,);
+    misfit: sum of squared normalised distances in the pictures, less the part that the calibration explains [1], (n,);
         chi-square with 2 n_views - 3 degrees of freedom for points that n_views > 1 cameras see
     n_views: number of cameras that see each, (n,)
     """
@@ -78,7 +78,7 @@ def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
 
 
 def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) -> Floats:
-    """The point nearest to the rays of its places [px], (n_cameras, 2), in two or more cameras [m], (3,)."""
+    """The point nearest to the rays of its positions [px], (n_cameras, 2), in two or more cameras [m], (3,)."""
     rays = [camera.ray(place) for camera, place in zip(cameras, np.asarray(places_px), strict=True)]
     return nearest_to_rays([origin for origin, _ in rays], [ways[0] for _, ways in rays])
 
@@ -86,10 +86,10 @@ def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) ->
 def triangulated(
     cameras: Sequence[SpaceCamera], places_px: ArrayLike, covs_px2: ArrayLike, steps: Sequence[Floats] | None = None
 ) -> Triangulated:
-    """One point, seen by two or more cameras; the arrays of the result have one entry.
+    """Triangulate one point that two or more cameras see; the arrays of the result have one entry.
 
     places_px, covs_px2: by camera [px], (n, 2), [px²], (n, 2, 2)
-    steps: directions of the calibration by camera, as `Seen` has them; default: those of `calibration_steps`
+    steps: directions of the calibration by camera, as in `Seen`; default: those of `calibration_steps`
     """
     places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
     by = calibration_steps(cameras) if steps is None else steps
@@ -98,15 +98,15 @@ def triangulated(
 
 
 def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.inf) -> Triangulated:
-    """All points at once by Gauss-Newton.
+    """Triangulate all points at once by Gauss-Newton.
 
-    start_m: where to begin [m], (n, 3)
+    start_m: initial positions [m], (n, 3)
     start_sd_m: standard deviation of start_m per axis, used as a further measurement of each point [m]. One as large as
-        the body does not affect points that two cameras see. A point that one camera sees is then a place on its ray,
+        the body does not affect points that two cameras see. A point that one camera sees is then a point on its ray,
         with the pixel's covariance across the ray and this one along it.
 
-    A point that would leave the space before one of its cameras has the misfit inf.
-    Raises ValueError for points that fewer than two cameras see where start_sd_m is infinite.
+    A point that would move behind one of its cameras has the misfit inf.
+    Raises ValueError for points that fewer than two cameras see if start_sd_m is infinite.
     """
     n, n_shared = len(start_m), max((one.steps.shape[0] for one in seen), default=0)
     views = np.zeros(n, dtype=np.int64)
@@ -150,10 +150,10 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
 
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
-    """Directions in which the calibration of cameras is uncertain, for each, (n_shared, 15), one sd each.
+    """Directions in which the calibration of cameras is uncertain, for each camera, (n_shared, 15), one sd each.
 
-    Cameras that were calibrated together share their directions. They have the same number of rows, more than a
-    camera by itself can have. Others have directions of their own.
+    Cameras that were calibrated together share their directions: they have the same number of rows, more than a
+    camera calibrated alone can have. Other cameras have directions of their own.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -173,10 +173,10 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 
 
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
-    """The directions of `calibration_steps` by their effect on the places of points [m], (n, 3), the largest first.
+    """The directions of `calibration_steps`, sorted by their effect on the projections of points [m], (n, 3).
 
-    They are other independent directions of the same errors. The least that together move places by no more than
-    `least_px` [px] in root mean square are left out.
+    They are other independent directions of the same errors, the largest first. The least that together move
+    projections by at most `least_px` [px] in root mean square are omitted.
     """
     steps = calibration_steps(cameras)
     if not any(len(own) for own in steps):

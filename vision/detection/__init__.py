@@ -1,6 +1,6 @@
-"""Marks in one picture: hues, components, centres with covariances.
+"""Detection of marks in one picture: hues, components, centres.
 
-What may enter: a stage without earlier pictures.
+Stages that need no earlier pictures belong here.
 """
 
 from vision.detection.components import detect_marks

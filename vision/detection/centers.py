@@ -1,4 +1,4 @@
-"""The centre of a mark: from its coverage, its outline or its rim, whichever is valid.
+"""Centre of a mark: from its coverage, its outline or its rim, whichever is valid.
 
 Image axes: u right, v down, pixels from the corner of a patch.
 """
@@ -39,7 +39,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Center:
-    """As in `Detection`, relative to the patch's corner."""
+    """Centre of a mark relative to the patch's corner; fields as in `Detection`."""
 
     center_px: Floats
     cov_px2: Floats
@@ -50,22 +50,22 @@ class Center:
 def centers_of(
     piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
 ) -> list[Center]:
-    """Centres from the piece's patch: of one mark, whole or covered, of several that touch, or none.
+    """Centres of the marks in a component: of one mark, whole or covered, of several that touch, or none.
 
-    expected_px: where marks of its hue are expected inside it, each (2,) from its corner
+    expected_px: expected positions of marks of its hue inside it, each (2,) from its corner
     """
     factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the covariances of even outlines in noise of a pixel's alpha."""
+    """Factors on the covariances of even outlines, for a noise of alpha per pixel."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
 
 def _agreed(seen: Coverage, fitted: Fitted, outline: Outline, settings: CenterSettings) -> Center | None:
-    """The centre of a mark whose area and outline agree; None where they do not."""
+    """Centre of a mark whose area and outline agree; None if they do not."""
     one, other = (np.array([*at.center_px, *at.cov_px2.ravel()[[0, 1, 3]]]) for at in (seen, fitted))
     agree, squared = kernels.agreed(one, other, seen.area_px / outline.area_px, settings.for_kernel())
     return Center(fitted.center_px, max(1.0, squared / 2.0) * fitted.cov_px2, False, fitted.size) if agree else None
@@ -103,7 +103,7 @@ def _by_outline(
 
 
 def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: DetectionSettings) -> Center | None:
-    """The centre by the steps of colour around a piece, starting from these circles, (n, 3); None without a rim."""
+    """Centre from the colour steps around a piece, with these circles as start, (n, 3); None without a rim."""
     limits = settings.rim
     rim = fit_rim(piece.patch, circles, outline, settings)
     if rim is None or (outline.even and rim.share < limits.min_share):
@@ -115,7 +115,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Starting points, (n, 2), inside one piece, from which touching marks are searched."""
+    """Starting points, (n, 2), inside one piece, for the search of touching marks."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)
@@ -128,14 +128,14 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
 
 
 def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
-    """Whether the centres are those of different marks, and not of one larger mark."""
+    """Whether the centres are those of different marks, not of one larger mark."""
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Excess spread of a piece over a mark at rest [px²], (2, 2)."""
+    """Excess spread of a piece over that of a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # a disc's spread is a quarter of its radius squared; a blurred edge adds some

@@ -1,8 +1,8 @@
-"""Marks in a frame: found by hue, located to sub-pixels by the share of each pixel that the mark covers.
+"""Detection of marks by hue, with sub-pixel centres from the share of each pixel that the mark covers.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 
-A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. Where both colours
+A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. If both colours
 are known, alpha is a linear function of the pixel; its centre of gravity has no bias from a threshold.
 """
 
@@ -44,18 +44,18 @@ def detect_marks(
     settings: DetectionSettings = DETECTION,
     rejected: list[Rejected] | None = None,
 ) -> list[Detection]:
-    """Marks of these hues, largest first.
+    """Detect the marks of these hues, largest first.
 
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
     outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest is used; with it,
-        partly covered marks are found at their centre
+        the centres of partly covered marks are found
     expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
         to select the outline of a mark
-    rejected: receives what is not a mark, and why; None: not asked for
+    rejected: receives rejected pixels with the reason; None: not recorded
 
-    Raises ValueError for a picture or region of another kind, HueError where a hue takes most of the picture.
+    Raises ValueError for a picture or region of another kind, HueError if a hue covers most of the picture.
     """
     if not isinstance(frame_bgr, np.ndarray) or frame_bgr.dtype != np.uint8 or frame_bgr.shape[2:] != (3,):
         kind = f"{getattr(frame_bgr, 'dtype', type(frame_bgr).__name__)} {np.shape(frame_bgr)}"
@@ -120,9 +120,9 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 class _Search:
     """A picture, the classes of its pixels at 1 / scale of its size, and the properties of a mark.
 
-    outlines: of a whole mark, one for all or one for each that is expected; starts_px: where they are, (n, 2)
+    outlines: of a whole mark, one for all or one for each expected mark; starts_px: their positions, (n, 2)
     corner_px: of this picture in the frame, (2,); hues_deg: of the expected marks, empty if all are alike
-    rejected: receives what is not a mark, if asked for
+    rejected: receives rejected pixels, if recorded
     """
 
     part: Picture
@@ -160,7 +160,7 @@ class _Search:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
             if not centers:
                 return self._none(Reason.SHAPE, piece, hue_deg)
-        # as much of a clipped mark as is seen may lie outside
+        # as much of a clipped mark as is visible may lie outside
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(
@@ -177,7 +177,7 @@ class _Search:
         ]
 
     def _outline(self, place_px: Floats, hue_deg: float) -> Outline | None:
-        """The outline of the expected mark of this hue nearest to this position."""
+        """Outline of the expected mark of this hue that is nearest to this position."""
         if len(self.outlines) < 2:
             return self.outlines[0] if self.outlines else None
         distances = np.linalg.norm(self.starts_px - place_px, axis=1)
@@ -186,7 +186,7 @@ class _Search:
         return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
-        """Where marks are expected inside a piece, from its patch's corner [px]."""
+        """Expected positions of marks inside a piece, from its patch's corner [px]."""
         height, width = piece.component.shape
         places = self.starts_px - piece.corner_px
         in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
@@ -219,7 +219,7 @@ class _Search:
         few = pixels < least
         if few or _elongation(component) > self.settings.components.max_elongation:
             corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
-            if pixels:  # none, where smoothing alone gave the hue
+            if pixels:  # empty if only smoothing gave the hue
                 self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
@@ -227,13 +227,13 @@ class _Search:
         return Component(np.array([u0, v0], dtype=float), patch, component, others, float(max(width, height)), clipped)
 
     def _none(self, reason: Reason, piece: Component, hue_deg: float) -> list[Detection]:
-        """No marks; the rejected piece is recorded if asked for."""
+        """Empty result; the rejected piece is recorded if requested."""
         if self.rejected is not None:
             self.rejected.append(self._rejected(reason, piece, hue_deg))
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """The content of a contour too small for any mark; Pick's theorem counts its pixels."""
+        """A contour too small for any mark, as rejected; Pick's theorem counts its pixels."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -242,7 +242,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """A rejected piece, with the numbers: of another size than stated if it is whole or too large."""
+        """A rejected piece with its numbers; a whole or too large piece has the wrong size."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -276,7 +276,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """All that was found in the pieces of a picture; fragments of one mark, as behind a needle, are joined."""
+    """All detections in the pieces of a picture; fragments of one mark, as behind a needle, are joined."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []

@@ -1,4 +1,4 @@
-"""The share of each pixel that a mark covers, and from that its centre, its area and the covariance of the centre."""
+"""Coverage of pixels by a mark, and from it the mark's centre, area and the covariance of the centre."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Most pixels for the fit of the background: it only saves time, a plane of three numbers needs no more."""
+"""Largest number of pixels for the fit of the background: it only saves time, since a plane has three numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
-    """The coverage of a patch by a mark.
+    """Coverage of a patch by a mark, with the mark's centre.
 
     center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
     area_px: [px]
     alpha: share of each pixel that the mark covers, (h, w), 0 away from it
-    noise_sd: noise of one pixel's alpha behind the mark, which measures the contrast
+    noise_sd: noise of one pixel's alpha behind the mark, a measure of contrast
     color_bgr: of its core
     """
 
@@ -41,11 +41,11 @@ def measure_coverage(
     *,
     thorough: bool = True,
 ) -> Coverage | None:
-    """The coverage of a patch by a component; None where it cannot be distinguished from the background.
+    """The coverage of a patch by a component; None if it cannot be distinguished from the background.
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
-    others: not 0 on pixels of other marks of the class, which are not background, (h, w) uint8
+    others: nonzero on pixels of other marks of the class, which are not background, (h, w) uint8
     thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     """
     grow = settings.grow_px + max(component.shape) // 16

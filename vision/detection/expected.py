@@ -1,4 +1,4 @@
-"""Where a mark is expected, for a detector that searches there."""
+"""Expected position of a mark, as input of a detector."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from vision.detection.outline import Outline
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Expected:
-    """Where a mark is expected.
+    """Expected position of a mark, with its covariance and shape.
 
-    name: the node it sits on
+    name: the node that bears the mark
     center_px: expected centre [px], shape (2,)
-    cov_px2: covariance of the prediction alone [px²], shape (2, 2); the detection has its own
+    cov_px2: covariance of the prediction only [px²], shape (2, 2); the detection has its own
     hue_deg: the hue of its class
-    outline: its shape and size, None where those are not known
+    outline: its shape and size, None if they are not known
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""The fast path for the usual case: single whole, even marks where they are expected."""
+"""Fast detection for the usual case: single, whole, even marks near their expected positions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def detect_isolated(
 ) -> list[Detection | None]:
     """The expected mark of each region, if it is the only one of its hue there and nothing is unusual.
 
-    regions: left, top, width, height [px]. None otherwise: then `detect_marks` finds more.
+    regions: left, top, width, height [px]. Otherwise None: then `detect_marks` finds more.
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
     found: list[Detection | None] = [None] * len(expected)

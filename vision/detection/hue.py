@@ -1,4 +1,4 @@
-"""Colours by hue: the circle of hues, and the class of hues that a kind of mark shows."""
+"""Hues on their circle, and the range of colours of a kind of mark."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Hues = TypeVar("Hues", float, Floats)
 
 
 def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
-    """The distance of two hues on the circle [degrees], 0 to 180, or of arrays of them.
+    """Distance of two hues on the circle [degrees], 0 to 180; also of arrays.
 
     >>> hue_distance(355.0, 5.0)
     10.0
@@ -20,7 +20,7 @@ def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The same hue from 0 up to 360 degrees; a value just below 0 gives 0, where the remainder would round to 360.
+    """The hue from 0 up to 360 degrees; a value just below 0 gives 0, where the remainder would round to 360.
 
     >>> on_circle(-1e-15)
     0.0
@@ -30,12 +30,12 @@ def on_circle(hue_deg: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class MarkHue:
-    """The range of colours of one kind of mark.
+    """Range of colours of one kind of mark.
 
     hue_deg: the hue, 0 red, 120 green, 240 blue
-    half_width_deg: how far from it a pixel's hue may be [degrees]
+    half_width_deg: largest difference of a pixel's hue from it [degrees]
     min_saturation, min_value: below these, 0 to 1, a pixel's hue is not used
-    seen_deg: the hue of such marks under the present light, where it differs from hue_deg
+    seen_deg: the hue of such marks in the present light, if it differs from hue_deg
     saturation, value: their saturation and value, 0 to 1, if known
     """
 

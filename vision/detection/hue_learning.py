@@ -1,4 +1,4 @@
-"""The hue of a kind of mark, learned from a position in a picture that shows one."""
+"""Learning the hue of a kind of mark from a position in a picture."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """The kind of mark at this position, learned from surrounding pixels of the same colour, bright or dark.
+    """Learn a kind of mark from the pixels of its colour around a position in a picture, bright or dark.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture, HueError where it shows no mark: too few or too many equal
+    Raises ValueError for a position outside the picture, HueError if it shows no mark: too few or too many equal
     pixels, or grey ones.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
@@ -54,7 +54,7 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
-    """1 on the pixels connected to this one with the same colour, else 0, (h, w).
+    """Mask of the pixels connected to this one with the same colour: 1, else 0, (h, w).
 
     In a window around it, Otsu's threshold divides the pixels by the distance of their colours from its own, at any
     brightness. The window grows until its border is free of such pixels.

@@ -1,4 +1,4 @@
-"""Compiled loops over pixels: colour classes of a picture, how much of each pixel a mark covers, and its outline.
+"""Compiled loops over pixels: colour classes of a picture, coverage of pixels by a mark, and its outline.
 
 tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other stay in one file:
 numba's cache on disk does not see changes across files.
@@ -10,21 +10,21 @@ import numpy as np
 from numba import njit
 
 HUE_STEPS = 720
-"""Half degrees on the circle of hues: what a table of classes is indexed by."""
+"""Number of half degrees on the circle of hues: the length of a table of classes."""
 NARROW_PX = 12
-"""Around the pixels of a mark that is measured alone: its edge, and what lies behind it."""
+"""Width of the border around a mark that is measured alone, for its edge and its background [px]."""
 ON_A_LINE = 1e-6
-"""Determinant of the Gram matrix by its diagonal's product, below which positions do not determine a plane."""
+"""Determinant of the Gram matrix relative to its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
 """Variance of rounding to whole grey levels."""
 N_RAYS = 64
-"""Directions in which the edge is searched, a discretisation: `correlation_px` accounts for correlated errors."""
+"""Number of directions in which the edge is searched; `correlation_px` accounts for correlated errors."""
 RAYS = np.column_stack(
     [np.cos(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS), np.sin(2.0 * np.pi * np.arange(N_RAYS) / N_RAYS)]
 )
-"""The directions as unit vectors, (N_RAYS, 2)."""
+"""Directions of the search as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Convergence tolerance: after a step of less than this [sizes] the next is the last."""
+"""Convergence tolerance [sizes]: after a smaller step the next one is the last."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -59,7 +59,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _inverse(m):  # type: ignore[no-untyped-def]
-    """Determinant and inverse of a symmetric matrix, (3, 3), by its cofactors; the inverse is 0 where there is none."""
+    """Determinant and inverse of a symmetric matrix, (3, 3), by cofactors; the inverse is 0 for a singular one."""
     a, b, c, d, e, f = m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2]
     p, q, r = d * f - e * e, c * e - b * f, b * e - c * d
     det = a * p + b * q + c * r
@@ -86,7 +86,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
             if not component[row, end]:
                 end += 1
                 continue
-            begin = end  # of a run of pixels
+            begin = end  # start of a run of pixels
             while end < width and component[row, end]:
                 end += 1
             for k in range(max(row - radius, 0), min(row + radius, height - 1) + 1):
@@ -132,9 +132,9 @@ def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """A mark's background: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3).
+    """Background of a mark: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3).
 
-    behind: 1 where a pixel shows it, else 0, (h, w) uint8
+    behind: 1 on background pixels, else 0, (h, w) uint8
     """
     none = np.zeros((3, 3))
     height, width = behind.shape
@@ -202,7 +202,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _boxed(values, reach):  # type: ignore[no-untyped-def]
-    """Means over squares of this width, (h, w); 0 beyond the patch."""
+    """Means over squares of this width, (h, w); 0 outside the patch."""
     height, width = values.shape
     half = reach // 2
     across, boxed = np.empty((height, width)), np.empty((height, width))
@@ -230,9 +230,9 @@ def _boxed(values, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
-    """Sum of the noise's autocovariance over the lags in a square of width `reach`, not less than its variance.
+    """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
 
-    weights: how much each pixel's noise matters, (h, w), 0 where it does not count.
+    weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
     The variance of a mean of n pixels is that sum over n. White noise: its variance. Grainy noise: more.
     """
     weighted = noise * weights
@@ -256,7 +256,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _smooth(alpha):  # type: ignore[no-untyped-def]
-    """Alpha weighed 1 2 1 by 1 2 1, mirrored at the rim."""
+    """Alpha smoothed with weights 1 2 1 by 1 2 1, mirrored at the rim."""
     height, width = alpha.shape
     across, smooth = np.empty((height, width)), np.empty((height, width))
     for row in range(height):
@@ -273,7 +273,7 @@ def _smooth(alpha):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lanczos(fraction):  # type: ignore[no-untyped-def]
-    """Weights of the eight pixels from 3 before to 4 after a place this far behind one, (8,)."""
+    """Lanczos weights of eight pixels, from 3 before to 4 after a position this far behind one, (8,)."""
     weights = np.empty(8)
     for k in range(8):
         x = fraction - (k - 3)
@@ -283,9 +283,9 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half the difference of alpha from itself turned by 180 degrees about the centre, (h, w), on the given pixels.
+    """Half the difference of alpha from itself rotated by 180 degrees about the centre, (h, w), on the given pixels.
 
-    A mark is symmetric under that turn. The difference is noise, compression and wear, which can move the centre.
+    A mark is symmetric under that rotation. The difference is noise, compression and wear, which can move the centre.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -332,7 +332,7 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
     """Alpha = (pixel - background) @ weights near the mark, 1 in its core, else 0, (h, w).
 
-    Besides the sums over pixels of alpha and of its products with column and row, and the sums over pixels of the edge
+    Also the sums over pixels of alpha and of its products with column and row, and the sums over pixels of the edge
     of 1, column, row and their products: n, u, v, uu, uv, vv.
     """
     by_b, by_g, by_r = weights
@@ -365,7 +365,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """The length of d center / d alpha = (place - center) / area of the pixels of the edge, else 0, (h, w)."""
+    """Length of d center / d alpha = (position - center) / area for pixels of the edge, else 0, (h, w)."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -403,13 +403,13 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """The coverage of a patch by a component: whether it is valid, alpha (h, w) with 0 away from it, and its figures.
+    """Coverage of a patch by a component: whether it is valid, alpha (h, w) with 0 away from it, and its figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
     grow: radius of the disc that the mark may grow by [px]
     settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc that its core shrinks by
         [px], edge_gain, floor_px2
-    fit_pixels: pixels that the background is fitted to
+    fit_pixels: number of pixels for the fit of the background
     thorough: whether to measure the correlation of the noise; if not, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
@@ -458,7 +458,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Outermost points in each direction where alpha falls through a half, relative to start in units of the mark."""
+    """Outermost points in each direction where alpha falls below a half, relative to start in units of the mark."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -487,7 +487,7 @@ def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _through(a, b, c):  # type: ignore[no-untyped-def]
-    """Centre and radius of the circle through three points; radius 0 where there is none."""
+    """Centre and radius of the circle through three points; radius 0 if there is none."""
     bx, by, cx, cy = b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]
     d = 2.0 * (bx * cy - by * cx)
     if abs(d) < 1e-9:
@@ -499,7 +499,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The circle (x, y, size) of size about 1 through three edges that has most edges on it and few beyond."""
+    """The circle (x, y, size) of size about 1 through three edges with most edges on it and few beyond."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -528,7 +528,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
-    """Move a circle by a Newton step; its largest change."""
+    """Move a circle by a Newton step; returns its largest change."""
     largest = 0.0
     for a in range(3):
         step = inverse[a, 0] * gradient[0] + inverse[a, 1] * gradient[1] + inverse[a, 2] * gradient[2]
@@ -608,7 +608,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
     """Fit of the whole mark, or else the best circle through three edges, as a row.
 
-    It has the centre u, v, its covariance uu uv vv, and share, beyond and size as `Fitted` has them.
+    It contains the centre u, v, its covariance uu uv vv, and share, beyond and size as in `Fitted`.
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: of the outline
     settings: as `OutlineSettings.for_kernel` returns them
     """
@@ -646,7 +646,7 @@ def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
     one, other: begin with u, v, uu, uv, vv of a centre and its covariance, as `covered` and `fitted` return them
-    share: area of the mark by that of its outline; limits: as `CenterSettings.for_kernel` returns them
+    share: area of the mark relative to that of its outline; limits: as `CenterSettings.for_kernel` returns them
     """
     min_area, max_area, variance, gate = limits
     a, b, c = one[2] + other[2] + variance, one[3] + other[3], one[4] + other[4] + variance
@@ -712,7 +712,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
         return False, piece, rim
     if _without_gaps(piece):
         return True, piece, rim
-    # from the rim inward: pixels not reached are holes
+    # from the rim inward: pixels that are not reached are holes
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0
     outside[0, 0], n = 1, 1
@@ -729,7 +729,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether the class occurs on every other pixel of every other row, and a box around these pixels."""
+    """Whether the class occurs among every second pixel of every second row, and a box around these pixels."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -747,7 +747,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """The single mark of a class in a box: whether there is exactly one; its patch's corner, alpha and figures."""
+    """The only mark of a class in a box: whether there is exactly one; its patch's corner, alpha and figures."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -773,11 +773,11 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Marks of a picture that are alone of their class in a box: which were found whole, (n,), and their figures.
+    """Marks that are alone of their class in a box of a picture: whether each is whole, (n,), and their figures.
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
-    classes: number of the class, and pixels of a mark at least, (n, 2); palette: table, least values and least
-        saturations as `classify` has them
+    classes: number of the class, and least number of a mark's pixels, (n, 2); palette: table, least values and least
+        saturations as in `classify`
     outlines: shapes (n, 2, 2); standard deviations of the size, and areas, (n, 2)
     covering: px around a mark, settings of `covered`, and its fit_pixels; fitting: settings of `fitted`
     limits: of `agreed`

@@ -1,7 +1,7 @@
-"""The outline of a mark, and its centre where a needle or a hand covers part of it.
+"""Outline of a mark, which gives its centre where a needle or a hand covers part of it.
 
-A mark's centre of gravity is its centre only while all of it is seen. The visible part of its outline gives the centre
-whatever covers the rest, less well for a shorter arc. Image axes: u right, v down, pixels.
+A mark's centre of gravity is its centre only if all of it is visible. The visible part of its outline gives the centre
+whatever covers the rest, less accurately for a shorter arc. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from vision.detection.settings import DETECTION, OutlineSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
-    """The shape and size of a whole mark in a picture.
+    """Shape and size of a whole mark in a picture.
 
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
-    size_sd: standard deviation of its size, as a share of it
+    size_sd: relative standard deviation of its size
     area_px: of the whole mark [px], from these
-    even: it has one colour; otherwise, as for a ball with its shading, the rim is detected, not the colour
+    even: it has one colour; otherwise, as for a ball with shading, the rim is detected instead of the colour
     """
 
     shape_px: Floats
@@ -45,10 +45,10 @@ class Outline:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fitted:
-    """A mark fitted to the outline.
+    """A mark fitted to the edges of its visible part.
 
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
-    share: share of directions in which the mark's own edge is seen
+    share: share of directions in which the mark's own edge is visible
     beyond: share of directions in which an edge lies outside it, as for a smeared or merged mark
     size: relative to that of the outline
     """
@@ -63,11 +63,11 @@ class Fitted:
 def fit_outline(
     alpha: Floats, start_px: Floats, outline: Outline, settings: OutlineSettings = DETECTION.outline
 ) -> Fitted | None:
-    """The mark whose edge is seen best; None if too little of it is seen.
+    """Fit the mark to its visible edge; None if too little of it is visible.
 
     alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
     start_px: a point inside the visible part, (2,)
-    settings: `reach` is how far from there the edge may lie [sizes]; without an edge within it another mark follows
+    settings: `reach` is the largest distance of the edge from there [sizes]; an edge further away is another mark's
     """
     u, v, uu, uv, vv, share, beyond, size = kernels.fitted(
         alpha, np.ascontiguousarray(start_px), outline.shape_px, outline.size_sd, settings.for_kernel()

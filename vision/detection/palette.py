@@ -1,4 +1,4 @@
-"""Classes of colour: which pixels of a picture may belong to which kind of mark."""
+"""Colour classes of pixels, one for each kind of mark."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vision.detection.hue import MarkHue
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Classes of colour as `kernels.classify` takes them, numbered from 1 in their order."""
+    """Colour classes in the form of `kernels.classify`, numbered from 1 in their order."""
 
     table: Picture
     least_value: Floats
@@ -24,7 +24,7 @@ class Palette:
 
 @lru_cache(maxsize=16)
 def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
-    """The classes of these hues; where ranges overlap, a pixel belongs to the nearest hue."""
+    """The classes of these hues; if ranges overlap, a pixel belongs to the nearest hue."""
     steps = 360.0 / kernels.HUE_STEPS * np.arange(kernels.HUE_STEPS)
     distances = np.array([np.abs((steps - hue.middle_deg + 180.0) % 360.0 - 180.0) for hue in hues])
     half_widths = np.array([hue.half_width_deg for hue in hues])[:, None]
@@ -37,12 +37,12 @@ def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
 
 
 def equal(classes: Picture, number: int) -> Picture:
-    """1 where a pixel has that class, else 0, (h, w) uint8."""
+    """Mask of the pixels with that class: 1, else 0, (h, w) uint8."""
     return np.asarray(classes == number, dtype=np.uint8)
 
 
 def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
-    """The class of each pixel, smoothed or shrunk for the search only: noise splits small marks."""
+    """The class of each pixel, smoothed or shrunk only for the search: noise splits small marks."""
     if scale == 1:
         smooth = cv2.blur(part, (3, 3))
     else:

@@ -1,6 +1,6 @@
-"""The rim of a mark that is not an even disc of colour: a ball with its shading, stripes or a highlight.
+"""Detection of a mark's rim if the mark is no even disc of colour: a ball with shading, stripes or a highlight.
 
-Where the colour varies over the mark, the share of each pixel cannot be estimated; the rim is still a step of colour on
+If the colour varies over the mark, the share of each pixel cannot be estimated; the rim is still a step of colour on
 a circle of about the right size. Image axes: u right, v down, pixels.
 """
 
@@ -17,7 +17,7 @@ from vision.detection.outline import Fitted, Outline
 from vision.detection.settings import DETECTION, DetectionSettings
 
 N_STEPS = 3
-"""Steps kept for each ray: the rim, and others before or behind it."""
+"""Number of steps kept for each ray: the rim, and others before or behind it."""
 
 
 def fit_rim(
@@ -26,7 +26,7 @@ def fit_rim(
     """The circle with the most and the strongest steps of the picture on it; None with too few.
 
     patch_bgr: (h, w, 3); its first pixel is (0, 0)
-    starts: circles to begin from, u v [px] and size by that of the outline, (n, 3)
+    starts: initial circles, u v [px] and size relative to the outline, (n, 3)
     """
     rim, edge = settings.rim, settings.outline
     limits = rim.wide, rim.narrow_px, edge.correlation_px, edge.edge_sd_px

@@ -1,4 +1,4 @@
-"""Search for a mark at one position by its rim alone: blood of its colour may touch it and hide its shape."""
+"""Detection of a mark only by its rim, at one position: blood of its colour may touch it and hide its shape."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from vision.detection.settings import DETECTION, DetectionSettings
 
 
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
-    """The mark whose rim is seen near its expected position; None if there is none.
+    """The mark whose rim is visible near its expected position; None if there is none.
 
-    Also None where the standard deviation of that position exceeds the mark's radius.
+    Also None if the standard deviation of that position exceeds the mark's radius.
     The caller has to check its colour.
     """
     outline = expected.outline

@@ -1,6 +1,6 @@
 """Settings of mark detection: coverage, outline, rim, components and centres, with units and origins.
 
-Lengths that scale with a mark are in sizes of it: shares of its half axes.
+Lengths in sizes are relative to the half axes of a mark.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 class CoverageSettings:
     """Settings for the share of each pixel that a mark covers.
 
-    grow_px: how far lens, colour mosaic and compression spread a pixel: the mark's edge may reach this far beyond the
-    component, and noise is correlated over lags up to it [px]; choice
-    pad_px: rim of pixels around the component whose outer part shows the background [px]; choice
-    core_px: pixels this far inside the component are all mark, whatever highlights they show [px]; choice
+    grow_px: distance over which lens, colour mosaic and compression spread a pixel: the mark's edge may reach this far
+    beyond the component, and noise is correlated over lags up to it [px]; choice
+    pad_px: border of pixels around the component whose outer part shows the background [px]; choice
+    core_px: pixels this far inside the component show only the mark, whatever their highlights [px]; choice
     outlier_sds: pixels further from the background's median are not background [standard deviations]; source: normal
         distribution, two-sided 99.99 %
-    edge_gain: variance of noise by that of half the difference of two pixels, 2 for white noise [1]; choice
+    edge_gain: variance of noise relative to that of half the difference of two pixels, 2 for white noise [1]; choice
     floor_sd_px: standard deviation of a centre without other errors: rounding, shading [px]; choice
     """
 
@@ -30,7 +30,7 @@ class CoverageSettings:
     floor_sd_px: float = 0.0025
 
     def for_kernel(self) -> tuple[float, ...]:
-        """As `kernels.covered` takes them."""
+        """The settings in the form of `kernels.covered`."""
         return self.outlier_sds, self.grow_px, self.core_px, self.edge_gain, self.floor_sd_px**2
 
 
@@ -38,12 +38,12 @@ class CoverageSettings:
 class OutlineSettings:
     """Settings for the fit of an outline to the edge of a mark.
 
-    reach: how far from the middle of the visible part an edge may lie [sizes]; choice
-    near_px: edges this near to the circle count as on it [px]; choice
+    reach: largest distance of an edge from the middle of the visible part [sizes]; choice
+    near_px: largest distance of an edge that counts as on the circle [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
     highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
-    min_share: share of all directions that must show the mark's own edge, and of its area that must be seen [1]; choice
+    min_share: least share of directions with the mark's own edge, and least visible share of its area [1]; choice
     whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded; a piece of
         more than its inverse may be several marks that touch [1]; choice
     """
@@ -57,7 +57,7 @@ class OutlineSettings:
     whole_share: float = 0.9
 
     def for_kernel(self) -> tuple[float, ...]:
-        """As `kernels.fitted` takes them."""
+        """The settings in the form of `kernels.fitted`."""
         return (
             self.near_px,
             self.correlation_px,
@@ -73,14 +73,14 @@ class OutlineSettings:
 class RimSettings:
     """Settings for the fit of a mark's rim to steps of colour.
 
-    around: how far inside and outside the outline steps are searched for along a ray [sizes]; choice
+    around: distance inside and outside the outline over which steps are searched along a ray [sizes]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
     min_step: least step over two pixels, summed over the colours [grey levels]; choice
-    wide, narrow_px: how far from the circle a step may lie, at first [sizes] and at last [px]; choice
-    min_share: share of all directions, weighed by contrast, below which part of the mark is occluded [1]; choice
-    min_share_alone: the same where only the rim shows the mark [1]; choice
-    smear_gain: variance of the rim's centre by the spread that motion adds to the mark [1]; choice
-    shading: how far shading moves the rim of a fully visible ball [sizes]; choice
+    wide, narrow_px: largest distance of a step from the circle, at first [sizes] and at last [px]; choice
+    min_share: share of all directions, weighted by contrast, below which part of the mark is occluded [1]; choice
+    min_share_alone: the same if only the rim shows the mark [1]; choice
+    smear_gain: variance of the rim's centre relative to the spread that motion adds to the mark [1]; choice
+    shading: shift of the rim of a fully visible ball by shading [sizes]; choice
     """
 
     around: float = 0.45
@@ -96,11 +96,11 @@ class RimSettings:
 
 @dataclass(frozen=True, slots=True)
 class ComponentSettings:
-    """Which connected pixels of a class may be a mark.
+    """Settings of connected pixels that may be a mark.
 
     max_picture_share: share of the picture above which a hue shows the scene, not marks [1]; choice
-    max_elongation: longest by shortest axis [1]; choice
-    max_noise: noise of a pixel by the mark's contrast, above which it is a stain, as of blood [1]; choice
+    max_elongation: largest ratio of longest to shortest axis [1]; choice
+    max_noise: noise of a pixel relative to the mark's contrast, above which it is a stain, as of blood [1]; choice
     """
 
     max_picture_share: float = 0.3
@@ -110,16 +110,16 @@ class ComponentSettings:
 
 @dataclass(frozen=True, slots=True)
 class CenterSettings:
-    """Which of several centres of a mark is taken.
+    """Settings for the choice among several centres of a mark.
 
-    gate: squared Mahalanobis distance beyond which two centres differ, and a rim is not searched for [1];
+    gate: squared Mahalanobis distance above which two centres differ, and a rim is not searched [1];
         source: chi-square, 2 dof, 99.9 %
     agree_sd_px: difference of two centres of one mark beyond their covariances [px]; choice
     min_area: least share of a mark's area for something without an outline, and of the least area of its colour class
-        before its edge is measured; its inverse is the most [1]; choice
-    grain_noise, grain_gain: noise by contrast above which errors of an outline are correlated, and the most that this
-        adds to their variance [1]; choice
-    blurred: spread of a mark at rest by that of its outline [1]; choice
+        before its edge is measured; its inverse is the largest [1]; choice
+    grain_noise, grain_gain: noise relative to contrast above which errors of an outline are correlated, and the largest
+        increase of their variance by this [1]; choice
+    blurred: spread of a mark at rest relative to that of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -131,11 +131,11 @@ class CenterSettings:
 
     @property
     def max_area(self) -> float:
-        """Most area of what may be one mark, by the mark's own."""
+        """Largest area that may be one mark, relative to the mark's own."""
         return 1.0 / self.min_area
 
     def for_kernel(self) -> tuple[float, ...]:
-        """As `kernels.agreed` takes them."""
+        """The settings in the form of `kernels.agreed`."""
         return self.min_area, self.max_area, self.agree_sd_px**2, self.gate
 
 
@@ -154,13 +154,13 @@ class DetectionSettings:
 class HueLearningSettings:
     """Settings for learning a kind of mark from one position in a picture.
 
-    window_px: reach of the first window around the place [px]; choice
+    window_px: half width of the first window around the position [px]; choice
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest difference of colours of one mark, by its distance from grey [1]; choice
+    max_distance: largest difference of colours of one mark, relative to its distance from grey [1]; choice
     sds: half width of a kind of mark, in standard deviations of its pixels' hues [1]; choice
-    min_width_deg: least half width of a learned range, and most standard deviation of its hues that counts [degrees];
-        choice
-    paler, darker: how much less saturation and value others may show [1]; choice
+    min_width_deg: least half width of a learned range, and largest standard deviation of its hues that counts
+        [degrees]; choice
+    paler, darker: by how much other marks may have less saturation and value [1]; choice
     """
 
     window_px: int = 8
@@ -173,6 +173,6 @@ class HueLearningSettings:
 
 
 DETECTION = DetectionSettings()
-"""The defaults."""
+"""Default settings of mark detection."""
 HUE_LEARNING = HueLearningSettings()
-"""The defaults."""
+"""Default settings of hue learning."""

@@ -1,6 +1,6 @@
-"""Films, folders, devices, streams; exposure times, faults, writers.
+"""Frame sources: films, folders, devices, streams; exposure times, faults, writers.
 
-What may enter: another source or container.
+Another source or container belongs here.
 """
 
 from vision.sources.events import EventKind, Source, SourceEvent, SourceOf

@@ -1,4 +1,4 @@
-"""Interface of a source of frames, and the events that it reports beside frames."""
+"""Interface of a source of frames, and the events that it reports besides frames."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ F_co = TypeVar("F_co", covariant=True)
 
 
 class EventKind(StrEnum):
-    """What happened to a source."""
+    """Kind of event of a source."""
 
     BLOCKED = "BLOCKED"
-    """No answer: a read that does not come back."""
+    """No answer: a read does not return."""
     FROZEN = "FROZEN"
     """The same picture, bit for bit, or the same values, to the last digit, repeatedly."""
     DROPPED = "DROPPED"
-    """A read that failed; the source is read again, then opened again."""
+    """A read failed; the source is read again, then reopened."""
     SPARSE = "SPARSE"
-    """At least half of the pictures are lost, or the source took half as many."""
+    """At least half of the pictures are lost, or the source records only half as many."""
     RESUMED = "RESUMED"
-    """New pictures after one of these, or all of them again."""
+    """New pictures after one of these faults, or all of them again."""
     RESIZED = "RESIZED"
     """Pictures of another size than before."""
     REFUSED = "REFUSED"
-    """What came could not be used: it is not a frame, or its time is out of order."""
+    """The input could not be used: it is not a frame, or its time is out of order."""
     ASIDE = "ASIDE"
-    """The first marks lie far from where they are expected, and in another unit or order would not."""
+    """The first marks are far from their expected positions, but would not be in another unit or order."""
     CLOCK = "CLOCK"
-    """Its own times stand still, go back or drift: times of arrival are used."""
+    """The source's own times stand still, go back or drift: arrival times are used."""
     ENDED = "ENDED"
-    """No frames will come any more."""
+    """No more frames will come."""
 
 
 @dataclass(frozen=True, slots=True)
 class SourceEvent:
-    """An event of a source: when, by the clock of its exposure times [s], its kind, and a line of text."""
+    """An event of a source: its time on the clock of exposure times [s], its kind, and a line of text."""
 
     time_s: float
     kind: EventKind
@@ -51,11 +51,11 @@ class SourceEvent:
 
 
 class SourceOf(Protocol[F_co]):
-    """A source of frames in order of exposure."""
+    """Protocol of a source of frames in order of exposure."""
 
     @property
     def frames_dropped(self) -> int:
-        """Frames that were read and not delivered, because newer ones had come, or their time was wrong."""
+        """Number of frames that were read but not delivered, because of newer ones or a wrong time."""
 
     @property
     def origin_s(self) -> float:
@@ -66,7 +66,7 @@ class SourceOf(Protocol[F_co]):
         """Whether all frames have been delivered and none will come."""
 
     def next(self, timeout_s: float) -> F_co | None:
-        """The next frame, or None where there is none within timeout_s [s] or the source ended; SourceError."""
+        """The next frame, or None if there is none within timeout_s [s] or the source ended; raises SourceError."""
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """The events since the last call, in order."""
@@ -75,16 +75,16 @@ class SourceOf(Protocol[F_co]):
         """Stop, and release the source."""
 
     def __enter__(self) -> Self:
-        """The source, closed at the end of the block."""
+        """Returns the source, which is closed at the end of the block."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
+        """Close the source."""
 
 
 class Source(SourceOf[Frame], Protocol):
-    """Pictures in order of exposure."""
+    """Protocol of a source of pictures in order of exposure."""
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield all frames until the source ends, waiting through its faults; raises SourceError."""
+        """Yield all frames until the source ends, also after faults; raises SourceError."""

@@ -1,4 +1,4 @@
-"""Frames from files as a source: every frame, as fast as it is requested."""
+"""Source of every frame of a file, as fast as they are requested."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from vision.sources.frames import Closing, Frame
 
 
 class FrameFile(Protocol):
-    """Frames in order, held open until closed."""
+    """Protocol of a file of frames in order, open until closed."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Iterate from the first frame on."""
 
     def close(self) -> None:
-        """Release it."""
+        """Close the file."""
 
 
 class EveryFrame(Closing):
-    """Every frame of a file or folder, in order; no thread, no clock.
+    """Source of every frame of a file or folder, in order, without thread or clock.
 
-    State: the frames still to come, the last frame's size and time, events not yet taken, whether it ended.
+    State: the remaining frames, the last frame's size and time, events not yet fetched, whether it ended.
     """
 
     frames_dropped = 0
     origin_s = 0.0
-    """Frames have the file's own times."""
+    """Zero of the clock [s]: frames have the file's own times."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames
@@ -66,6 +66,6 @@ class EveryFrame(Closing):
         return events
 
     def close(self) -> None:
-        """Release the file; no further frame comes."""
+        """Close the file; no further frame comes."""
         self._ended = True
         self._frames.close()

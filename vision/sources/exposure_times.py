@@ -1,4 +1,4 @@
-"""Exposure times of devices, on the monotonic clock, and of films, by their own times; errors of times of arrival.
+"""Exposure times of devices, on the monotonic clock, and of films, by their own times; errors of arrival times.
 
 A rule belongs to one opening of a source and is called once for each frame, in order.
 """
@@ -16,20 +16,20 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Containers round their times to a millisecond: index / rate is finer while the two agree to this."""
+"""Largest rounding of times in containers [s]: below it index / rate is used, which is finer."""
 
 
 ExposureRule = Callable[[Any, float], float]
-"""Exposure time [s] of the frame that a capture's grab() returned at a time [s]."""
+"""Function that returns the exposure time [s] of the frame that a capture's grab() returned at a time [s]."""
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
-    """Exposure time [s] stated by the capture itself: CAP_PROP_POS_MSEC on the monotonic clock."""
+    """Exposure time [s] that the capture itself states: CAP_PROP_POS_MSEC on the monotonic clock."""
     return float(capture.get(cv2.CAP_PROP_POS_MSEC)) * 1e-3
 
 
 class DeviceTimes:
-    """Exposure times of a device's frames: half a usual frame interval before the frame was complete.
+    """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
 
     A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if that was plausible in
     settings.settled_frames in a row: increasing, and its difference from the time of grab() constant to clock_error_s.
@@ -38,8 +38,8 @@ class DeviceTimes:
     than that, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used
     until it is plausible again. Half an interval stands for exposure and read-out, which devices do not report.
 
-    late_s: how much later than assumed frames may come [s]: frames that stay later than settings.blocked_s come from a
-    queue, or the clock was set back meanwhile; 0 once they come as early as before
+    late_s: largest delay of frames beyond the assumed one [s]: frames that stay later than settings.blocked_s come from
+    a queue, or the clock was set back meanwhile; 0 once they come as early as before
     State: late_s; the device's and the clock's times of the last frames; numbers of plausible and of late ones in a
     row; the clock's earlier delay [s].
     """
@@ -96,13 +96,13 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Exposure times by a rule as long as they rise, else by arrival.
+    """Rule for exposure times that uses another rule while its times increase, and else arrival times.
 
-    After settings.stuck_frames frames in a row with times that stand still, go back or are not numbers, arrival is
-    used: less the delay of the last frame whose time rose.
+    After settings.stuck_frames frames in a row with times that stand still, go back or are not numbers, arrival times
+    are used, minus the delay of the last frame whose time increased.
 
-    State: time and delay of the last frame whose time rose [s], frames since; whether arrival is used; the fault not
-    yet fetched.
+    State: time and delay of the last frame whose time increased [s], frames since; whether arrival is used; the fault
+    not yet fetched.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -112,7 +112,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; the last frame's if it is not known."""
+        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; if unknown, that of the last frame."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -132,13 +132,13 @@ class RisingTimes:
 
     @property
     def by_source(self) -> bool:
-        """Whether the times are the source's own, and not those of arrival."""
+        """Whether the times are the source's own, not those of arrival."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
     @property
     def late_s(self) -> float:
-        """How much later than their times frames may come, by the source's own times [s]."""
+        """Largest delay of frames after their times, by the source's own times [s]."""
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
@@ -148,13 +148,13 @@ class RisingTimes:
 
 
 class FilmTimes:
-    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's where the two differ.
+    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's if the two differ.
 
-    They differ where the frame rate varies, or is not the one in the film's header. After container times that are not
+    They differ if the frame rate varies, or is not the one in the film's header. After container times that are not
     finite and increasing, index / rate is used. Raises ValueError if neither is available: without a rate, or if
     container times fail after they differed.
 
-    State: frames so far, the container's first and last time [s], whether they ever differed, whether they failed.
+    State: number of frames, the container's first and last time [s], whether they ever differed, whether they failed.
     """
 
     def __init__(self, rate: float) -> None:
@@ -187,16 +187,16 @@ class FilmTimes:
 
 
 class Arrivals:
-    """Possible errors of exposure times by arrival, from the times at which reads returned.
+    """Test whether arrival times determine exposure times, from the times at which reads returned.
 
     After a pause, a read that did not return for `settings.blocked_s`, all further pictures may be late by it, from a
     queue that lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a
-    read fails, which it does not while a picture waits. Times of arrival do not otherwise distinguish a lagging source
+    read fails, since it cannot fail while a picture waits. Arrival times do not otherwise distinguish a lagging source
     from one that lost pictures. The source's own times do, if they were known before: lost pictures leave gaps in them.
     An interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
 
-    State: when a picture last came [s], the last intervals [s]; late_s, how much later than assumed pictures may come
-    [s]; when one last came out of step [s].
+    State: arrival of the last picture [s], the last intervals [s]; late_s, the largest delay of pictures beyond the
+    assumed one [s]; the last irregular arrival [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -207,7 +207,7 @@ class Arrivals:
         self._uneven_s = -np.inf
 
     def came(self, now_s: float, *, by_source: bool = False) -> None:
-        """A picture came, new or again; by_source: the source itself reports its exposure time."""
+        """Record the arrival of a picture, new or repeated; by_source: the source itself reports its exposure time."""
         before_s, self._last_s = self._last_s, now_s
         if by_source:
             self._uneven_s = -np.inf
@@ -231,15 +231,15 @@ class Arrivals:
             self._uneven_s = now_s
 
     def failed(self) -> None:
-        """A read failed: no picture waits."""
+        """Record a failed read: no picture waits."""
         self._last_s, self.late_s = None, 0.0
 
     def uneven(self, now_s: float) -> bool:
-        """Whether pictures came out of step within the last `settings.even_s`."""
+        """Whether pictures came irregularly within the last `settings.even_s`."""
         return now_s - self._uneven_s < self._settings.even_s
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval, a median [s]; None before half of its intervals came."""
+        """The usual interval, a median [s]; None until half of its intervals are known."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

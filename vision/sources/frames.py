@@ -21,18 +21,18 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 FilePath = str | os.PathLike[str]
-"""A file or folder, as all functions accept it."""
+"""A file or folder, in any form that all functions accept."""
 
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
-"""First and last bytes of a JPEG: markers of its start and its end."""
+"""First and last bytes of a JPEG."""
 
 
 class SourceError(ValueError):
-    """Frames that are not available; the message is one line: the source, what was expected and what was found."""
+    """Error for frames that are not available; one line names the source, what was expected and what was found."""
 
 
 class Closing(ABC):
-    """Closed at the end of its `with` block, also after an exception."""
+    """Base class of resources that are closed at the end of a `with` block, also after an exception."""
 
     @abstractmethod
     def close(self) -> None:
@@ -47,7 +47,7 @@ class Closing(ABC):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """One picture: its place in the source, its exposure time [s], and the pixels, (height, width, 3) BGR."""
+    """One picture: its index in the source, its exposure time [s], and the pixels, (height, width, 3) BGR."""
 
     index: int
     exposure_s: float
@@ -56,14 +56,14 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """Pictures of several cameras at one exposure time [s]: by camera the pixels, (height, width, 3) BGR."""
+    """Pictures of several cameras at one exposure time [s]: for each camera the pixels, (height, width, 3) BGR."""
 
     exposure_s: float
     images: dict[str, Image]
 
 
 def bgr(picture: Any) -> Image:
-    """A picture in the form of all detectors, (height, width, 3) BGR of 8 bits: from grey, BGR or BGRA of 8 or 16 bits.
+    """Convert a picture to (height, width, 3) BGR of 8 bits, from grey, BGR or BGRA of 8 or 16 bits.
 
     ValueError, "picture: ...", for anything else.
     """
@@ -81,7 +81,7 @@ def bgr(picture: Any) -> Image:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV's warnings off the terminal: the caller reports the error in one line."""
+    """Suppress OpenCV's warnings on the terminal: the caller reports the error in one line."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -105,7 +105,7 @@ def opencv_name(path: FilePath) -> str:
 
 
 def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    """The picture of a file by OpenCV's flags, (height, width, 3) BGR or (height, width); SourceError."""
+    """Read a picture file with OpenCV's flags, (height, width, 3) BGR or (height, width); SourceError."""
     name = opencv_name(path)
     with quiet_opencv():
         image = cv2.imread(name, flags)
@@ -115,9 +115,9 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 
 
 class VideoFileFrames(Closing):
-    """The frames of a film, as fast as they are requested.
+    """Frames of a film, as fast as they are requested.
 
-    Exposure times are exposures_s [s], or by fps [frames/s] from 0 on, or the film's own: see `FilmTimes`. State: the
+    Exposure times [s] are exposures_s, multiples of 1 / fps from 0, or the film's own: see `FilmTimes`. State: the
     open film. Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number,
     or the film has no times.
     """
@@ -153,12 +153,12 @@ class VideoFileFrames(Closing):
         return np.asarray(image, dtype=np.uint8) if read else None
 
     def close(self) -> None:
-        """Release the file."""
+        """Close the file."""
         self._capture.release()
 
 
 class FolderFrames(Closing):
-    """The pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
+    """Pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
     Raises SourceError if they differ in number from the exposures, are not numbered from 0 without gaps, or cannot be
     read.
@@ -185,14 +185,14 @@ class FolderFrames(Closing):
 
 
 def count_numbered(folder: FilePath) -> int:
-    """How many PNG pictures a folder has; files that begin with a dot are not pictures."""
+    """Number of PNG pictures in a folder; files that begin with a dot are not pictures."""
     return len(list(Path(folder).glob("[!.]*.png")))
 
 
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
-    """Frames in a film, counted by reading it: its header is not always right. Raises SourceError.
+    """Number of frames in a film, counted by reading it: its header may be wrong. Raises SourceError.
 
-    advance: is called with the share done, by the header
+    advance: called with the completed share, by the header
     """
     capture = _opened(Path(path))
     n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
@@ -205,7 +205,7 @@ def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _shar
 
 
 def whole_packets(path: Path) -> Iterator[Image]:
-    """Compressed frames of a film, not decoded, (n_bytes,) each, up to one that is cut short."""
+    """Compressed frames of a film, not decoded, (n_bytes,) each, up to an incomplete one."""
     with quiet_opencv():
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:

@@ -1,4 +1,4 @@
-"""Live frames: a camera or stream read in its own thread, the newest frame first, with recovery from its faults."""
+"""Live frames: a camera or stream is read in its own thread, the newest frame first, with recovery from its faults."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
-"""Period of polling for faults and failed reads, below a frame interval at 30 frames/s; a frame wakes its reader at
+"""Interval of tests for faults and failed reads [s], below a frame interval at 30 frames/s; a frame wakes its reader at
 once."""
 
 
 class Capture(Protocol):
-    """The interface of a capture, as of cv2.VideoCapture."""
+    """Protocol of a capture, such as cv2.VideoCapture."""
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Whether the device is there."""
+        """Whether the device is open."""
 
     def grab(self) -> bool:
-        """Wait for the next frame; False where there is none."""
+        """Wait for the next frame; False if there is none."""
 
     def retrieve(self) -> tuple[bool, Any]:
-        """The frame that grab() got."""
+        """The frame of the last grab()."""
 
     def get(self, prop: int) -> float:
-        """A property by OpenCV's number."""
+        """A property, by OpenCV's number."""
 
     def release(self) -> None:
         """Release the device."""
@@ -54,20 +54,20 @@ class Reader:
 
 
 class LiveFrames(Closing):
-    """Newest frames of a camera or stream, each once, until the source ends or `close()`.
+    """Source of the newest frames of a camera or stream, each once, until the source ends or `close()`.
 
     open_capture: opens the source; called in the reading thread, which a dead device may block forever
-    ends: whether a failed read of this capture means the end, and not a fault
-    keep: how many frames wait; 1: only the newest
-    exposures: makes the rule of exposure times, for each opening; default: `DeviceTimes`
+    ends: whether a failed read of this capture means the end, not a fault
+    keep: largest number of waiting frames; 1: only the newest
+    exposures: creates the rule of exposure times, for each opening; default: `DeviceTimes`
     may_repeat: whether a picture may repeat bit for bit, as in a film; otherwise repeats are withheld
     give_up_s: SourceError after this long without a frame; None: never
-    settings: when the source counts as blocked, frozen or hung
-    clock, nap: the one monotonic clock [s], and how to pause; None: a pause that `close()` ends
+    settings: thresholds for a blocked, frozen or hung source
+    clock, nap: the one monotonic clock [s], and a function that pauses; None: a pause that `close()` ends
     origin: zero of the source's own time on the clock [s], if it has its own time
     waits: whether reading begins with the first request for a frame, as for a film; otherwise at once
 
-    A source that cannot be opened at all raises SourceError at once; a lost one is opened again repeatedly.
+    A source that cannot be opened at all raises SourceError at once; a lost one is reopened repeatedly.
     State, shared with the threads: whether it still waits; waiting frames, the last pictures, the watchdog, the
     arrivals, events not yet fetched, the readers and the reader of the last picture.
     """
@@ -128,26 +128,26 @@ class LiveFrames(Closing):
 
     @property
     def opening(self) -> bool:
-        """Whether the source is being opened for the first time, which takes some cameras ten seconds."""
+        """Whether the source is being opened for the first time, which takes ten seconds for some cameras."""
         return not (self._opened or self._finished or self.ended or self._error is not None)
 
     @property
     def late_s(self) -> float:
-        """How much later than their times pictures may come, since a pause [s]."""
+        """Largest delay of pictures after their times, since a pause [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
     def uneven(self) -> bool:
-        """Whether pictures come so unevenly that arrival does not determine their exposure times."""
+        """Whether pictures come so irregularly that their arrival does not determine their exposure times."""
         return self._arrivals.uneven(self._clock())
 
     @property
     def interval_s(self) -> float:
-        """The usual time from frame to frame [s], 0 before two came."""
+        """The usual interval between frames [s], 0 before two frames."""
         return self._watch.interval_s
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
+        """The newest frame not yet delivered; None if none comes within timeout_s [s], or at the end.
 
         Raises SourceError if the source never opened, or gave no frame for give_up_s, and any error of the thread.
         """
@@ -200,7 +200,7 @@ class LiveFrames(Closing):
     def _start_reader(self, now: float) -> None:
         reader = Reader(now, self._settings.opening_s)
         self._readers.append(reader)
-        # A daemon: a device may block in grab() forever (OpenCV #4468), and the program must still end.
+        # A daemon: a device may block in grab() forever (OpenCV #4468), but the program must still end.
         threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
 
     def _run(self, reader: Reader) -> None:
@@ -244,7 +244,7 @@ class LiveFrames(Closing):
             self._nap(pause_s)
 
     def _read(self, reader: Reader, capture: Capture) -> None:
-        """Deliver the capture's pictures until it ends, fails for settings.blocked_s, or the reader is retired."""
+        """Deliver the capture's pictures until it ends, fails for settings.blocked_s, or the reader is replaced."""
         times, ends = RisingTimes(self._exposures(), self._settings), self._ends(capture)
         failing_s: float | None = None
         while self._wanted(reader):
@@ -266,7 +266,7 @@ class LiveFrames(Closing):
             self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
-        """The next picture or None, when grab() returned [s], and why there is none."""
+        """The next picture or None, the time when grab() returned [s], and why there is none."""
         try:
             grabbed = capture.grab()
             grabbed_s = self._clock()

@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index: OpenCV reads the hundreds as the number of an API."""
+"""Largest camera index: OpenCV uses the hundreds as the number of an API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -34,12 +34,12 @@ def open_source(
     give_up_s: float | None = None,
     settings: SourceSettings = DEFAULTS,
 ) -> Source:
-    """Frames of a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
+    """Open a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
     live: only the newest frame is kept, and files play at their own pace; otherwise every frame is kept: files are read
     as fast as requested, and settings.backlog frames of devices and streams wait
-    fps: for a folder of pictures, which has no times of its own, or for a film in place of its own
-    give_up_s, settings: when faults of a device or stream are reported; see `LiveFrames`
+    fps: frame rate [frames/s] of a folder of pictures, which has no times; for a film, it replaces the film's own
+    give_up_s, settings: thresholds for faults of a device or stream; see `LiveFrames`
 
     Raises SourceError for a missing source, and for fps with a camera or stream. The first `next` reports a device that
     does not open.
@@ -69,12 +69,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """The frames of a file: live at their own pace, newest first; otherwise every one."""
+    """Source of the frames of a file: live at their own pace, newest first; otherwise every one."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """The frames of a file at its own pace, newest first; start: shared with films that play together."""
+    """Source of the frames of a file at its own pace, newest first; start: shared by films that play together."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
@@ -107,5 +107,5 @@ def _file(spec: str, fps: float | None) -> FrameFile:
 
 
 def shown_source(spec: str) -> str:
-    """The name of a source for messages: without the password that a stream's address may contain."""
+    """Name of a source for messages, without the password that a stream's address may contain."""
     return re.sub(r"(?<=://)[^/@]*@", "", spec)

@@ -1,4 +1,4 @@
-"""Pictures of any names in a folder as frames."""
+"""Frames from the pictures in a folder, with any names."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 def natural_order(path: Path) -> tuple[list[str | int], str, Path]:
-    """Key that sorts files by name with the numbers in it as numbers: frame2 before frame10."""
+    """Sort key for files that compares numbers in names as numbers: frame2 before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name, path
 
@@ -26,7 +26,7 @@ def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path
 
 
 class PictureFolderFrames:
-    """The pictures of a folder in the natural order of their names, at a given rate.
+    """Pictures of a folder in the natural order of their names, at a given rate.
 
     Raises SourceError if there are none, and while iterating for one that cannot be read.
     """

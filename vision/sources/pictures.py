@@ -1,4 +1,4 @@
-"""Pictures for a calibration: files, folders of files, or sharp frames spread over a film; grey, each with its name."""
+"""Pictures for a calibration: files, folders of files, or sharp frames of a film; grey, each with its name."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels (height, width) of each picture: of a film first, then files and folders in natural order.
+    """Name and grey levels (height, width) of each picture: first of a film, then of files and folders in order.
 
-    Raises SourceError for what cannot be read, for a second film, for names that come twice, and for pictures of
+    Raises SourceError for unreadable files, a second film, repeated names, and pictures of
     different sizes.
     """
     given = [Path(path) for path in paths]

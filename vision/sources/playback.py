@@ -1,4 +1,4 @@
-"""Playback of a film at its own pace, as a camera would give it."""
+"""Playback of a film at its own pace, in the form of a camera."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Zero of films' own times on the clock [s]; None before the first frame of any of them."""
+    """Zero of the films' own times on the clock [s]; None before the first frame of any film."""
 
     at_s: float | None = None
 
 
 class Playback:
-    """A capture that holds each frame of a file back until it is due; frame times count from the first grab().
+    """Capture that delivers each frame of a file when it is due; frame times count from the first grab().
 
     start: shared by films that play together
-    State: the frames still to come, the one shown, the start.
+    State: the remaining frames, the present one, the start.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class Playback:
         return self._start.at_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
-        """Always true; iterating raises SourceError where there are no frames."""
+        """Always true; iterating raises SourceError if there are no frames."""
         return True
 
     def grab(self) -> bool:
@@ -62,15 +62,15 @@ class Playback:
         return True
 
     def retrieve(self) -> tuple[bool, Image | None]:
-        """Whether there is a frame that is due, and its pixels, (height, width, 3) BGR."""
+        """Whether a frame is due, and its pixels, (height, width, 3) BGR."""
         return self._shown is not None, None if self._shown is None else self._shown.image
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: when the frame was due, on the clock [ms]; 0 for other properties."""
+        """CAP_PROP_POS_MSEC: due time of the frame on the clock [ms]; 0 for other properties."""
         if prop != cv2.CAP_PROP_POS_MSEC or self._shown is None:
             return 0.0
         return 1e3 * (self.origin_s + self._shown.exposure_s)
 
     def release(self) -> None:
-        """Release the file."""
+        """Close the file."""
         self._frames.close()

@@ -1,4 +1,4 @@
-"""A film in numbered pieces, named when they are complete: a killed writer leaves readable pieces."""
+"""Film in numbered pieces, which get their names when complete: a killed writer leaves readable pieces."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from vision.sources.frames import (
 from vision.sources.video import Codec, VideoWriter
 
 SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
-"""File name extension of a piece by codec."""
+"""File name extension of a piece, by codec."""
 
 NOMINAL_FPS = 30.0
-"""Rate in a piece's header [frames/s]; exposure times are kept elsewhere."""
+"""Frame rate in a piece's header [frames/s]; exposure times are stored elsewhere."""
 
 
 class SegmentWriter:
     """Writer of pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in an existing empty folder.
 
-    Interrupted at any moment, `finish` can be called again.
-    State: the piece that is being written, hidden until it is complete, and the number of complete ones.
+    After an interruption at any moment, `finish` can be called again.
+    State: the present piece, hidden until it is complete, and the number of complete ones.
     """
 
     def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
@@ -42,7 +42,7 @@ class SegmentWriter:
         self._piece: VideoWriter | None = None
 
     def write(self, image: Image) -> None:
-        """Append a frame, (height, width, 3) BGR uint8, to the present piece, or begin one."""
+        """Append a frame, (height, width, 3) BGR uint8, to the present piece, or begin a new one."""
         if self._piece is None:
             path = self.folder / f"{self.n_whole:06d}{SUFFIX[self.codec]}"
             self._piece = VideoWriter(path, self.size_px, NOMINAL_FPS, codec=self.codec)
@@ -77,14 +77,14 @@ def segments_in(folder: FilePath) -> list[Path]:
 
 
 def count_segment_frames(folder: FilePath) -> int:
-    """Frames in all pieces, counted by reading them. Raises SourceError."""
+    """Number of frames in all pieces, counted by reading them. Raises SourceError."""
     return sum(count_frames(path) for path in segments_in(folder))
 
 
 class SegmentFrames(Closing):
-    """The frames of all pieces in order, with these exposure times [s]; further frames are left out.
+    """Frames of all pieces in order, with these exposure times [s]; further frames are omitted.
 
-    Raises SourceError where pieces are missing or cannot be read, or hold fewer frames. State: the open piece.
+    Raises SourceError if pieces are missing, cannot be read, or have fewer frames. State: the open piece.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -107,7 +107,7 @@ class SegmentFrames(Closing):
             raise SourceError(f"{self.folder}: expected {len(self._exposures)} frames, found {index}")
 
     def close(self) -> None:
-        """Release the open piece."""
+        """Close the open piece."""
         if self._open is not None:
             self._open.close()
 
@@ -117,7 +117,7 @@ def join_segments(
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
 
-    Lossless: JPEGs are copied, FFV1 is compressed again. `advance` is called with the share done; raises SourceError.
+    Lossless: JPEGs are copied, FFV1 is compressed again. `advance`: called with the completed share. SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

@@ -1,4 +1,4 @@
-"""Settings of sources: when a device is blocked, hung or slow, when its own clock is trusted, frames of a film."""
+"""Settings of sources: thresholds for faults, trust in a device's clock, frames of a film for a calibration."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from dataclasses import dataclass, fields
 
 @dataclass(frozen=True, slots=True)
 class SourceSettings:
-    """Thresholds for blocked, hung and slow sources and for trust in a clock; frames of a film for a calibration.
+    """Settings of sources: thresholds for faults and for trust in a clock; frames of a film for a calibration.
 
     blocked_s: after this long without a new picture a source is blocked (no answer) or frozen (the same picture), and a
-    device whose reads fail is opened again; `close` waits this long for a reading thread [s]; choice
+    device whose reads fail is reopened; `close` waits this long for a reading thread [s]; choice
     hung_s: a read that takes this long has hung: another thread opens the device, FFmpeg drops a packet; also the
     longest pause between two attempts to open a lost device [s]; choice
-    opening_s: the same for opening a device, which takes some cameras ten seconds [s]; choice
+    opening_s: the same for opening a device, which takes ten seconds for some cameras [s]; choice
     stream_opening_s: the same for opening a stream [s]; choice
-    most_readers: threads that may hang at once, each with the device that it opened [1]; choice
-    slow_intervals: a slow camera is not blocked or frozen before this many of its usual frame intervals [1]; choice
+    most_readers: largest number of hung threads, each with the device that it opened [1]; choice
+    slow_intervals: usual frame intervals before which a slow camera is not blocked or frozen [1]; choice
     settled_frames: number of frames for the usual interval, a median; a device's own times are trusted after this many
     plausible ones [1]; choice
-    stuck_frames: after this many frames in a row whose stated times do not rise, times of arrival are used; this many
-    frames in the time of twice as many count as sparse [1]; source: a fault is to be noticed within 200 ms
+    stuck_frames: after this many frames in a row whose stated times do not increase, arrival times are used; this many
+    frames in the time of twice as many count as sparse [1]; source: a fault is to be reported within 200 ms
         or three frames
-    clock_error_s: how far a device's times may drift from the times of arrival [s]; choice
+    clock_error_s: largest drift of a device's times from the arrival times [s]; choice
     uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or as a share of it
-    [1], whichever is more, at which times of arrival determine exposure times; choice
+    [1], whichever is more, at which arrival times determine exposure times; choice
     even_s: uneven times end after even ones for this long, sparse pictures after no gap for this long [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
-    backlog: frames of a device that may wait where every frame is kept [1]; choice
-    sharp_frames: frames taken from a film for a calibration, the sharpest of each of this many equal parts [1]; choice
+    backlog: largest number of waiting frames of a device if every frame is kept [1]; choice
+    sharp_frames: number of a film's frames for a calibration, the sharpest of each of this many equal parts [1]; choice
 
     Raises ValueError that names the field.
     """

@@ -1,4 +1,4 @@
-"""Pictures of several live cameras in order of exposure, those of one time together."""
+"""Pictures of several live cameras in order of exposure; pictures of one time come together."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from vision.sources.playback import Start
 from vision.sources.settings import DEFAULTS
 
 TOGETHER_S = 1e-3
-"""Pictures of several cameras whose times differ by no more are of one time [s]; choice: cameras with a common trigger
-differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
+"""Largest difference between the times of pictures that count as simultaneous [s]; choice: cameras with a common
+trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
 
 JITTER_S = 5e-3
-"""A picture waits for a camera whose next one is due at most so much later [s]; choice: the error of an exposure time
-by arrival."""
+"""Largest further delay of a camera's next picture for which another picture waits [s]; choice: the error of an
+exposure time by arrival."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
 """Longest wait for the picture of another camera, and for its first one [s]; choices: less than a frame at 30 frames/s,
 and cameras that open one after the other."""
 
 POLL_S = 2e-3
-"""Period of asking the cameras [s]; choice: short beside a frame's 33 ms."""
+"""Interval between requests to the cameras [s]; choice: short relative to a frame's 33 ms."""
 
 
 class SeveralFrames(Closing):
-    """The newest pictures of several cameras, by name, each once, until all of them end or `close()`.
+    """Source of the newest pictures of several cameras, by name, each once, until all of them end or `close()`.
 
     Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. If
     all cameras of an exposure already have a newer one, it is dropped.
-    sources: by camera; clock, nap: the one monotonic clock [s], and how to pause
-    State: waiting pictures of each camera and when they came [s]; the last exposure times [s]; pictures dropped here.
+    sources: by camera; clock, nap: the one monotonic clock [s], and a function that pauses
+    State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; pictures dropped here.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class SeveralFrames(Closing):
 
     @property
     def frames_dropped(self) -> int:
-        """Pictures that were read and not delivered."""
+        """Number of pictures that were read but not delivered."""
         return self._dropped + sum(one.frames_dropped for one in self.sources.values())
 
     @property
@@ -81,16 +81,16 @@ class SeveralFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """How much later than their times pictures may come, since a pause [s]."""
+        """Largest delay of pictures after their times, since a pause [s]."""
         return max(one.late_s for one in self.sources.values())
 
     @property
     def uneven(self) -> bool:
-        """Whether pictures of a camera come so unevenly that arrival does not determine their exposure times."""
+        """Whether a camera's pictures come so irregularly that arrival does not determine their exposure times."""
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The newest exposure not yet seen; None if none comes within timeout_s [s], or at the end. SourceError."""
+        """The newest exposure not yet delivered; None without one within timeout_s [s], or at the end. SourceError."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()
@@ -124,14 +124,14 @@ class SeveralFrames(Closing):
             return None
         group = [name for name, (_, one) in heads.items() if one.exposure_s - first.exposure_s <= TOGETHER_S]
         images = {name: self._waiting[name].popleft()[1].image for name in group}
-        if not first.exposure_s > self._given_s:  # it came after a later one was given
+        if not first.exposure_s > self._given_s:  # it came after a later one was delivered
             self._dropped += len(images)
             return self._first()
         self._given_s = first.exposure_s
         return Exposure(first.exposure_s, images)
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
-        """Whether a camera without a waiting picture is about to give one before this exposure time [s]."""
+        """Whether a camera without a waiting picture will soon deliver one that was exposed before this time [s]."""
         source, waited_s = self.sources[name], self._clock() - came_s
         if source.ended:
             return False

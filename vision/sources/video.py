@@ -1,4 +1,4 @@
-"""Films in the formats of cameras and their software."""
+"""Writing of films in the formats of cameras and their software."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from vision.arrays import Image
 from vision.sources.frames import FilePath, SourceError, opencv_name, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
-"""Compression of a film: each frame as JPEG, small; or lossless."""
+"""Compression of a film: each frame as JPEG, with small files; or lossless."""
 
 
 class VideoWriter:
-    """A film that appears under its name when it is complete.
+    """Writer of a film, which appears under its name when it is complete.
 
-    MJPG compresses every frame by itself as JPEG of the given quality, in .avi; FFV1 is lossless.
+    MJPG compresses every frame separately as JPEG of the given quality, in .avi; FFV1 is lossless.
     State: the open writer, the count of frames, whether it ended. As a context manager: an error inside leaves no file.
     """
 
@@ -39,7 +39,7 @@ class VideoWriter:
         self._ended = False
         # The suffix stays last: OpenCV chooses the container by it. The process id keeps two writers apart.
         self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
-        # Only OpenCV's own MJPG writer has a quality, and it writes .avi only.
+        # Only OpenCV's own MJPG writer has a quality, and it writes only .avi.
         api = cv2.CAP_OPENCV_MJPEG if codec == "MJPG" else cv2.CAP_FFMPEG
         name = opencv_name(self._partial)
         with quiet_opencv():
@@ -69,7 +69,7 @@ class VideoWriter:
             return
         self._writer.release()
         there = self._partial.exists()
-        if there or not self.path.exists():  # otherwise it was interrupted after it had given the name
+        if there or not self.path.exists():  # otherwise it was interrupted after naming the file
             n_found = sum(1 for _ in whole_packets(self._partial)) if there and self.n_frames else 0
             if not there or n_found < self.n_frames:
                 self._partial.unlink(missing_ok=True)
@@ -99,7 +99,7 @@ class VideoWriter:
 
 
 def compress(image: Image, quality: int) -> Image:
-    """The image, (height, width, 3), after a round trip through JPEG of this quality, 1 to 100.
+    """The image, (height, width, 3), after compression as JPEG of this quality, 1 to 100, and decompression.
 
     Similar to each frame of an MJPG film.
     """

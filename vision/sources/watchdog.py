@@ -1,6 +1,6 @@
-"""Watchdogs of a source: blocked, frozen, failed or resumed; lost pictures; repeated values.
+"""Detection of a source's faults: blocked, frozen, failed or resumed; lost pictures; repeated values.
 
-No threads, no clock.
+Without threads and clock.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from vision.sources.events import EventKind, SourceEvent
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 DARK = 60
-"""Mean brightness of a picture, of 255, below which cameras use longer exposures; chosen."""
+"""Mean brightness of a picture, out of 255, below which cameras use longer exposures; choice."""
 
 
 class SourceWatchdog:
-    """Faults of a live source, from the times at which reads returned.
+    """Detects faults of a live source, from the times at which reads returned.
 
     A fault is detected as soon as `check` is called after its time: without an answer or with the same picture for
-    settings.blocked_s, or for settings.slow_intervals usual frame intervals where these are longer; a failed read at
+    settings.blocked_s, or for settings.slow_intervals usual frame intervals if these are longer; a failed read at
     once. may_repeat: whether pictures may repeat, as those of a film
 
     State: times of the last answer and of the last new picture [s], the last intervals [s], the size, the present fault
@@ -39,16 +39,16 @@ class SourceWatchdog:
         self._repeats = False
 
     def begin(self, now_s: float) -> None:
-        """Expect pictures from now on [s]."""
+        """Start at this time [s]: pictures are expected from now on."""
         self.new_s = self._answer_s = now_s
 
     @property
     def interval_s(self) -> float:
-        """The usual time from picture to picture [s], 0 before two came."""
+        """The usual interval between pictures [s], 0 before two pictures."""
         return float(np.median(self._intervals)) if self._intervals else 0.0
 
     def saw_new(self, now_s: float, size_px: tuple[int, int]) -> list[SourceEvent]:
-        """A new picture came, (width, height)."""
+        """Record a new picture, (width, height)."""
         events = []
         if self.fault is not None:
             events.append(SourceEvent(now_s, EventKind.RESUMED, f"after {now_s - self.new_s:.2f} s without a frame"))
@@ -62,16 +62,16 @@ class SourceWatchdog:
         return events
 
     def saw_repeat(self, now_s: float) -> None:
-        """The last picture came again."""
+        """Record that the last picture came again."""
         self._answer_s, self._repeats = now_s, True
 
     def saw_failure(self, now_s: float, why: str) -> list[SourceEvent]:
-        """A read or an opening failed."""
+        """Record a failed read or opening."""
         self._answer_s = now_s
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """Events that are due by now, without a new picture."""
+        """Events that are due without a new picture until now."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -96,10 +96,10 @@ class FrozenValues:
     """Detects repeated values: all values of a frame equal those of one of the last `IN_TURN` frames to the last digit.
 
     Noise makes that almost impossible. A sender that sends each value several times is not frozen: FROZEN needs two
-    more repeats in succession than usual between new values. A frame without values is ignored.
+    more successive repeats than usual between new values. A frame without values is ignored.
 
-    frozen: whether that lasts
-    State: the last new frames; how many repeats came before each, and since the newest; when that came [s].
+    frozen: whether the values repeat now
+    State: the last new frames; number of repeats before each, and since the newest; time of the newest [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -132,7 +132,7 @@ class FrozenValues:
 
 
 class SparsePictures:
-    """Detects lost pictures from exposure times: every other one, or more.
+    """Detects lost pictures from exposure times: every second one, or more.
 
     Pictures are lost if `settings.stuck_frames` came in the time of twice as many, by the usual interval, with more
     than one gap. A drifting rate has no gap of half an interval more than usual, and a late reader finds waiting
@@ -140,7 +140,7 @@ class SparsePictures:
     `settings.even_s`.
 
     State: exposure times of the last picture [s] and of the last that had not waited; the last intervals [s], and those
-    used for the test; time of the last gap [s], None where pictures are not sparse.
+    used for the test; time of the last gap [s], None if pictures are not sparse.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -152,11 +152,11 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """Pictures come again after a pause, which is not used for their rate."""
+        """Restart after a pause, whose interval is not used for the rate."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
-        """A picture was exposed at this time [s]."""
+        """Record a picture exposed at this time [s]."""
         before_s, self._last_s = self._last_s, exposure_s
         if before_s is None or not exposure_s > before_s:
             return []
@@ -193,6 +193,6 @@ class SparsePictures:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval, a median [s]; None before half of its intervals came."""
+        """The usual interval, a median [s]; None until half of its intervals are known."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

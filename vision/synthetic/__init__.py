@@ -1,6 +1,6 @@
-"""Synthetic frames of known truth, plain or of a modelled camera.
+"""Synthetic frames with known truth, plain or of a modelled camera.
 
-What may enter: code that no detector imports.
+Code that no detector imports belongs here.
 """
 
 from vision.synthetic.camera_frames import (

@@ -1,4 +1,4 @@
-"""Synthetic frames of a modelled camera, with marks at exactly known sub-pixel places: lens, light, motion, sensor.
+"""Synthetic frames of a modelled camera, with marks at exactly known sub-pixel positions: lens, light, motion, sensor.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane [m]. Light is linear;
 colours are BGR. `vision/synthetic/plain_frames.py` is the plain camera, square to the plane.
@@ -23,11 +23,11 @@ from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 @dataclass(frozen=True, slots=True)
 class Highlight:
-    """The lamp's mirror image on each mark.
+    """Mirror image of the lamp on each mark.
 
     size: its radius as a share of the mark's
     strength: 0 to 1, the share of the mark's colour that white replaces
-    offset: where on the plane it lies from the mark's centre, as shares of the mark's radius along x and y
+    offset: its position relative to the mark's centre, as shares of the mark's radius along x and y of the plane
     """
 
     size: float = 0.2
@@ -37,11 +37,11 @@ class Highlight:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """The soft edge of a shadow that something beyond the picture casts.
+    """Soft edge of a shadow cast by something outside the picture.
 
-    depth: 0 to 1, the share of light that it takes
-    edge_px: a point of its edge [px]; half the depth is reached there
-    towards_deg: which way it darkens, 0 right, 90 down [degrees]
+    depth: 0 to 1, the share of light that the shadow removes
+    edge_px: a point of its edge [px], with half the depth
+    towards_deg: direction in which it darkens, 0 right, 90 down [degrees]
     softness_px: the standard deviation of its edge [px]
     """
 
@@ -53,20 +53,20 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticCamera:
-    """A camera before a plane, its lamps and its sensor; with the defaults nothing but the view acts.
+    """A camera in front of a plane, with lamps and sensor; with the defaults only the view has an effect.
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
-    vignetting: 1 for the natural law, cos⁴ of the ray's angle; more or less is a power of that; 0 for none
+    vignetting: 1 for the natural law, cos⁴ of the ray's angle; other values are a power of that; 0 for none
     blur_sd_px: the lens's point spread [px]
-    exposure_share: for how much of the time between frames the shutter is open, 0 to 1
-    exposure: how much light the sensor counts; 1 shows a white thing white
+    exposure_share: share of the time between frames during which the shutter is open, 0 to 1
+    exposure: factor on the light that the sensor counts; 1 shows a white thing white
     lamp_bgr: the lamp's colour, as shares of light
-    slope: how much less light the scene has at one border than at the other, as a share, along slope_deg
-    slope_deg: which way the light falls off, 0 right, 90 down [degrees]
-    flicker: the lamp's ripple, as a share of light, in rows that are read one after the other
-    flicker_period_px, flicker_phase: rows a ripple [px], and where it starts [radians]
-    highlight, shadow: the lamp's mirror image on marks; a soft shadow; none where None
+    slope: decrease of light from one border of the scene to the other, as a share, along slope_deg
+    slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
+    flicker: the lamp's ripple, as a share of light, in rows that are read successively
+    flicker_period_px, flicker_phase: rows per ripple [px], and its phase [radians]
+    highlight, shadow: the lamp's mirror image on marks; a soft shadow; None: without
 
     Raises ValueError that names the field.
     """
@@ -102,12 +102,12 @@ class SyntheticCamera:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticMark:
-    """A coloured disc on the plane, as it moves while the shutter is open.
+    """A coloured disc on the plane, with its motion while the shutter is open.
 
     path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
-        middle one is the mark's stated place
+        middle one is the mark's stated position
     radius_m: its radius [m]
-    hue_deg, saturation, value: its colour under white light, as sRGB shows it
+    hue_deg, saturation, value: its colour under white light, in sRGB
     """
 
     path_m: Floats
@@ -128,12 +128,12 @@ class SyntheticMark:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticFrame:
-    """A frame and the truth of it.
+    """A synthetic frame with its truth.
 
     image: (height, width, 3) BGR uint8
-    centers_px: where the marks' centres are seen in mid-exposure [px], shape (n_marks, 2); a mark's centre is not the
-        centre of the ellipse that it is seen as
-    visible: the share of each mark that is in the picture and that nothing covers, shape (n_marks,)
+    centers_px: projections of the marks' centres in mid-exposure [px], shape (n_marks, 2); these are not the
+        centres of the ellipses in the picture
+    visible: the share of each mark that is in the picture and not covered, shape (n_marks,)
     """
 
     image: Image
@@ -149,7 +149,7 @@ def draw_synthetic_frame(
     *,
     occluders: Sequence[Layer] = (),
 ) -> SyntheticFrame:
-    """The frame of marks on a surface; the later mark covers the earlier, and occluders cover all.
+    """Draw a frame of marks on a surface; later marks cover earlier ones, and occluders cover all.
 
     surface_bgr: the share of light that the empty plane reflects at each pixel, linear, (height, width, 3)
     """
@@ -175,12 +175,12 @@ def draw_synthetic_frame(
 
 
 def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
-    """The linear BGR shares of light of a colour that sRGB shows with this hue, saturation and value; shape (3,)."""
+    """Linear BGR shares of light of a colour with this hue, saturation and value in sRGB; shape (3,)."""
     return light_of(colorsys.hsv_to_rgb(hue_deg % 360.0 / 360.0, saturation, value))[::-1].astype(np.float32)
 
 
 def _mark_layer(view: SyntheticView, mark: SyntheticMark) -> Layer | None:
-    """The mark as a layer; None where all of it is beyond the picture."""
+    """The mark as a layer; None if all of it is outside the picture."""
     box = disc_box(view, mark.path_m, mark.radius_m)
     if box[2] <= 0 or box[3] <= 0 or box[0] >= view.size_px[0] or box[1] >= view.size_px[1]:
         return None
@@ -210,7 +210,7 @@ def _visible_shares(
 
 
 def _light(camera: SyntheticCamera) -> Picture:
-    """What multiplies the scene's colours at each pixel, (height, width, 3) or (height, 1, 3)."""
+    """Factor on the scene's colours at each pixel, (height, width, 3) or (height, 1, 3)."""
     light = _still_light(camera.view, camera.vignetting, camera.slope, camera.slope_deg)
     if camera.shadow is not None:
         light = light * _shadow_light(camera.view.size_px, camera.shadow)
@@ -240,7 +240,7 @@ def _still_light(view: SyntheticView, vignetting: float, slope: float, slope_deg
 
 
 def _shadow_light(size_px: tuple[int, int], shadow: Shadow) -> Picture:
-    """1 less the shadow: its edge is that of a logistic, of the given standard deviation, from light to dark."""
+    """Light that the shadow leaves: its edge is a logistic function of the given standard deviation."""
     c, s = np.cos(np.deg2rad(shadow.towards_deg)), np.sin(np.deg2rad(shadow.towards_deg))
     u = (np.arange(size_px[0]) - shadow.edge_px[0])[None, :]
     v = (np.arange(size_px[1]) - shadow.edge_px[1])[:, None]

@@ -1,6 +1,6 @@
 """Occluders and clutter of synthetic frames: needles and hands over marks, blood and other discs on the surface.
 
-Image axes: u right, v down [px]. Colours are shares of light sent back, linear, BGR. Every shape comes from a seed.
+Image axes: u right, v down [px]. Colours are shares of reflected light, linear, BGR. Every shape follows from a seed.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""A needle is drawn in bands of rows: a box about a slanting one would be most of the picture."""
+"""Number of rows in a band of a needle: a box around a whole slanting needle would be most of the picture."""
 
 
 @dataclass(frozen=True, slots=True)
 class OccludingNeedle:
-    """A straight metal needle.
+    """A straight metal needle in front of marks.
 
     tip_px, tail_px: its ends [px]
     width_px: its width [px]
-    gloss: 0 to 1, how bright the streak of the lamp along it is
+    gloss: 0 to 1, brightness of the lamp's streak along it
     """
 
     tip_px: tuple[float, float]
@@ -38,13 +38,13 @@ class OccludingNeedle:
 
 @dataclass(frozen=True, slots=True)
 class OccludingHand:
-    """Fingers that come in from one side, out of focus.
+    """A hand over the marks: fingers that enter from one side, out of focus.
 
     tip_px: the end of its longest finger [px]
-    towards_deg: which way it points, 0 right, 90 down [degrees]
+    towards_deg: direction in which it points, 0 right, 90 down [degrees]
     finger_px: half the width of a finger [px]
     n_fingers: 1 to 4
-    skin_srgb: its colour, red, green, blue as sRGB has them, 0 to 1
+    skin_srgb: its colour, red, green, blue in sRGB, 0 to 1
     softness_px: the standard deviation of its outline [px]
     """
 
@@ -57,7 +57,7 @@ class OccludingHand:
 
 
 def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
-    """The needle, in bands of rows that do not overlap; covered shares are good to 1e-2 of a pixel at its edges."""
+    """The needle as bands of rows that do not overlap; covered shares are accurate to 1e-2 of a pixel at its edges."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
     along = (tail - tip) / length
@@ -68,7 +68,7 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
     bottom = min(size_px[1], int(np.ceil(max(tip[1], tail[1]) + reach)) + 1)
     for row in range(top, bottom, ROWS_PER_BAND):
         end = min(row + ROWS_PER_BAND, bottom)
-        # Where the axis crosses the band, and how far the width reaches sideways there.
+        # Where the axis crosses the band, and the width to both sides there.
         if abs(along[1]) > 1e-3:
             crossings = tip[0] + (np.array([row - reach, end + reach]) - tip[1]) * along[0] / along[1]
             ends = np.clip(crossings, min(tip[0], tail[0]), max(tip[0], tail[0]))
@@ -93,8 +93,8 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
 
 
 def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
-    """The hand; it reaches from the tip of its longest finger to beyond the picture."""
-    scale = 2  # the outline is soft: half the picture's resolution shows no less
+    """The hand as a layer, from the tip of its longest finger to outside the picture."""
+    scale = 2  # the outline is soft: half the picture's resolution suffices
     width, height = (size_px[0] + 1) // scale, (size_px[1] + 1) // scale
     angle = np.deg2rad(hand.towards_deg)
     ahead, side = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
@@ -110,13 +110,13 @@ def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     for a, b, half in parts:
         distances = _distances_to_segment((width, height), a, b)
         alpha = np.maximum(alpha, np.clip(0.5 + half - distances, 0.0, 1.0))
-        # Fingers and palm are round: the light falls off towards their sides.
+        # Fingers and palm are round: the light decreases towards their sides.
         depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (distances / half) ** 2, 0.0, 1.0)))
     if hand.softness_px:
         alpha, depth = (cv2.GaussianBlur(part, (0, 0), hand.softness_px / scale) for part in (alpha, depth))
     skin = light_of(hand.skin_srgb)[::-1]
     shade = (0.25 + 0.75 * depth)[:, :, None]
-    red_in_shade = np.array([1.2, 1.1, 0.8])  # light that has gone through skin comes out red
+    red_in_shade = np.array([1.2, 1.1, 0.8])  # light through skin is red
     colors = (skin * shade**red_in_shade).astype(np.float32)
     doubled = (scale * width, scale * height)
     full = [cv2.resize(part, doubled, interpolation=cv2.INTER_LINEAR) for part in (alpha, colors)]
@@ -164,7 +164,7 @@ def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator
 
 
 def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture:
-    """The cover of one smear: drawn out along one way, thin and torn at its edge."""
+    """The coverage of one smear: elongated, thin and torn at its edge."""
     center, turn, tall = rng.uniform((0, 0), size_px), rng.uniform(0.0, np.pi), rng.uniform(0.25, 0.8)
     u, v = np.arange(size_px[0]) - center[0], (np.arange(size_px[1]) - center[1])[:, None]
     along, across = np.cos(turn) * u + np.sin(turn) * v, np.cos(turn) * v - np.sin(turn) * u
@@ -175,7 +175,7 @@ def _smear(size_px: Size, radius_px: float, rng: np.random.Generator) -> Picture
 
 
 def _clouds(size_px: Size, grain_px: float, rng: np.random.Generator) -> Picture:
-    """Smooth random numbers of mean 0 and standard deviation 1 in about, (height, width)."""
+    """Smooth random numbers with mean 0 and standard deviation about 1, (height, width)."""
     width, height = size_px
     step = max(1.0, grain_px / 2.0)
     coarse = (max(8, int(np.ceil(width / step))), max(8, int(np.ceil(height / step))))
@@ -193,5 +193,5 @@ def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
 
 
 def _fine(point: Picture) -> tuple[int, int]:
-    """A point in sixteenths of a pixel, as OpenCV takes it."""
+    """A point in sixteenths of a pixel, in OpenCV's form."""
     return int(np.rint(16 * point[0])), int(np.rint(16 * point[1]))

@@ -1,4 +1,4 @@
-"""Synthetic frames of a plain camera, with marks at exactly known sub-pixel places.
+"""Synthetic frames of a plain camera, with marks at exactly known sub-pixel positions.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Colours: hue 0 red, 120 green, 240 blue;
 saturation and value 0 to 1. Grey levels 0 to 255.
@@ -21,20 +21,20 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Chords of a disc per row of pixels: coverage is exact along u and good to 1e-3 along v."""
+"""Number of chords of a disc per row of pixels: coverage is exact along u and accurate to 1e-3 along v."""
 BLUR_REACH = 4.0
-"""Standard deviations after which a blurred edge has ended."""
+"""Standard deviations beyond which a blurred edge has ended."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Disc:
-    """A coloured disc.
+    """A coloured disc in the picture.
 
     center_px: its centre [px], shape (2,)
-    axes_px: semi-axes along u and v [px]; they differ where pixels are not square
-    lean: shift along u of each of its rows by the row's distance below the centre [1], as of a disc seen obliquely
+    axes_px: semi-axes along u and v [px]; they differ if pixels are not square
+    lean: shift along u of each of its rows by the row's distance below the centre [1], as for a disc seen obliquely
     hue_deg, saturation, value: its colour
-    smear_px: how far it moves along u and v while the shutter is open [px]; center_px is the middle of that path
+    smear_px: its motion along u and v while the shutter is open [px]; center_px is the middle of that path
     """
 
     center_px: Floats
@@ -61,25 +61,25 @@ class Disc:
 
     @property
     def reach_px(self) -> Floats:
-        """How far it reaches from its centre along u and v [px], (2,)."""
+        """Largest distance of its points from its centre along u and v [px], (2,)."""
         across, down = self.axes_px
         return np.array([np.hypot(across, self.lean * down), down])
 
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """What light, lens and sensor do to a frame; the defaults are a decent webcam before acrylic.
+    """Effects of light, lens and sensor on a frame; the defaults are a decent webcam in front of acrylic.
 
     background_bgr: colour of the acrylic in full light [grey levels]
-    slope: how much darker the picture's lower right is than its upper left, as a share of full light
-    vignetting: how much darker the corners are than the centre, as a share of full light
+    slope: decrease of light from the picture's upper left to its lower right, as a share of full light
+    vignetting: decrease of light from the centre to the corners, as a share of full light
     blur_sd_px: the lens's point spread [px]
     noise_sd: the sensor's noise in the dark, after the camera's own smoothing [grey levels]
     shot_noise_sd: noise that grows as the square root of light, at level 255 [grey levels]
     grain_px: spread that this smoothing gives the noise [px], 0 for white noise
-    mark_strength: 1 for fresh marks; below that, the share of a mark's colour that wear has left on the acrylic
-    wander_px: error of each mark's drawn position, by frame [px], one standard deviation an axis; for errors that no
-    picture shows, such as those of manually marked references
+    mark_strength: 1 for fresh marks; below 1, the remaining share of a worn mark's colour on the acrylic
+    wander_px: error of each mark's drawn position in each frame [px], one standard deviation per axis; for errors that
+    no picture shows, such as those of manually marked references
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -108,7 +108,7 @@ def draw_frame(
     *,
     lines: Sequence[Line] = (),
 ) -> Image:
-    """A frame, (height, width, 3) BGR, with discs over thin grey lines [px]; the later disc covers the earlier."""
+    """Draw a frame, (height, width, 3) BGR, with discs over thin grey lines [px]; later discs cover earlier ones."""
     backdrop, light = _backdrop(size_px, lighting)
     frame = backdrop.copy()
     if lines:
@@ -122,7 +122,7 @@ def draw_frame(
 def distractors(
     n: int, size_px: tuple[int, int], rng: np.random.Generator, keep_clear_of_hues: Sequence[float]
 ) -> list[Disc]:
-    """Discs at random places, of random sizes and of hues at least 50 degrees from those to keep clear of."""
+    """Discs at random positions, of random sizes and of hues at least 50 degrees from those to keep clear of."""
     clear = [h for h in range(0, 360, 5) if all(hue_distance(h, kept) >= 50.0 for kept in keep_clear_of_hues)]
     if n and not clear:
         raise ValueError(f"keep_clear_of_hues: expected to leave a hue free, found {list(keep_clear_of_hues)}")
@@ -135,20 +135,20 @@ def distractors(
 
 
 def paper_camera() -> Lighting:
-    """Lighting under which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm a pixel.
+    """Lighting with which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm per pixel.
 
-    For films of MJPG quality 60. The paper gives only the resulting error; every value here is chosen. If sensor noise
-    alone made 4.1 mm, a twentieth of the marks or more could not be recognised, and the empty scene would have colours
+    For films of MJPG quality 60. The paper gives only the resulting error; every value here is a choice. If only sensor
+    noise made 4.1 mm, a twentieth of the marks or more could not be recognised, and the empty scene would have colours
     of marks. So most of the error is one that no picture shows: the paper's own reference was marked manually. A scene
     filmed like this must state it in calibration_sd_px.
     """
     return Lighting(
-        blur_sd_px=1.0,  # chosen: a cheap lens
-        noise_sd=14.0,  # chosen: a dim room at high gain
-        shot_noise_sd=0.0,  # chosen: in the noise above
-        grain_px=1.5,  # chosen: colour of lower resolution than the picture
-        mark_strength=1.0,  # chosen: fresh marks
-        wander_px=0.68,  # chosen: 3 mm an axis
+        blur_sd_px=1.0,  # choice: a cheap lens
+        noise_sd=14.0,  # choice: a dim room at high gain
+        shot_noise_sd=0.0,  # choice: included in the noise above
+        grain_px=1.5,  # choice: colour of lower resolution than the picture
+        mark_strength=1.0,  # choice: fresh marks
+        wander_px=0.68,  # choice: 3 mm per axis
     )
 
 
@@ -194,7 +194,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """The share of each pixel from low to high that the disc covers, averaged over the time the shutter is open."""
+    """The share of each pixel from low to high that the disc covers, averaged over the exposure."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)
@@ -230,8 +230,8 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
     """Standard normal numbers, (2 height, 2 width, 3), to be read from a random corner with a random sign.
 
-    New noise for every frame would take longer than all the rest; two frames share noise at a mark only where
-    their corners fall within a mark of each other, once in some hundred frames.
+    New noise for every frame would take longer than all other steps; two frames share noise at a mark only if
+    their corners are within a mark's size of each other, once in some hundred frames.
     """
     bank: Picture = np.random.default_rng(20).standard_normal((2 * height, 2 * width, 3), dtype=np.float32)
     if grain_px:

@@ -1,6 +1,6 @@
-"""Runs of drawn frames: marks that move smoothly before a real camera, in good light or over the whole range.
+"""Synthetic runs: marks that move smoothly in front of a realistic camera, in good light or over the whole range.
 
-Everything comes from the seed: the camera, its lamps, the surface, the motion and the noise.
+Everything follows from the seed: the camera, its lamps, the surface, the motion and the noise.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from vision.synthetic.plain_frames import distractors
 from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 
 Level = Literal["good light", "whole range"]
-"""How hard a synthetic run is: even light and a sharp picture, or all that a real room has."""
+"""Difficulty of a synthetic run: even light and a sharp picture, or all disturbances of a real room."""
 
 Triple = tuple[float, float, float]
 
 FASTEST_PX = 20.0
-"""The fastest that a mark moves between two frames [px], at the surface's mean scale."""
+"""Largest motion of a mark between two frames [px], at the surface's mean scale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFrame:
-    """One frame of a run: its number, the time of mid-exposure [s], the camera as it was, the marks, picture and truth.
+    """One frame of a run: index, time of mid-exposure [s], the camera at that time, the marks, picture and truth.
 
     The camera changes from frame to frame if lamps and exposure drift; its view stays the same object.
     """
@@ -69,28 +69,28 @@ class Sway:
     phases: Floats
 
     def at(self, times_s: Floats) -> Floats:
-        """Where it is at these times [s], (n,); shape (n, 2) [m]."""
+        """Position at these times [s], (n,); shape (n, 2) [m]."""
         angle = 2.0 * np.pi * self.rates_hz[:, None] * times_s[:, None, None] + self.phases
         return np.asarray(self.home_m + (self.amplitudes_m * np.sin(angle)).sum(axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """A share that wanders slowly about 1: exp of a sine."""
+    """A factor that drifts slowly about 1: exp of a sine."""
 
     depth: float
     rate_hz: float
     phase: float
 
     def at(self, time_s: float) -> float:
-        """The share at that time [s]."""
+        """The factor at that time [s]."""
         return float(np.exp(self.depth * np.sin(2.0 * np.pi * self.rate_hz * time_s + self.phase)))
 
 
 def exposure_path(
     position_m: Callable[[Floats], Floats], time_s: float, open_s: float, longest_step_m: float
 ) -> Floats:
-    """Where a mark is at evenly spaced moments of an exposure about time_s, an odd count, (n_moments, 2) [m].
+    """Positions of a mark at an odd number of evenly spaced moments of an exposure about time_s, (n_moments, 2) [m].
 
     Each moment is the middle of its part of the exposure, and no step is longer than longest_step_m.
     """
@@ -112,10 +112,10 @@ def synthetic_run(
     radius_px: float | None = None,
     fps: float = 30.0,
 ) -> Iterator[RunFrame]:
-    """Frames of marks, one for each hue, that move by up to 20 px a frame, each about a home of its own.
+    """Frames of marks, one for each hue, that move by up to 20 px per frame, each about a home of its own.
 
     good light: modest noise, no occluders, mild lamps. whole range: every effect, each drawn from the seed.
-    radius_px: the marks' radius at mid-picture; drawn from the seed where None
+    radius_px: the marks' radius at mid-picture; None: drawn from the seed
     """
     if level not in ("good light", "whole range"):
         raise ValueError(f"level: expected good light or whole range, found {level}")
@@ -157,7 +157,7 @@ def synthetic_run(
 
 
 def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
-    """One motion for each mark about the middle of its own tile of the picture, its speed drawn for each."""
+    """One motion for each mark about the middle of its own tile of the picture, with a random speed."""
     n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
     tile = np.array(view.size_px) / (n_across, n_down)
@@ -167,7 +167,7 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
         home = view.to_plane([(np.array([k % n_across, k // n_across]) + rng.uniform(0.42, 0.58, 2)) * tile])[0]
         shares = rng.dirichlet((2.0, 2.0))
         speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # m/s; the sines' speeds add up to it at most
-        # Slow sines go far: none farther than the tile allows.
+        # Slow sines have large amplitudes: none larger than the tile allows.
         slowest = speed / (2.0 * np.pi * 0.28 * tile.min() * scale)
         rates = np.maximum(rng.uniform(0.4, 1.2, 2), slowest)
         heading = rng.uniform(0.0, 2.0 * np.pi, 2)
@@ -204,7 +204,7 @@ def _surface(
 
 
 def _drifts(rng: np.random.Generator, level: Level) -> tuple[Drift, Drift]:
-    """How exposure and the lamp's warmth wander."""
+    """Drift of the exposure and of the lamp's colour."""
     deepest = (0.02, 0.01) if level == "good light" else (0.25, 0.10)
     one, two = (
         Drift(float(rng.uniform(0.0, d)), float(rng.uniform(0.05, 0.6)), float(rng.uniform(0.0, 2.0 * np.pi)))
@@ -218,7 +218,7 @@ def _no_cover(time_s: float) -> list[Layer]:
 
 
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
-    """A needle that slides in and out, and a hand that reaches in, in some of the runs: the layers at a time [s].
+    """A needle that slides in and out, and a hand that enters, in some of the runs: the layers at a time [s].
 
     Both are aimed at a mark's home: elsewhere they would seldom cover one.
     """

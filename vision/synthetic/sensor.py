@@ -1,6 +1,6 @@
-"""What a sensor and its camera's software make of light: Bayer mosaic, noise, white balance, gamma, JPEG.
+"""Model of a sensor and its camera's software: Bayer mosaic, noise, white balance, gamma, JPEG.
 
-Light is linear, 1 where a grey level of 255 is reached at gains of 1. Pictures are BGR.
+Light is linear; 1 gives a grey level of 255 at gains of 1. Pictures are BGR.
 """
 
 from __future__ import annotations
@@ -17,19 +17,19 @@ from vision.sources.video import compress
 
 FULL_SCALE = 65535
 BLACK = 4096
-"""The count of no light: noise in the dark goes both ways, so that it is not brightened by a cut at 0."""
+"""Sensor count without light: noise in the dark has both signs, and a cut at 0 would brighten it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor and its camera's software; the defaults do nothing but round to grey levels.
+    """A sensor and its camera's software; with the defaults they only round to grey levels.
 
-    bayer: one colour a pixel, RGGB from the first pixel on, the others interpolated
-    full_well_e: electrons at light 1; shot noise has the variance light / full_well_e; none where infinite
+    bayer: one colour per pixel, RGGB from the first pixel on, the others interpolated
+    full_well_e: electrons at light 1; shot noise has the variance light / full_well_e; none if infinite
     read_noise_e: the noise in the dark [electrons]; needs a finite full well
     gains_bgr: white balance, after the noise
     gamma: sRGB's curve in place of grey levels in proportion to light
-    jpeg_quality: 1 to 100; no compression where None
+    jpeg_quality: 1 to 100; None: no compression
     """
 
     bayer: bool = False
@@ -102,7 +102,7 @@ def _with_noise(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Pic
 
 
 def _counts(light: Picture) -> NDArray[np.uint16]:
-    """Light as the sensor counts it: from 0 to its full scale, whole numbers."""
+    """Light as counts of the sensor: whole numbers from 0 to its full scale."""
     counts = light * np.float32(FULL_SCALE - BLACK)
     counts += np.float32(BLACK + 0.5)
     np.clip(counts, 0, FULL_SCALE, out=counts)

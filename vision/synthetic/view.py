@@ -1,7 +1,7 @@
-"""How a drawn camera sees a plane: a lens with distortion, a pose, and the exact picture of a disc on the plane.
+"""Projection of a drawn camera: a lens with distortion, a pose, and the exact image of a disc on the plane.
 
-Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes x and y [m]; a point (x, y, 0) stands
-before the lens at R (x, y, 0) + t, with the lens's z forward (OpenCV's convention).
+Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes x and y [m]; a point (x, y, 0) has the
+position R (x, y, 0) + t relative to the lens, with the lens's z forward (OpenCV's convention).
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from vision.arrays import Floats
 
 Singles = NDArray[np.float32]
 Box = tuple[int, int, int, int]
-"""Left, top, and one past right and bottom [px]; it may reach beyond the picture."""
+"""Box of pixels: left, top, and one past right and bottom [px]; it may extend outside the picture."""
 
 SAMPLES_PER_PIXEL = 8
-"""Sub-samples of a pixel along each axis; each takes the share that an edge through it leaves."""
+"""Number of sub-samples of a pixel along each axis; each takes the share that an edge through it leaves."""
 MOVING_SAMPLES_PER_PIXEL = 4
-"""The same for a disc that moves: what the moments miss falls on other sub-samples at each."""
+"""The same for a moving disc, whose moments use different sub-samples."""
 NODES = 9
-"""Chebyshev nodes along each axis of a box: over 100 px of a bent lens the interpolated rays are good to 1e-6 px."""
+"""Chebyshev nodes along each axis of a box: over 100 px of a distorting lens, interpolated rays err by 1e-6 px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticView:
-    """A lens before a plane.
+    """A lens in front of a plane.
 
     size_px: width and height of the picture [px]
     matrix: focal lengths and principal point [px], shape (3, 3)
     rotation, translation_m: from the plane's axes to the lens's, shapes (3, 3) and (3,) [m]
-    distortion: k1, k2, p1, p2, k3 as OpenCV has them
+    distortion: k1, k2, p1, p2, k3 as in OpenCV
 
     Raises ValueError that names the field.
     """
@@ -65,7 +65,7 @@ class SyntheticView:
             raise ValueError("view translation_m: expected the lens off the plane, found it in the plane")
 
     def project(self, points_m: ArrayLike) -> Floats:
-        """Where points of the plane [m], (n, 2), are seen [px], (n, 2); ValueError for points behind the lens."""
+        """Projections [px], (n, 2), of points of the plane [m], (n, 2); ValueError for points behind the lens."""
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         before = p @ self.rotation[:, :2].T + self.translation_m
         if not (before[:, 2] > 0).all():
@@ -74,14 +74,14 @@ class SyntheticView:
         return np.asarray(seen, dtype=np.float64).reshape(-1, 2)
 
     def rays(self, points_px: ArrayLike) -> Floats:
-        """Slopes x/z and y/z of the rays that these places [px], (n, 2), see; shape (n, 2)."""
+        """Slopes x/z and y/z of the rays of positions in the picture [px], (n, 2); shape (n, 2)."""
         p = np.asarray(points_px, dtype=np.float64).reshape(-1, 1, 2)
         stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 60, 1e-10)
         rays = cv2.undistortPoints(p, self.matrix, np.array(self.distortion), criteria=stop)
         return np.asarray(rays, dtype=np.float64).reshape(-1, 2)
 
     def to_plane(self, points_px: ArrayLike) -> Floats:
-        """Points of the plane [m], (n, 2), that these places [px], (n, 2), see; ValueError beyond the horizon."""
+        """Points of the plane [m], (n, 2), at positions in the picture [px], (n, 2); ValueError beyond the horizon."""
         rays = self.rays(points_px)
         directions = np.column_stack([rays, np.ones(len(rays))])
         normal = self.rotation[:, 2]
@@ -92,7 +92,7 @@ class SyntheticView:
         return np.asarray((depth[:, None] * directions - self.translation_m) @ self.rotation[:, :2])
 
     def m_per_px(self, center_m: ArrayLike) -> float:
-        """Width of a pixel on the plane at that point, (2,) [m]: the root of the area that it covers."""
+        """Width of a pixel on the plane at a point, (2,) [m]: the root of the area that it covers."""
         place = self.project(center_m)[0]
         corners = self.to_plane(place + 0.5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]]))
         across, down = corners[0] - corners[1], corners[2] - corners[3]
@@ -107,7 +107,7 @@ def tilted_view(
     tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> SyntheticView:
-    """A view of the plane's origin mid-picture at mm_per_px, turned about the picture's u, v and depth axes [degrees].
+    """A view with the plane's origin mid-picture at mm_per_px, rotated about the axes u, v and depth [degrees].
 
     Without tilt x is right and y up.
     """
@@ -124,7 +124,7 @@ def tilted_view(
 
 
 def disc_box(view: SyntheticView, path_m: Floats, radius_m: float) -> Box:
-    """The pixels that a disc may touch while its centre moves along a path [m], (n_moments, 2)."""
+    """Box of the pixels that a disc may touch while its centre moves along a path [m], (n_moments, 2)."""
     angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
     rim = 1.02 * radius_m * np.column_stack([np.cos(angle), np.sin(angle)])  # the rim between the 32 points
     seen = view.project((path_m[:, None] + rim).reshape(-1, 2))
@@ -136,7 +136,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
     """The share of each pixel of the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
-    Returns shape (bottom - top, right - left), 0 to 1. Good to 1e-3 of the disc's area from a radius of 2 px.
+    Returns shape (bottom - top, right - left), 0 to 1. Accurate to 1e-3 of the disc's area from a radius of 2 px.
     """
     n_samples = SAMPLES_PER_PIXEL if len(path_m) == 1 else MOVING_SAMPLES_PER_PIXEL
     middle = path_m.mean(axis=0)
@@ -151,7 +151,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
 
 
 def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
-    """Where on the plane, x and y from the origin [m], lie the box's sub-samples; each (n_rows, n_columns).
+    """Positions on the plane, x and y from the origin [m], of the box's sub-samples; each (n_rows, n_columns).
 
     Rays are traced at Chebyshev nodes and interpolated between: the map is smooth, and tracing all costs 20 times more.
     """
@@ -162,7 +162,7 @@ def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: i
 
 
 def _interpolation(low: int, high: int, n_samples: int) -> tuple[Floats, Floats]:
-    """The nodes' places between low and high [px], and the matrix from values there to values at the sub-samples."""
+    """Nodes between low and high [px], and the matrix from values at the nodes to values at the sub-samples."""
     nodes, inverse = _nodes()
     n = (high - low) * n_samples
     at = 2.0 * (np.arange(n) + 0.5) / n - 1.0

@@ -1,6 +1,6 @@
-"""Association of marks over time, drift of hue, appearance, and the finder.
+"""Mark tracking: association, drift of hue, appearance, and the finder.
 
-What may enter: what remembers earlier frames.
+Methods that use earlier frames belong here.
 """
 
 from vision.tracking.association import AssociatedMark, associate_marks

@@ -1,6 +1,6 @@
-"""The appearance of a mark when it was last seen whole, and its best match in a picture.
+"""Appearance model of a mark: its last complete views, and their best match in a picture.
 
-Where blood of the same colour touches a mark, or a hand covers half of it, its colour class has another shape. Then the
+If blood of the same colour touches a mark, or a hand covers half of it, its colour class has another shape. Then the
 picture is compared pixel by pixel with the mark's earlier appearance. Image axes: u right, v down, pixels.
 """
 
@@ -28,12 +28,12 @@ COARSE_PX = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AppearanceMatch:
-    """The position in a picture that matches a mark best.
+    """The position in a picture that best matches a mark.
 
     center_px: [px], (2,)
     score: from -1.5, no similarity, to 1.5, the mark with a different surrounding; share: share of the mark's pixels
     that are similar; around: similarity of the ring around it, from -1 to 1; color_bgr: median of the similar pixels
-    weighed: the score, less the loss by its distance from the mark's expected position
+    weighed: the score, less a loss for its distance from the mark's expected position
     """
 
     center_px: Floats
@@ -68,7 +68,7 @@ class _Template:
 class _View:
     """A mark in one frame: its picture, its centre there, (2,), and its shape then, (2, 2).
 
-    State: the picture as it was last redrawn, and for which shape.
+    State: the picture after its last transformation, and the shape of that.
     """
 
     def __init__(self, picture: Image, center_px: Floats, shape_px: Floats, blur_px: float) -> None:
@@ -77,7 +77,7 @@ class _View:
 
     @cached_property
     def picture(self) -> Image:
-        """The picture, smoothed: most views are never compared."""
+        """The smoothed picture, computed when needed: most views are never compared."""
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
@@ -93,9 +93,9 @@ class _View:
 
 
 class AppearanceModel:
-    """The appearance of one mark in the last frames that showed it whole.
+    """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: of its kind; unseen: frames since then, counted by its owner
+    hue_deg: of its kind; unseen: number of frames since then, counted by its owner
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -134,7 +134,7 @@ class AppearanceModel:
 
         about_px: another position, (2,); within_px: the search range around it
         another: the search is for another mark of this kind, with a known highlight and a fitted, uniform colour
-        None where the mark may be anywhere, or cannot be distinguished from its surroundings.
+        None if the mark may be anywhere, or cannot be distinguished from its surroundings.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))
@@ -203,7 +203,7 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """The evidence of `likeness` for the positions in a box, and their scores by distance from the expected one.
+    """The evidence of `likeness` for the positions in a box, and their scores less the loss for distance.
 
     part, corner: part of the picture, and its first pixel; box: in the picture
     """
@@ -229,7 +229,7 @@ def _score(evidence: Floats, ring_weight: float) -> Any:
 
 
 def _half(outline: Outline, settings: AppearanceSettings) -> int:
-    """How far the ring reaches from the centre [px]."""
+    """Distance from the centre to the outside of the ring [px]."""
     (a, b), (c, d) = outline.shape_px.tolist()
     # the longer half axis: the larger singular value, written out
     total = a * a + b * b + c * c + d * d
@@ -243,7 +243,7 @@ def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> An
 
 
 def _peak(line: Floats, k: int) -> float:
-    """Where the parabola through a largest value and its neighbours has its top, from there, up to half a step."""
+    """Offset of the peak of the parabola through a largest value and its neighbours, up to half a step."""
     if not 0 < k < len(line) - 1:
         return 0.0
     bend = 2.0 * line[k] - line[k - 1] - line[k + 1]

@@ -1,4 +1,4 @@
-"""Which mark is which node: one assignment for the whole frame."""
+"""Association of detections with the nodes of marks: one assignment for the whole frame."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER
 
 SAME_CLASS_DEG = 1.0
-"""Detections carry the hue of their class as it was given; this allows for its rounding in files."""
+"""Largest difference of hues of one class [degrees]: it allows for rounding in files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedMark:
-    """A detection and the name of the node that its mark sits on."""
+    """A detection, with the name of the node that bears its mark."""
 
     name: str
     detection: Detection
@@ -36,10 +36,10 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most likely pairs, in the order of expected; a mark without a detection is absent.
+    """The most probable pairs, in the order of expected; a mark without a detection is absent.
 
-    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. The set of pairs with the
-    most marks is taken, and among these the one with the least sum of d² + log det S.
+    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Of all sets of pairs, those
+    with the most marks are considered, and of these the one with the least sum of d² + log det S is taken.
     """
     if not detections or not expected:
         return []
@@ -60,7 +60,7 @@ def associate_marks(
     if not allowed.any():
         return []
     cost = squared + np.log(det)
-    # A forbidden pair costs more than the difference of any allowed sets, so that it is taken only if no other is left.
+    # A forbidden pair costs more than the difference of any allowed sets, so that it is the last choice.
     forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
     rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
     return [

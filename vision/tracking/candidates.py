@@ -1,4 +1,4 @@
-"""From the best match of an appearance model to a detection: whether it is the mark, its centre, its covariance."""
+"""Detections from matches of an appearance model: test whether it is the mark, its centre, its covariance."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; a smaller part is enough where the ring is free.
+    """Whether a match with a mark's own appearance is the mark; a smaller part suffices if the ring is free.
 
     color_distance: squared distance of its colour from that of its kind [gates]; a larger one needs a better match
     """
@@ -39,7 +39,7 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """The score that a match needs: beyond the gate of its colour, times the square of that distance [1]."""
+    """The score that a match needs [1]; a colour beyond its gate multiplies it by the square of color_distance."""
     return score * max(color_distance, 1.0) ** 2
 
 
@@ -49,7 +49,7 @@ def is_free(match: AppearanceMatch, settings: CandidateSettings = FINDER.candida
 
 
 def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """The detection of a mark at the centre of a match; its covariance [px²] grows as the score falls."""
+    """Detection of a mark at the centre of a match; its covariance [px²] grows as the score falls."""
     assert one.outline is not None
     area, cov_px2 = match.share * one.outline.area_px, _sd_px(match, settings) ** 2 * np.eye(2)
     return Detection(match.center_px, cov_px2, area, one.hue_deg, False, True, match.color_bgr)
@@ -72,7 +72,7 @@ def detection_in_other_light(
 
 
 def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: DetectionSettings) -> Floats | None:
-    """The centre of the rim about a match [px], (2,); None where there is none."""
+    """The centre of the rim around a match [px], (2,); None if there is none."""
     assert one.outline is not None
     reach = int(2.0 * (one.outline.area_px / np.pi) ** 0.5 + settings.coverage.pad_px)
     u, v = (round(float(x)) for x in match.center_px)

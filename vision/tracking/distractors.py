@@ -23,10 +23,10 @@ SQUARE_2 = np.ones((2, 2), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distractor:
-    """A new thing in the colour of marks.
+    """A new thing in the picture with the colour of marks that is no mark.
 
     hue_deg: the nominal hue of these marks; like: the name of the nearest mark
-    center_px: the middle of its largest piece [px], (2,); size: its area by that of a mark [1]
+    center_px: the middle of its largest piece [px], (2,); size: its area relative to that of a mark [1]
     """
 
     hue_deg: float
@@ -39,7 +39,7 @@ class Distractor:
 class _Level:
     """Amount of a hue away from its marks [samples].
 
-    known: amount from the start; of_late: in the last frames; reported: excess over known that was last reported
+    known: amount from the start; of_late: in the last frames; reported: excess over known in the last report
     """
 
     of_late: deque[float]
@@ -51,9 +51,9 @@ class _Level:
 class DistractorWatch:
     """Reports, once each, new or grown things in a mark's colour that are as large as a mark.
 
-    Each frame is sampled at a few points across a mark, which costs a fraction of a search. Connected samples away from
-    marks count, except for a hue with a missing mark, which they may be. What is there in the first frames is known,
-    and so is what a range of colours adds when it follows its marks.
+    Each frame is sampled at a few points per mark diameter, which takes a fraction of the time of a search. Connected
+    samples away from marks count, except for a hue with a missing mark, because they may be that mark. Things in the
+    first frames are known, and so are those that a range of colours adds when it follows its marks.
     State: the ranges of the last frame; amounts by nominal hue.
     """
 
@@ -115,12 +115,12 @@ class DistractorWatch:
         for one, size in zip(expected, sizes, strict=True):
             center = found[one.name].center_px if one.name in found else one.center_px
             u, v = (round(float(x) / step) for x in center)
-            if abs(u) + abs(v) < 1_000_000:  # an expectation may lie anywhere
+            if abs(u) + abs(v) < 1_000_000:  # an expected position may be anywhere
                 cv2.circle(free, (u, v), ceil(self._settings.around * size / step), 0, -1)
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether this many samples mean that something came and stays; mark: samples of one mark."""
+        """Whether this number of samples shows something new that stays; mark: number of samples of one mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -152,7 +152,7 @@ def _radius_px(one: Expected) -> float | None:
 
 
 def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Picture]:
-    """1 where samples of each hue are connected, else 0, (h, w) uint8 each."""
+    """Masks of the connected samples of each hue: 1, else 0, (h, w) uint8 each."""
     palette: Palette = palette_of(hues)
     classes = np.empty(part.shape[:2], np.uint8)
     kernels.classify(part, palette.table, palette.least_value, palette.least_saturation, classes)
@@ -161,5 +161,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """The samples in a square of four; usually there are none."""
+    """Mask of the samples in a square of four; usually there are none."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

@@ -1,4 +1,4 @@
-"""The finder of a scene's marks, frame after frame: searched where expected, named, their colours followed."""
+"""Finder of a scene's marks: it searches near expected positions, names detections, and adapts to their colours."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from vision.tracking.templates import AppearanceTemplates
 
 
 class MarkFinder:
-    """Finds marks by their hue and names them by where they are expected.
+    """Finds marks by their hue and names them by their expected positions, frame after frame.
 
     hues: of the marks, by the nominal hue that `Expected` gives
-    settings: of all stages; `settings.stages` names those that run, in their order
-    explain: keep why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
-    Frames are searched around the expected positions only; fully at the start and when a mark is missing.
-    State: colours as followed; appearance models; the names of marks missed in the last frame, None before the first;
+    settings: of all stages; `settings.stages` names the stages that run, in their order
+    explain: record why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
+    Only the surroundings of expected positions are searched; the whole picture at the start and for a missing mark.
+    State: adapted colours; appearance models; names of marks missed in the last frame, None before the first;
     with explain, that frame's search, and the state of the distractors.
-    Raises HueError where marks of one hue differ in their range of colours, ValueError for an unknown stage.
+    Raises HueError if marks of one hue differ in their range of colours, ValueError for an unknown stage.
     """
 
     def __init__(
@@ -49,11 +49,11 @@ class MarkFinder:
         expected: Sequence[Expected],
         expected_after_impulse: Callable[[str], Expected] | None = None,
     ) -> list[AssociatedMark]:
-        """The marks seen, in no order; one that is not seen is absent.
+        """The found marks, in any order; a mark that is not found is absent.
 
         frame_bgr: (height, width, 3) uint8
-        expected: where each mark is expected
-        expected_after_impulse: the same for one mark by its name, after an impulse since it was last seen
+        expected: expected position of each mark
+        expected_after_impulse: the same for one mark by its name, if an impulse acted since its last detection
         """
         search = Search(
             frame_bgr,
@@ -79,7 +79,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Why each missing mark of the last frame was not found; empty if not explained."""
+        """Reasons why marks of the last frame were not found; empty without explain."""
         search = self._last
         if search is None or search.rejections is None:
             return ()
@@ -95,7 +95,7 @@ class MarkFinder:
 
 
 def _of_one_range(hues: Iterable[MarkHue]) -> list[MarkHue]:
-    """Each hue once; raises HueError where marks of one hue differ in what counts as their colour."""
+    """Each hue once; raises HueError if marks of one hue differ in their range of colours."""
     known: dict[float, MarkHue] = {}
     for hue in hues:
         other = known.setdefault(hue.hue_deg, hue)

@@ -1,4 +1,4 @@
-"""Colours of marks, adapted while lamps, white balance and exposure drift."""
+"""Adaptation of the marks' colours to drift of lamps, white balance and exposure."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ LEAST = 0.01
 
 
 class AdaptiveHue:
-    """A kind of mark whose colour is followed from frame to frame.
+    """The colour of a kind of mark, adapted from frame to frame.
 
     now: the present colour range of this kind
-    State: now, and the number of frames that it was learned from; the mean colour as hue [degrees from where it began],
+    State: now, and the number of frames that it was learned from; the mean colour as hue [degrees from its start],
     saturation and log of value, and the variance of hue and saturation about it.
     """
 
@@ -37,7 +37,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared distance of a detection's colour from such a mark's [gates]; 0 until some were seen."""
+        """Squared distance of a detection's colour from that of the kind [gates]; 0 until some were found."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)

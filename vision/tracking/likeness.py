@@ -1,7 +1,7 @@
-"""Compiled comparisons of a picture with a mark's appearance, position by position.
+"""Compiled comparison of a picture with a mark's appearance, position by position.
 
-frame: (height, width, 3) uint8; box: the places u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's centre,
-(n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
+frame: (height, width, 3) uint8; box: range of positions u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's
+centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
 settings: as `AppearanceSettings.for_kernel` returns them
 """
 
@@ -11,14 +11,14 @@ import numpy as np
 from numba import njit
 
 N_FITS = 2
-"""Iterations of the fitted colour: more do not change the result."""
+"""Number of iterations of the fitted colour: more do not change the result."""
 
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
     """Pixels inside a mark and in the ring around it, from its centre, each (n, 2).
 
-    inverse: of the mark's shape, (2, 2); half: how far the ring reaches [px]; margin, ring_px: as in the settings
+    inverse: of the mark's shape, (2, 2); half: outer distance of the ring [px]; margin, ring_px: as in the settings
     """
     places = np.empty((2, (2 * half + 1) ** 2, 2), dtype=np.int64)
     pixel = np.sqrt(abs(inverse[0, 0] * inverse[1, 1] - inverse[0, 1] * inverse[1, 0]))
@@ -38,7 +38,7 @@ def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_picture(views):  # type: ignore[no-untyped-def]
-    """Median of pictures, (n, height, width, 3) uint8: as `np.median` of the first axis, for few of them."""
+    """Median of pictures, (n, height, width, 3) uint8: as `np.median` over the first axis, for few of them."""
     n, height, width = views.shape[:3]
     median, several = np.empty((height, width, 3)), np.empty(n)
     for y in range(height):
@@ -56,7 +56,7 @@ def median_picture(views):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_color(colors):  # type: ignore[no-untyped-def]
-    """Median of colours (n, 3), each channel by itself."""
+    """Median of colours (n, 3), each channel separately."""
     return np.array([np.median(colors[:, 0].copy()), np.median(colors[:, 1].copy()), np.median(colors[:, 2].copy())])
 
 
@@ -80,7 +80,7 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
     """For each position in a box: evidence inside, share of similar pixels, evidence around, core; (6, height, width).
 
-    The evidence of a pixel beside or behind the mark does not depend on the mark's position: computed once, then
+    The evidence of a pixel beside or behind the mark does not depend on the mark's position: it is computed once, then
     summed.
     """
     shade, noise, _, hidden = settings
@@ -125,7 +125,7 @@ def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type:
 
 @njit(cache=True, nogil=True)
 def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settings):  # type: ignore[no-untyped-def]
-    """As `likeness`, for every `step`-th position in a box, with the core that the mark would have there."""
+    """As `likeness`, for every `step`-th position in a box, with the core colour fitted at each position."""
     shade, noise, contrast, hidden = settings
     level = shade, noise
     u0, v0, u1, v1 = box

@@ -1,4 +1,4 @@
-"""Why marks were not found in a frame: by what the stages of the finder rejected there."""
+"""Reasons why marks were not found in a frame, from the rejections of the finder's stages."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from vision.tracking.settings import FinderSettings
 class LostMark:
     """A mark that was not found in a frame.
 
-    reason: why not; detail: the numbers that decided, empty where there are none
-    candidate_px: the middle of what was seen and rejected [px], (2,); None where nothing was
+    reason: why not; detail: the numbers of the decision, empty without numbers
+    candidate_px: the middle of the rejected pixels [px], (2,); None without any
     """
 
     name: str
@@ -31,7 +31,7 @@ class LostMark:
 
 @dataclass(slots=True, eq=False)
 class Rejections:
-    """What the finder rejected in one frame, recorded if asked for.
+    """Record of the finder's rejections in one frame, if requested.
 
     pieces: rejected pixels of a hue; detections: rejected detections, and why
     dropped: by name, why a detected mark was dropped, and the detection; flooded: the hue that is everywhere
@@ -52,7 +52,7 @@ class Rejections:
             self.detections.append((seen, reason))
 
     def begin_again(self) -> None:
-        """Clear the record: all marks are searched for again."""
+        """Clear the record, before all marks are searched again."""
         self.pieces.clear()
         self.detections.clear()
         self.dropped.clear()
@@ -67,20 +67,20 @@ def lost_marks(
     size_px: tuple[int, int],
     settings: FinderSettings,
 ) -> tuple[LostMark, ...]:
-    """Why each missing mark was not found.
+    """The reason why each missing mark was not found.
 
     found: detections of the others, by name; unassigned: detections that are no expected mark's
     size_px: of the picture, width and height
 
-    Dropped marks come first; then what lies within the gate of the mark's position: a rejected piece, or the mark of
-    another name; then the nearest mark of its hue beyond the gate; then specks within it. Too few pixels of a mark that
-    is expected smaller than `BLOCK_AREA_PX` are due to its size.
+    Dropped marks have priority; then detections within the gate of the mark's position: a rejected piece, or the mark
+    of another name; then the nearest mark of its hue beyond the gate; then specks within it. If a mark is expected
+    smaller than `BLOCK_AREA_PX`, the reason for too few pixels is its size.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """A mark with too few pixels as too small, if that is expected; others as they are."""
+    """The lost mark, with too few pixels replaced by too small if that is expected."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
@@ -95,7 +95,7 @@ def _causes(
     size_px: tuple[int, int],
     settings: FinderSettings,
 ) -> Iterator[LostMark]:
-    """Why a mark was not found, by the first decision."""
+    """Reasons why a mark was not found, the first decision first."""
     gate = settings.association.gate
     if rejections.flooded is not None:
         yield LostMark(one.name, Reason.FLOODED, str(rejections.flooded))
@@ -134,12 +134,12 @@ def _causes(
 def _piece_distance(one: Expected, piece: Rejected) -> float:
     """Squared Mahalanobis distance of pixels from a mark's position: they may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
-    # of a point anywhere in a disc: a quarter of its radius squared
+    # variance of a point anywhere in a disc: a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
     return squared_distance(one, Detection(piece.center_px, cov_px2, piece.area_px, piece.hue_deg, False))
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Pixels below which a piece counts less than another one further away [px]."""
+    """Number of pixels below which a piece counts less than another one further away [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

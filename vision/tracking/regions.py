@@ -1,4 +1,4 @@
-"""Regions of a picture in which marks are searched: around where each is expected."""
+"""Search regions of a picture: around the expected position of each mark."""
 
 from __future__ import annotations
 

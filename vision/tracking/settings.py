@@ -1,4 +1,4 @@
-"""Settings of the mark finder: association, appearance, templates, candidates, colours that drift, distractors."""
+"""Settings of the mark finder: association, appearance, templates, candidates, drifting colours, distractors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from vision.detection.settings import DetectionSettings, HueLearningSettings
 GATE = 18.420680743952367
 """Squared Mahalanobis distance that one true mark in 10,000 exceeds: chi-square, 2 degrees of freedom, 99.99 %."""
 REACH_SDS = GATE**0.5
-"""Squared Mahalanobis distance within which a mark is searched for."""
+"""Mahalanobis distance within which a mark is searched [1]."""
 
 STAGE_NAMES = (
     "isolated",
@@ -27,10 +27,10 @@ STAGE_NAMES = (
 
 @dataclass(frozen=True, slots=True)
 class AssociationSettings:
-    """Which detection is which mark.
+    """Settings of the association of detections with marks.
 
-    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds; by as much that of touching marks must
-        grow if their names are exchanged [1]; source: chi-square, 2 dof, 99.99 %
+    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds; an exchange of the names of touching marks
+        must increase theirs by as much [1]; source: chi-square, 2 dof, 99.99 %
     impulse_gate: the same for one of many candidates after an impulse [1]; source: chi-square, 2 dof, 99 %
     """
 
@@ -42,18 +42,18 @@ class AssociationSettings:
 class AppearanceSettings:
     """Settings for the comparison of a picture, pixel by pixel, with a mark's appearance.
 
-    n_views: views of a mark of which its appearance is the median [1]; choice
+    n_views: number of views of a mark whose median is its appearance [1]; choice
     margin: pixels this near to the outline are neither mark nor background [sizes]; choice
     ring_px: width of the ring around a mark [px]; choice
     blur_px: standard deviation of the smoothing before [px]; choice
-    shade: how much similar pixels may differ by shadow and lamps, by their level [1]; choice
-    level: the same by noise; root mean square over the colours, as that of `shade` [grey levels]; choice
-    ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be like it [1]; choice
-    occluded_cost: cost of a pixel that is neither like the mark nor like its background [1]; choice
-    ring_weight: weight of the ring by that of the inside [1]; choice
-    prior, other_prior: loss of score by squared Mahalanobis distance from the expected position; the second for a
+    shade: difference of similar pixels due to shadow and lamps, relative to their level [1]; choice
+    level: the same due to noise; root mean square over the colours, as that of `shade` [grey levels]; choice
+    ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be similar [1]; choice
+    occluded_cost: cost of a pixel that is neither similar to the mark nor to its background [1]; choice
+    ring_weight: weight of the ring relative to that of the inside [1]; choice
+    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position; the second for a
     fitted colour [1]; choice
-    max_reach_px: largest search range by appearance; marks with a larger one are not searched for [px]; choice
+    max_reach_px: largest search range by appearance; marks with a larger one are not searched [px]; choice
     """
 
     n_views: int = 5
@@ -70,21 +70,21 @@ class AppearanceSettings:
     max_reach_px: float = 25.0
 
     def for_kernel(self) -> tuple[float, ...]:
-        """As the kernels of `appearance` take them."""
+        """The settings in the form of the kernels of `appearance`."""
         return self.shade, self.level, self.ring_contrast, self.occluded_cost
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateSettings:
-    """When a match of an appearance model is a mark, and how well its centre is known.
+    """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
 
-    score, share: least score, and least share of its pixels that are like the mark [1]; choice
-    free, free_share: likeness of the ring below which it is free, and the share that is enough there [1]; choice
-    other_margin: by how much more a match with a fitted colour must be like the mark, its ring unlike it [1]; choice
-    min_sd_px, max_sd_px: standard deviation of a match, least and most [px]; choice
+    score, share: least score, and least share of its pixels that are similar to the mark [1]; choice
+    free, free_share: similarity of the ring below which it is free, and the share that suffices then [1]; choice
+    other_margin: further similarity to the mark and dissimilarity of the ring, for a fitted colour [1]; choice
+    min_sd_px, max_sd_px: standard deviation of a match, least and largest [px]; choice
     best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
-    rim_gain: standard deviation of the mean of match and rim by their distance [1]; choice
-    shared: variance of the mean of outline and match by that of independent ones [1]; choice
+    rim_gain: standard deviation of the mean of match and rim relative to their distance [1]; choice
+    shared: variance of the mean of outline and match relative to that of independent ones [1]; choice
     """
 
     score: float = 0.55
@@ -102,15 +102,15 @@ class CandidateSettings:
 
 @dataclass(frozen=True, slots=True)
 class TemplateSettings:
-    """When what was found is compared with appearance models, and when it is remembered.
+    """Settings of appearance models: when detections are compared with them, and when views are stored.
 
     clear_sd_px: standard deviation up to which a whole mark is certain [px]; choice
-    whole_sd_px: the same up to which it is remembered [px]; choice
-    unknown_sd_px: the same up to which it is kept without a comparison [px]; choice
-    refresh: frames after which a view is taken again [1]; choice
-    forget: frames after which a mark that was not seen clearly may look different [1]; choice
+    whole_sd_px: the same up to which its view is stored [px]; choice
+    unknown_sd_px: the same up to which it is accepted without a comparison [px]; choice
+    refresh: number of frames after which a view is stored again [1]; choice
+    forget: number of frames without a clear view after which a mark may look different [1]; choice
     near_px: distance up to which a centre and the best match agree [px]; choice
-    plain_score: score above which the search goes no further [1]; choice
+    plain_score: score above which the search stops [1]; choice
     """
 
     clear_sd_px: float = 0.15
@@ -124,15 +124,15 @@ class TemplateSettings:
 
 @dataclass(frozen=True, slots=True)
 class HueTrackingSettings:
-    """How the colour of a kind of mark is followed.
+    """Settings for the adaptation of the colour of a kind of mark.
 
     gain: share of the newest frame in the mean colour [1]; choice
-    max_drift: how far the hue may drift [half widths]; choice
+    max_drift: largest drift of the hue [half widths]; choice
     hue_sd_deg, saturation_sd: least scatter of colours of one kind: hue [degrees] and saturation; choice
-    max_scatter: largest scatter by the least [1]; choice
-    n_learned: frames after which a colour rejects others [1]; choice
+    max_scatter: largest scatter relative to the least [1]; choice
+    n_learned: number of frames after which a colour rejects others [1]; choice
     gate: squared distance in these deviations [1]; source: chi-square, 2 dof, 99.9 %
-    learning: of the first range of colours; saturation and value that count follow the mean by its shares
+    learning: of the first range of colours; limits of saturation and value follow the mean by its shares
     """
 
     gain: float = 0.05
@@ -147,14 +147,14 @@ class HueTrackingSettings:
 
 @dataclass(frozen=True, slots=True)
 class DistractorSettings:
-    """When a distractor in a mark's colour is reported.
+    """Settings for reports of distractors in a mark's colour.
 
-    spacing: of the samples [radii of the smallest mark]; choice
-    most_samples: most samples in a frame [1]; choice: 0.1 ms
-    around: distance around a mark within which samples belong to it, blurred or lit by it [radii]; choice
-    stands: frames in a row in which it has to be there [1]; source: a fault is to be noticed within three frames
-    settled_frames: first frames, whose content counts as known [1]; choice
-    least: least new area, by that of a mark [1]; choice
+    spacing: distance of the samples [radii of the smallest mark]; choice
+    most_samples: largest number of samples in a frame [1]; choice: 0.1 ms
+    around: distance around a mark within which samples belong to it, by blur or its light [radii]; choice
+    stands: successive frames in which it has to be there [1]; source: a fault is to be reported within three frames
+    settled_frames: number of first frames, whose content counts as known [1]; choice
+    least: least new area, relative to that of a mark [1]; choice
     grows: least ratio of the present amount to the one reported before [1]; choice
     wavers: least ratio of the new amount to the known one [1]; choice
     """
@@ -189,4 +189,4 @@ class FinderSettings:
 
 
 FINDER = FinderSettings()
-"""The defaults."""
+"""Default settings of the mark finder."""

@@ -1,4 +1,4 @@
-"""The stages of the mark finder, in one list: the candidates of each, and the test that they must pass.
+"""Stages of the mark finder, in one list: the candidates of each, and the test that they must pass.
 
 A new stage is a function that yields candidates, a function that accepts or rejects one, and a `Stage` in STAGES.
 """
@@ -29,19 +29,19 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture above which regions are not faster to search than all of it: it only saves time."""
+"""Share of the picture above which searching regions is not faster than searching all of it: it only saves time."""
 
 
 @dataclass(slots=True, eq=False)
 class Search:
     """The search for the marks of one frame, passed from stage to stage.
 
-    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as `MarkFinder.find` takes them
-    hues: colours as followed, by nominal hue; templates: appearance models; missed: names of marks that were not found
+    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as in `MarkFinder.find`
+    hues: adapted colours, by nominal hue; templates: appearance models; missed: names of marks that were not found
     in the last frame, None before the first
     where: expected marks by name; found: detections by name
     unassigned: detections of the last stage that are no expected mark's
-    rejections: receives what is rejected, and why; None: not asked for
+    rejections: receives rejections with their reason; None: not recorded
     regions: parts of the picture, none of one hue overlapping, and the marks of that hue that are expected there
     """
 
@@ -73,7 +73,7 @@ class Search:
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
-        """Whether no mark was found where this detection is."""
+        """Whether no other mark was found at this detection."""
         near = self.settings.detection.coverage.pad_px
         return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
 
@@ -83,7 +83,7 @@ class Candidate:
     """A detection that may be a mark.
 
     detection: None to drop a mark that was found; name: None if association decides which mark it is
-    match: by an appearance model; margin: squared distance by which its name is more likely than another's
+    match: by an appearance model; margin: squared distance by which its name is more probable than another's
     """
 
     detection: Detection | None
@@ -105,7 +105,7 @@ class Stage:
     reason: Reason | None = None
 
     def run(self, search: Search) -> None:
-        """Take the accepted candidates into `search.found`, drop marks whose candidate is rejected."""
+        """Add the accepted candidates to `search.found`; drop marks whose candidate is rejected."""
         unnamed: list[Detection] = []
         for candidate in self.propose(search):
             seen, name = candidate.detection, candidate.name
@@ -126,7 +126,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks alone in the region where they are expected, by the fast path; only where none was missed before."""
+    """Marks that are alone in the region of their expected position; only if none was missed in the last frame."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -142,7 +142,7 @@ def _isolated(search: Search) -> Iterator[Candidate]:
 
 
 def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind and is where the mark is expected."""
+    """Whether a detection has the colour of its kind and is within the gate of the expected position."""
     near = candidate.name is not None and (
         squared_distance(search.where[candidate.name], seen) <= search.settings.association.gate
     )
@@ -160,9 +160,9 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 
 
 def _in_picture(search: Search) -> Iterator[Candidate]:
-    """Components of the whole picture, where marks are missing: all are assigned again.
+    """Components of the whole picture if marks are missing: all are assigned again.
 
-    Raises HueError where a hue takes most of the picture and no mark was ever found: then the range is wrong.
+    Raises HueError if a hue covers most of the picture and no mark was ever found: then the range is wrong.
     """
     if len(search.found) == len(search.expected):
         return
@@ -173,7 +173,7 @@ def _in_picture(search: Search) -> Iterator[Candidate]:
     try:
         yield from _components(search, search.expected, None)
     except HueError as error:
-        # later, it is an object before the camera
+        # later, it is an object in front of the camera
         if search.missed is None:
             raise
         if search.rejections is not None:
@@ -203,7 +203,7 @@ def _has_color(search: Search, _candidate: Candidate, seen: Detection) -> bool:
 
 
 def _after_impulse(search: Search) -> Iterator[Candidate]:
-    """Missing marks, where an impulse since the last frame may have moved them."""
+    """Missing marks within the region to which an impulse since the last frame may have moved them."""
     missing, elsewhere = [one.name for one in search.missing], search.expected_after_impulse
     if elsewhere is None or not missing or not search.unassigned:
         return
@@ -218,7 +218,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 
 
 def _checked(search: Search) -> Iterator[Candidate]:
-    """Marks found that are not clear, compared with their appearance; clear ones are remembered."""
+    """Found marks that are not clear, compared with their appearance; views of clear ones are stored."""
     frame, templates = search.frame_bgr, search.templates
     where = search.where
     unclear = []
@@ -236,12 +236,12 @@ def _checked(search: Search) -> Iterator[Candidate]:
 
 
 def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> bool:
-    """Always true: the comparison proposes nothing if neither detection nor match is like the mark."""
+    """Always true: the comparison has no candidate if neither detection nor match is similar to the mark."""
     return True
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
-    """Missing marks where the picture matches their appearance."""
+    """Missing marks at positions where the picture matches their appearance."""
     for one in search.missing:
         match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
         if match is not None:
@@ -249,7 +249,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is not another mark, and is like the mark."""
+    """Whether a match is not another mark, and is similar enough to the mark."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -257,7 +257,7 @@ def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_other_light(search: Search) -> Iterator[Candidate]:
-    """Missing marks where the picture matches a mark of their hue in any light."""
+    """Missing marks at positions where the picture matches a mark of their hue in any light."""
     frame, templates = search.frame_bgr, search.templates
     for one in search.missing:
         match = templates.match_in_other_light(frame, one) if templates.can_compare(one) else None
@@ -272,7 +272,7 @@ def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
 
 
 def _by_rim(search: Search) -> Iterator[Candidate]:
-    """Missing marks of unknown appearance, by a rim about where they are expected."""
+    """Missing marks of unknown appearance, by a rim near their expected positions."""
     for one in search.missing:
         if one.name not in search.templates:
             yield Candidate(detect_by_rim(search.frame_bgr, one, search.settings.detection))
@@ -284,7 +284,7 @@ def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> 
 
 
 def _touching(search: Search) -> list[Candidate]:
-    """Marks found that touch another of their hue, with the margin of their names."""
+    """Found marks that touch another of their hue, with the margin of their names."""
     where = search.where
     placed = [
         (name, seen, one.hue_deg, (one.outline.area_px / np.pi) ** 0.5, *one.center_px.tolist())

@@ -1,4 +1,4 @@
-"""Appearance models of the marks of a scene, by name: learned from clear views, compared with what was found."""
+"""Appearance models of a scene's marks, by name: learned from clear views, and compared with detections."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from vision.tracking.settings import FINDER, FinderSettings
 
 
 class AppearanceTemplates:
-    """Appearance models by name, of marks of one even colour whose outline is known.
+    """Appearance models by name, of marks with one even colour and a known outline.
 
-    State: a model for each mark that was clearly seen in the last `TemplateSettings.forget` frames.
+    State: a model for each mark with a clear view in the last `TemplateSettings.forget` frames.
     """
 
     def __init__(self, settings: FinderSettings = FINDER) -> None:
@@ -45,7 +45,7 @@ class AppearanceTemplates:
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Add a view of a mark that was seen whole, if its model is due for one."""
+        """Add a view of a mark that was completely visible, if its model is due for one."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count a frame, and drop models of marks that were not seen clearly for long."""
+        """Count a frame, and drop models of marks without a clear view for long."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -70,7 +70,7 @@ class AppearanceTemplates:
     ) -> Detection | None:
         """A detection compared with the mark's appearance: unchanged, fused with a match, or the match; or None.
 
-        frame_bgr: (height, width, 3) uint8; color_distance: how far a detection's colour is from its kind's, squared
+        frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's
             [gates]
         """
         quick = self._checked_near(frame_bgr, one, seen)
@@ -112,7 +112,7 @@ class AppearanceTemplates:
     def match(
         self, frame_bgr: Image, one: Expected, about_px: Floats | None = None, within_px: float | None = None
     ) -> AppearanceMatch | None:
-        """The best match of a mark's own appearance; None where it has no model."""
+        """The best match of a mark's own appearance; None if it has no model."""
         model = self._known.get(one.name)
         return None if model is None else model.place(frame_bgr, one, about_px, within_px=within_px)
 
@@ -133,7 +133,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """The score of the mark's appearance at a detection, wherever the mark is expected."""
+        """Score of the mark's appearance at a detection, whatever the mark's expected position."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score

@@ -1,6 +1,6 @@
-"""How a body moves under unknown forces, linearised over a frame: a network of springs, or a continuum.
+"""Motion of a body under unknown forces, linearised over a frame: for a network of springs, or a continuum.
 
-What may enter: another way in which a body moves.
+A new kind of motion belongs here.
 """
 
 from estimators.core.motion.continuum import ContinuumMotion

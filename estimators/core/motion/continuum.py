@@ -1,8 +1,8 @@
-"""The motion of a continuum: damped modes under smooth surface forces that fade, in closed form.
+"""Motion of a continuum in closed form: damped modes under smooth surface forces that decay.
 
-A mode of rate w² and damping c follows x'' + c x' + w² x = f. Its answers to an impulse and to a force exp(-a t) are
-sums of exponentials, so a step of any length is exact. A force is smooth in time, too: the difference of two states
-that fade at different rates and have one noise.
+A mode with squared frequency w² and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and to a force
+exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time: it is the difference of
+two states that decay at different rates and have the same noise.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from estimators.core.motion.model import SOURCES, Along
 Exponents = NDArray[np.complex128]
 
 APART = 1e-3
-"""Least difference of the two roots of a mode, and least distance of a force's rate from them [1/s]; numerical."""
+"""Least difference between the two roots of a mode, and between a force's rate and a root [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
-"""Share of the mean square displacement by a source of forces that is left out, at most [1]; numerical."""
+"""Largest omitted share of the mean square displacement by a source of forces [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""Of the two states of a force, that which lasts and that which fades within its smooth time [1]."""
+"""Signs of the two states of a force: the long one, and the one that decays within its smooth time [1]."""
 
 SAME_S = 1e-9
-"""Difference of frame intervals that is rounding [s]; numerical."""
+"""Largest rounding difference between frame intervals [s]; numerical."""
 
 NODES, PANEL = 16, 8.0
-"""Nodes of a panel of Gauss's quadrature, and its length by the rate of what is integrated [1]; numerical."""
+"""Nodes of a panel of Gauss quadrature, and the panel's length times the integrand's rate [1]; numerical."""
 
 FIXED = 1e-6
-"""Standard deviation of the coordinate that stands for the drawn shape, by itself [1]; numerical: it does not move."""
+"""Relative standard deviation of the constant coordinate of the drawn shape [1]; numerical."""
 
 
 class ContinuumSpan(Span):
-    """Places of the points of a continuum: those drawn, times a coordinate that never changes, and its modes."""
+    """Positions of the points of a continuum: the drawn ones times a constant coordinate, plus the modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """For a network with a continuum; the first coordinate is always 1, the others are those of modes [m]."""
+        """The span of a network with a continuum; the first coordinate is always 1, the others are modes [m]."""
         solid = network.continuum
-        assert solid is not None  # the caller's
+        assert solid is not None  # by the caller
         drawn = network.positions[network.free].reshape(-1, 1)
         masses = np.repeat(network.masses[network.free], network.dim)
         r = len(solid.rates)
@@ -54,50 +54,50 @@ class ContinuumSpan(Span):
         return cls(matrix, onto, np.full(1 + r, solid.mass), white)
 
     def coordinates(self, places: Floats) -> Floats:
-        """The coordinates (n,) next to places of all nodes [m], (n_full,)."""
+        """Coordinates (n,) that best fit positions of all nodes [m], (n_full,)."""
         return np.r_[1.0, np.linalg.lstsq(self.matrix[:, 1:], places - self.matrix[:, 0], rcond=None)[0]]
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the coordinates (n, n) of displacements of unit variance, independent in each mode."""
+        """Covariance of the coordinates (n, n) for independent displacements of unit variance in each mode."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
 class ContinuumMotion:
-    """How a continuum moves, see `Motion`.
+    """Motion of a continuum, see `Motion`.
 
     Parameters
     ----------
     network : MassSpringNetwork
-        With a continuum.
+        Network with a continuum.
     disturbances : Disturbances
-        Strengths are of surface forces that would accelerate the whole mass so.
+        Strengths of surface forces, as accelerations of the whole mass.
     uncertainty : ParameterUncertainty, optional
-        Of the stiffness of tissues.
+        Uncertainty of the tissues' stiffness.
     """
 
     def __init__(
         self, network: MassSpringNetwork, disturbances: Disturbances, uncertainty: ParameterUncertainty | None = None
     ) -> None:
         solid = network.continuum
-        assert solid is not None  # the caller's
+        assert solid is not None  # by the caller
         self.is_linear = True
         self.extent_m, self.span = solid.extent_m, ContinuumSpan.of(network)
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
         self.raised = disturbances.raised(self.extent_m * float(held.min()), least=0.0)
-        by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # displacement in the end
+        by_force = 1.0 / np.maximum(solid.rates, held.min())[:, None]  # static displacement
         self._basis = _effective(solid.forces, by_force)
         n_forces = self._basis.shape[1]
         self.driving = np.full(2 * n_forces, SOURCES.index("slow"))
         self._fading = 1.0 / np.array([disturbances.slow_s, disturbances.smooth_s])
         self.fading_s = np.repeat(1.0 / self._fading, n_forces)
         shared = 1.0 / (self._fading[:, None] + self._fading)
-        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # of the noise that makes the variance of a force 1
+        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # of the noise that gives a force variance 1
         self.force_cov = np.kron(self._density * shared, np.eye(n_forces))
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
         self._roots = np.stack([-0.5 * solid.damping + root, -0.5 * solid.damping - root])
-        self._last: tuple[float, Floats, Floats, Floats] | None = None  # of frames at one rate
+        self._last: tuple[float, Floats, Floats, Floats] | None = None  # reused while frame intervals are equal
         self._constants = None
         if uncertainty is not None:
             each = np.zeros((len(uncertainty.parameters), len(solid.rates), len(solid.rates)))
@@ -111,7 +111,7 @@ class ContinuumMotion:
         return np.concatenate([motion @ state, fading * state[len(motion) :]])
 
     def along(self, state: Floats, dt: float) -> Along:
-        """The motion from a state (2 n + n_f,) over dt [s]: it is linear."""
+        """Linearised motion from a state (2 n + n_f,) over dt [s]; it is exact."""
         if self._last is None or abs(self._last[0] - dt) > SAME_S:
             self._last = dt, *self._motion(dt), self._noises(dt, len(state))
         _, motion, fading, noises = self._last
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Derivative of coordinates and velocities by the state before, (2 n, 2 n + n_f), and fading of forces."""
+        """Derivative of coordinates and velocities by the previous state, (2 n, 2 n + n_f), and decay of the forces."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -155,24 +155,24 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """Places of the forces' two states in a state, from the first force on."""
+        """Positions of the forces' two states in the state vector, from the first force on."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
     def _noises(self, dt: float, n_state: int) -> Floats:
-        """Of `SOURCES` but the last two at unit variance, (4, n_state, n_state): answers to noise of every age."""
+        """Noise covariances of all `SOURCES` except the last two at unit variance, (4, n_state, n_state)."""
         n = 1 + self._roots.shape[1]
         noises = np.zeros((len(SOURCES) - 2, n_state, n_state))
         x, v = np.arange(1, n), n + np.arange(1, n)
         one, other = self._roots
-        moved = np.stack([1.0, -1.0] / (one - other)[:, None], axis=1)  # by an impulse
+        moved = np.stack([1.0, -1.0] / (one - other)[:, None], axis=1)  # response to an impulse
         rates = np.stack([one, other])
         grown = _grown(rates[:, None] + rates, dt) * self.span.white[1:] ** 2
         for a, rows in ((moved, x), (rates * moved, v)):
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
         t, weights = _ages(dt, float(np.abs(self._roots).min(axis=0).max()))
-        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # to an impulse of the noise of that age
+        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # response to an impulse of noise of each age
         for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
             *factors, rates = self._pushed(rate)
             grown = sign * np.exp(rates[..., None] * t)
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Effect of each constant that is off by one standard deviation, (2 n, n_constants): forces at their mean."""
+        """Effect of one standard deviation of error in each constant, (2 n, n_constants); forces are at their mean."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))
@@ -192,7 +192,7 @@ class ContinuumMotion:
         return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
 
     def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Coordinates and velocities after dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        """Coordinates and velocities after dt [s], (2 n, k), due to constant accelerations (n, k) [m/s²]."""
         n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)
@@ -202,7 +202,7 @@ class ContinuumMotion:
 
 
 def _effective(push: Floats, by_force: Floats) -> Floats:
-    """Columns (n_modes, any) of accelerations, in as few as displace the body alike but for a share `LEFT_OUT`.
+    """The fewest columns (n_modes, any) of accelerations with the same displacements up to a share `LEFT_OUT`.
 
     by_force: displacement of each mode by its acceleration [s²], (n_modes, 1)
     """
@@ -212,9 +212,9 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
 
 
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
-    """Nodes [s] and weights [s], (k,), of Gauss's quadrature from 0 to dt [s] of what changes at up to `rate` [1/s].
+    """Nodes [s] and weights [s], (k,), of Gauss quadrature from 0 to dt [s] for rates of change up to `rate` [1/s].
 
-    Sums of exponentials in closed form cancel where a mode is free: its variance grows with the fifth power of dt.
+    Closed forms of the integrals lose precision for a free mode, whose variance grows with the fifth power of dt.
     """
     edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
     x, weights = np.polynomial.legendre.leggauss(NODES)

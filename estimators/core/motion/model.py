@@ -1,4 +1,4 @@
-"""What a tissue's process model knows of how its body moves."""
+"""Protocol of a body's motion, which the tissue's process model uses."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
 
 
 class Along(NamedTuple):
-    """A motion over some time, linearised.
+    """Linearised motion over an interval.
 
-    The state is n coordinates, n velocities and n_f forces. mean (2 n + n_f,): after it; motion (2 n, 2 n + n_f):
-    derivative of coordinates and velocities by the state before; fading (n_f,): what is left of each force; noises (4,
-    2 n + n_f, 2 n + n_f): of `SOURCES` but the last two, at unit variance; by_constants (2 n, n_constants): effect of
-    each constant that is off by one standard deviation
+    The state has n coordinates, n velocities and n_f forces. mean (2 n + n_f,): state after it; motion (2 n, 2 n +
+    n_f): derivative of coordinates and velocities; fading (n_f,): remaining share of each force; noises (4, 2 n + n_f,
+    2 n + n_f): covariance from `SOURCES` except the last two, at unit variance; by_constants (2 n, n_constants): effect
+    of an error of one standard deviation in each constant
     """
 
     mean: Floats
@@ -31,31 +31,31 @@ class Along(NamedTuple):
 
 
 class Motion(Protocol):
-    """How a body moves under forces that fade.
+    """Motion of a body under forces that decay.
 
     Attributes
     ----------
     span : Span
-        Places of the free nodes by the n coordinates.
+        Map from the n coordinates to the positions of the free nodes.
     extent_m : float
-        Of the body [m].
+        Extent of the body [m].
     raised : float
-        Factor on the strengths of forces but calm ones, of a stiff body [1].
+        Factor on the strengths of forces except calm ones, for a stiff body [1].
     driving : (n_f,) int
-        Which of `SOURCES` drives each force.
+        Index in `SOURCES` of the source that drives each force.
     fading_s : (n_f,)
         Correlation time of each force [s].
     force_cov : (n_f, n_f)
         Covariance of the forces when their sources have variance 1.
     is_linear : bool
-        Whether `along` is exact, however far from the state.
+        Whether `along` is exact at any distance from the state.
     """
 
     is_linear: bool
 
     @property
     def span(self) -> Span:
-        """Places of the free nodes by the coordinates."""
+        """Map from the coordinates to the positions of the free nodes."""
 
     @property
     def extent_m(self) -> float:
@@ -63,11 +63,11 @@ class Motion(Protocol):
 
     @property
     def raised(self) -> float:
-        """Factor on the strengths of forces but calm ones [1]."""
+        """Factor on the strengths of forces except calm ones [1]."""
 
     @property
     def driving(self) -> NDArray[np.int64]:
-        """Which of `SOURCES` drives each force, (n_f,)."""
+        """Index in `SOURCES` of the source that drives each force, (n_f,)."""
 
     @property
     def fading_s(self) -> Floats:
@@ -81,7 +81,7 @@ class Motion(Protocol):
         """Coordinates, velocities and forces (2 n + n_f,) after dt [s] without noise."""
 
     def along(self, state: Floats, dt: float) -> Along:
-        """The motion from a state (2 n + n_f,) over dt [s]."""
+        """Linearised motion from a state (2 n + n_f,) over dt [s]."""
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Coordinates and velocities after dt [s] from a state, (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""

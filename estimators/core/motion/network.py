@@ -1,4 +1,4 @@
-"""The motion of a network of springs and of other elements, in all coordinates or in those of few shapes."""
+"""Motion of a network of springs and other elements, in all coordinates or in a few shapes."""
 
 from __future__ import annotations
 
@@ -33,29 +33,29 @@ LONGEST_S = 1.0 / 60.0
 """Longest step [s]; numerical."""
 
 STEP_TOLERANCE = 1e-4
-"""Error of a step, by the body's extent [1]; numerical."""
+"""Largest error of a step, relative to the body's extent [1]; numerical."""
 
 FLAT = 1e-3
-"""A body of less extent in a direction, by its largest, is thin there [1]; choice."""
+"""Relative extent in a direction below which a body is thin there [1]; choice."""
 
 RANK = 20
-"""Functions of a slow force at most, by each axis; numerical."""
+"""Largest number of functions of a slow force for each axis; numerical."""
 
 GROWING = (0.5, 5.0, 30.0)
-"""Rates of growth of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
+"""Growth rates of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
 
 LEFT_OUT = 2e-3
-"""Displacement of a shape that is left out, by the extent, at most [1]; numerical: the least discrepancy is 3e-3."""
+"""Largest displacement of an omitted shape, relative to the extent [1]; numerical: the least discrepancy is 3e-3."""
 
 WEAK = 1e-2
-"""Size of a force that is left out of those of its source, by the largest [1]; numerical."""
+"""Largest omitted force of a source, relative to the source's largest force [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""A body of more nodes than this is reduced if it has fewer shapes than nodes, by this factor [1]; choice."""
+"""Nodes above which a body may be reduced, and the most shapes then, relative to the nodes [1]; choice."""
 
 
 class NetworkMotion:
-    """How a network moves, see `Motion`; parameters as `TissueProcess` has them."""
+    """Motion of a network, see `Motion`; the parameters are those of `TissueProcess`."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class NetworkMotion:
         is_led, each = np.array([name in led for name in marked]), np.eye(len(free))
         may_be_pushed = self._may_be_pushed(nodes).astype(float)
         smooth = np.outer(may_be_pushed, may_be_pushed) * matern(apart, disturbances.smooth * self.extent_m)
-        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # and on all mass alike: gravity's turn
+        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # and on all mass: gravity's direction
         pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": slow}
         self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes, disturbances)
         is_whole = self.span.matrix.shape[1] == assembly.n
@@ -97,7 +97,7 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """All coordinates, or those of few shapes; pushes: accelerations of the nodes by source, (n_free, any)."""
+        """All coordinates, or those of a few shapes; pushes: accelerations of the nodes by source, (n_free, any)."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:
@@ -116,7 +116,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Accelerations of the coordinates (n, n_f) by the states of forces, and the source of each, (n_f,)."""
+        """Accelerations of the coordinates (n, n_f) by each force, and the source of each force, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))
@@ -124,7 +124,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Free nodes on which slow forces act: all of a cable or cloth in space, else the marked ones."""
+        """Free nodes on which slow forces act: all nodes of a cable or cloth in space, else the marked ones."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
@@ -137,7 +137,7 @@ class NetworkMotion:
         return self._stepper.moves(state, dt, LONGEST_S, derivatives=False)[-1].state
 
     def along(self, state: Floats, dt: float) -> Along:
-        """The motion from a state (2 n + n_f,) over dt [s], linearised step by step along it."""
+        """Motion from a state (2 n + n_f,) over dt [s], linearised at each step of the trajectory."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         motion, fading, noises = along_steps(
             np.array([move.by_state for move in moves]),
@@ -153,18 +153,18 @@ class NetworkMotion:
     def moved_each(self, states: Floats, dt: float) -> Floats:
         """Coordinates and velocities of states (k, 2 n + n_f or more) after dt [s], (k, 2 n), by explicit steps.
 
-        Forces act by their mean over dt.
+        Forces are constant at their mean over dt.
         """
-        assert self._explicit is not None  # sigma points are passed through it alone
+        assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
         mean = -np.expm1(-dt * rates) / (dt * rates)
         forces = states[:, moving : moving + len(rates)] * mean
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """How each constant that is off by a standard deviation moves the end of these steps, (2 n, n_constants).
+        """Effect of an error of one standard deviation in each constant on the end of the steps, (2 n, n_constants).
 
-        start: coordinates and velocities before them. Forces are those in the middle of a step.
+        start: coordinates and velocities before the steps. Forces are those in the middle of a step.
         """
         moving = len(start)
         if self._by_constants is None:
@@ -173,12 +173,12 @@ class NetworkMotion:
         return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Coordinates and velocities after dt [s] from a state, (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """By which each constant that is off by a standard deviation moves the body [m/s²], (..., n, n_constants).
+        """Accelerations by an error of one standard deviation in each constant [m/s²], (..., n, n_constants).
 
         states: coordinates and velocities, (..., 2 n)
         """
@@ -191,7 +191,7 @@ class NetworkMotion:
 
 
 def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
-    """Coordinates and velocities after steps, (2 n, k), by accelerations in each of them, (n, k) [m/s²]."""
+    """Change of coordinates and velocities over steps, (2 n, k), by accelerations in each of them, (n, k) [m/s²]."""
     n, k = accelerations[0].shape
     columns = np.zeros((2 * n, k))
     for move, own in zip(moves, accelerations, strict=True):
@@ -200,9 +200,9 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """Columns (n, any) of independent coefficients of one variance, in as few that have the same effect.
+    """The fewest columns with the effect of columns (n, any), whose coefficients are independent with equal variance.
 
-    Columns that all count remain as they are.
+    Columns that all matter are returned unchanged.
     """
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)
@@ -210,7 +210,7 @@ def principal(columns: Floats) -> Floats:
 
 
 def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
-    """Square of the slowest angular frequency that is no free motion of the body [1/s²]."""
+    """Square of the lowest angular frequency of the body, without its free motions [1/s²]."""
     K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
     values = eigh(K, np.diag(masses), eigvals_only=True)
     return float(values[values > 1e-6 * values[-1]][0])

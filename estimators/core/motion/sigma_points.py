@@ -1,4 +1,4 @@
-"""Statistical linearisation by sigma points: the unscented way to move a Gaussian through a process model."""
+"""Statistical linearisation with sigma points: the unscented prediction of a Gaussian by a process model."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ from estimators.core.protocols import Transition
 def by_sigma_points(
     tangent: Transition, mean: Floats, cov: Floats, m: int, moved: Callable[[Floats], Floats]
 ) -> Transition:
-    """A transition of which the first m states are linear in themselves by regression over sigma points.
+    """A transition whose first m states are linearised by regression over sigma points.
 
-    The mean moves as the tangent says, and further by as much as the mean of the points differs from where the mean
-    itself goes. Points lie sqrt(m) columns of the root of the covariance on both sides of the mean: the
-    unscented transform with kappa = 0, whose point at the mean has no weight. What the regression leaves over is noise.
+    The mean moves as the tangent predicts, plus the difference between the mean of the moved points and the moved mean.
+    The points are the mean ± sqrt(m) times each column of the covariance's root: the unscented transform with kappa =
+    0, whose central point has no weight. The residual of the regression counts as noise.
     Source: [julier1997], [garciafernandez2017].
 
     Parameters
     ----------
     tangent : Transition
-        By its derivative: what depends on other states, and the noise.
+        Linearisation by derivatives: gives the dependence on other states, and the noise.
     mean, cov : (n,), (n, n)
-        Of the state before.
+        Moments of the previous state.
     m : int
-        States, the first, in which the motion is not linear.
+        Number of first states whose motion is nonlinear.
     moved : callable
-        The first m states that follow, (k, m), from states (k, n); forces may be simplified, alike in all.
+        The next first m states, (k, m), from states (k, n); it may simplify forces if it does so for all states.
     """
     root = np.linalg.cholesky(cov[:m, :m])
     steps = np.sqrt(m) * root.T
@@ -40,10 +40,10 @@ def by_sigma_points(
     found = moved(points)
     ends, middle = found[:-1], found[-1]
     centre = ends.mean(axis=0)
-    by_step = (ends[:m] - ends[m:]) / (2.0 * np.sqrt(m))  # of a point one standard deviation off, (m, m)
+    by_step = (ends[:m] - ends[m:]) / (2.0 * np.sqrt(m))  # for one standard deviation, (m, m)
     matrix = tangent.matrix.copy()
     matrix[:m, :m] = np.linalg.solve(root.T, by_step).T
-    even = ends[:m] + ends[m:] - 2.0 * centre  # what is alike on both sides is not linear
+    even = ends[:m] + ends[m:] - 2.0 * centre  # the even part is nonlinear
     spread = even.T @ even / (4.0 * m)
     end = tangent.mean.copy()
     end[:m] += centre - middle

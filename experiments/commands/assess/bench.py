@@ -7,7 +7,7 @@ from experiments.commands.terminal import print_table
 
 
 def bench(run: Run) -> Answer:
-    """Time the filter and the loop against reference implementations in one run."""
+    """Measure the speed of filter and live loop, and of reference implementations."""
     from experiments.commands.console import bench_table
     from experiments.studies.bench import bench as measured
 

@@ -10,7 +10,7 @@ from experiments.commands.terminal import print_table
 
 
 def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force = False) -> Answer:
-    """Simulate, film and track the paper's two scenarios, and compare with the paper's results."""
+    """Simulate, film and track the paper's two scenarios, and compare the results with the paper's."""
     from experiments.commands.console import demo_table
     from experiments.studies.demo import demo as done
 

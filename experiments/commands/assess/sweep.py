@@ -14,18 +14,18 @@ from experiments.commands.terminal import print_table
 from experiments.plain import counted
 
 MOST_SHOWN = 5
-"""Number of failures that are printed; runs.csv has all."""
+"""Largest number of failures that are printed; runs.csv has all."""
 
 
 def sweep(
     run: Run,
-    study: Annotated[Path, typer.Argument(help="Sweep file: scenario, methods, seeds and a grid of parameters.")],
+    study: Annotated[Path, typer.Argument(help="Sweep file: scenario, methods, seeds and parameter grid.")],
     out: Out,
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
 ) -> Answer:
-    """Run a grid of simulated recordings: every combination, seed and method; run again to continue."""
+    """Run methods on simulated recordings over a parameter grid and seeds; run again to continue."""
     from experiments.extras import require
 
     require("sweep", "cluster")

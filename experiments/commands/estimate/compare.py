@@ -22,7 +22,7 @@ def compare(
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Track the target with the paper's method, our filter and textbook filters, on the same marks."""
+    """Track the target with the paper's method, Softaim's filter and textbook filters, on the same marks."""
     from experiments.commands.console import sentence, track_table
     from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import chosen, summary, write_comparison

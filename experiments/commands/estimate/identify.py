@@ -17,9 +17,7 @@ def identify(
     recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the hidden mark.")],
     out: SceneOut,
     scene: SceneFile = None,
-    at_rest: Annotated[
-        bool, typer.Option("--at-rest", help="The tissue rests in the recording: correct only rest lengths.")
-    ] = False,
+    at_rest: Annotated[bool, typer.Option("--at-rest", help="For tissue at rest: correct only rest lengths.")] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:

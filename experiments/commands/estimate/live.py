@@ -27,8 +27,8 @@ def live(
         list[str] | None,
         typer.Option(
             "--source",
-            help="Camera index, device, film, folder, stream, recording, phantom; of marks: udp://:PORT, - or "
-            "marks.csv; NAME=SOURCE for each camera in space. Default: phantom.",
+            help="Camera index, device, film, folder, stream, recording, phantom; for marks: udp://:PORT, -, "
+            "marks.csv; for several cameras: NAME=SOURCE each. Default: phantom.",
         ),
     ] = None,
     scene: SceneFile = None,
@@ -38,22 +38,20 @@ def live(
         typer.Option("--duration", min=0.0, help="Stop after this many seconds; opening a camera does not count."),
     ] = None,
     fps: Fps = None,
-    needle: Annotated[
-        Path | None, typer.Option("--needle", help="Needle file: also give advice on the needle.")
-    ] = None,
+    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; adds advice.")] = None,
     film: WithFilm = False,
-    record: Annotated[bool, typer.Option("--record", help="Record all frames, for softaim replay.")] = False,
+    record: Annotated[bool, typer.Option("--record", help="Record all frames, for `softaim replay`.")] = False,
     page: Annotated[
-        str | None, typer.Option("--page", help="Address of the page, HOST:PORT; default: 127.0.0.1:8765.")
+        str | None, typer.Option("--page", help="Address of the web page; default: 127.0.0.1:8765.")
     ] = None,
-    no_page: Annotated[bool, typer.Option("--no-page", help="Serve no page.")] = False,
+    no_page: Annotated[bool, typer.Option("--no-page", help="Serve no web page.")] = False,
     openigtlink: Annotated[
         str | None,
-        typer.Option("--openigtlink", help="Address of the OpenIGTLink server, HOST:PORT, such as 127.0.0.1:18944."),
+        typer.Option("--openigtlink", help="Address of the OpenIGTLink server, such as 127.0.0.1:18944."),
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Track the target in live frames, always the newest, until Ctrl-C."""
+    """Track the target in live frames until Ctrl-C; each step uses the newest frame."""
     run.not_with("--no-page", "--page")
     run.only_with("--out", "--force")
     from experiments.servers.opening import served

@@ -10,7 +10,7 @@ from experiments.plain import counted
 
 
 def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False) -> Answer:
-    """Run a recording of `softaim live --record` through the loop again, and compare the results bit for bit."""
+    """Repeat a run recorded by `softaim live --record`, and compare the results bit for bit."""
     from experiments.errors import InputError
     from experiments.formats.scene.scene import read_scene
     from experiments.pipeline.live.replaying import replay as replayed

@@ -10,7 +10,7 @@ from experiments.commands.terminal import print_table
 def smooth(
     run: Run, recording: RecordingFolder, out: Out, scene: SceneFile = None, vector: Vector = None, force: Force = False
 ) -> Answer:
-    """Estimate the target at each frame from the marks of all frames, later ones included."""
+    """Estimate the target at each frame from the marks of all frames, including later ones."""
     from experiments.commands.console import track_table
     from experiments.formats.recording import read_recording
     from experiments.pipeline.compare import SMOOTHER, compare, summary, write_smoothed

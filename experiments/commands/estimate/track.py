@@ -17,13 +17,13 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark as if hidden; if wrong, widen the covariance.")
+        bool, typer.Option("--check", help="Predict each mark without using it; if inaccurate, inflate covariance.")
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Track the hidden target in a recording with the paper's method and our filter; write tables and plots."""
+    """Track the hidden target in a recording with the paper's method and Softaim's filter; write tables and plots."""
     from contextlib import nullcontext
 
     from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table

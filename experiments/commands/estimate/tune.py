@@ -16,7 +16,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Estimate the model error of a tissue from a recording, without truth, and write a scene with it."""
+    """Estimate the noise levels of the model from a recording without truth, and write a scene with them."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

@@ -23,12 +23,12 @@ def export(
         typer.Option("--to", help="mcap: Foxglove, ROS 2; plus: PLUS, 3D Slicer.", show_default=False),
     ],
     out: Annotated[Path, typer.Option("--out", help="File to write: .mcap, .igs.mha or .seq.mha.", show_default=False)],
-    estimates: Annotated[
-        Path | None, typer.Option("--estimates", help="Folder of estimates written by `track` or `live`.")
-    ] = None,
+    estimates: Annotated[Path | None, typer.Option("--estimates", help="Output folder of `track` or `live`.")] = None,
     start: Annotated[
         str | None,
-        typer.Option("--start", help="Time of the first frame, 2026-01-31T09:00:00Z; default: counted from 1970."),
+        typer.Option(
+            "--start", help="Time of the first frame, as 2026-01-31T09:00:00Z; default: times count from 1970."
+        ),
     ] = None,
     scene: SceneFile = None,
     force: Replace = False,

@@ -16,40 +16,40 @@ from experiments.plain import counted
 def import_table(
     run: Run,
     table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
-    scene: Annotated[Path, typer.Option("--scene", help="Scene with these marks.", show_default=False)],
+    scene: Annotated[Path, typer.Option("--scene", help="Scene file with these marks.", show_default=False)],
     out: Out,
     fps: Annotated[
         float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
     ] = None,
     frames: Annotated[
-        Path | None, typer.Option("--frames", help="frames.csv with exposure times, in place of --fps.")
+        Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
     ] = None,
     least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Likelihood below which a position is left out.")
+        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of a position that is used.")
     ] = 0.6,
     sd_px: Annotated[
         float,
-        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one standard deviation for each axis."),
+        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one SD per axis [px]."),
     ] = 1.0,
     rename: Annotated[
         list[str] | None,
-        typer.Option("--rename", help="PART=NODE where names differ; PART= leaves the part out; repeat."),
+        typer.Option("--rename", help="PART=NODE, once per body part with another name; PART= leaves it out."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
         typer.Option(
-            "--mm-per-px", min=1e-6, max=1e3, help="Scale of a camera square to the plane, in place of the scene's."
+            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px] of a camera square to the plane, not the scene's."
         ),
     ] = None,
     origin_px: Annotated[
-        str | None, typer.Option("--origin-px", help="With --mm-per-px, U,V: the pixel at the plane's origin.")
+        str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="Animal, if the table has several; track in SLEAP.")
+        str | None, typer.Option("--individual", help="Name of the animal, or of the track in SLEAP, if several.")
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Make a recording from marks of DeepLabCut or SLEAP through the scene's camera: marks.csv."""
+    """Convert positions of DeepLabCut or SLEAP into a recording, with the scene's camera."""
     from experiments.errors import InputError
     from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported

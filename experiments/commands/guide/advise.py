@@ -21,7 +21,7 @@ def advise(
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Advise for each frame whether a needle should go in, wait or turn; write a table and a picture."""
+    """Advise for each frame whether to insert, wait, realign or abort; write a table and a picture."""
     from contextlib import nullcontext
 
     import numpy as np

@@ -16,32 +16,30 @@ def insert(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of simulated runs of each policy.")] = 2000,
+    runs: Annotated[int, typer.Option("--runs", min=1, help="Number of runs of each policy.")] = 2000,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene of the filter; default: the scenario's.")] = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: a needle from above.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the first run.")] = None,
     speed_mm_s: Annotated[
-        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Speed of the needle; default: 50.")
+        float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Needle speed [mm/s]; default: 50.")
     ] = None,
     radius_mm: Annotated[
         float | None,
-        typer.Option("--radius-mm", help="Radius of the lesion; default: the needle file's, the scene's, or 5."),
+        typer.Option("--radius-mm", help="Radius of the lesion [mm]; default: the needle file's, the scene's, or 5."),
     ] = None,
     advice: Annotated[
         bool,
-        typer.Option(
-            "--advice/--no-advice", help="Also evaluate `softaim advise`; --no-advice takes a third of the time."
-        ),
+        typer.Option("--advice/--no-advice", help="Also evaluate `softaim advise`; triples the time."),
     ] = True,
     strength: Annotated[
-        float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on pokes and breathing.")
+        float, typer.Option("--strength", min=0.01, max=1000.0, help="Factor on the forces of pokes and breathing.")
     ] = 1.0,
     processes: Processes = None,
     scheduler: Scheduler = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Insert a simulated needle into moving tissue by five policies; report misses, predicted and observed hits."""
+    """Insert a simulated needle into moving tissue with five policies; report misses, predicted and observed hits."""
     run.not_with("--scheduler", "--processes")
     from dataclasses import replace
 

@@ -16,11 +16,11 @@ def plan(
     run: Run,
     source: Annotated[Path, typer.Argument(help="Folder of a recording, or a scene file for tissue at rest.")],
     out: Out,
-    plan_file: Annotated[Path, typer.Option("--plan", help="File plan.toml: needle, skin and obstacles.")],
+    plan_file: Annotated[Path, typer.Option("--plan", help="Plan file: needle, skin and obstacles.")],
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Rank straight needle paths by hit probability, including the needle's push on the target."""
+    """Rank straight needle paths by hit probability, considering the needle's push on the target."""
     from experiments.commands.console import plan_table
     from experiments.pipeline.plan import planned, report, write_plan
     from experiments.plots.plan import plan_figure

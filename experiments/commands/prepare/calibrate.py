@@ -15,20 +15,20 @@ from experiments.commands.terminal import print_table
 
 def calibrate(
     run: Run,
-    board: Annotated[str, typer.Option("--board", help="Number of inner corners, 9x6; for ChArUco, of squares.")],
+    board: Annotated[str, typer.Option("--board", help="Inner corners, such as 9x6; for ChArUco: squares.")],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
-    out: Annotated[Path, typer.Option("--out", help="Camera file; for several cameras a folder.")],
+    out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
-    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER, once for each camera.")] = None,
-    charuco: Annotated[str | None, typer.Option("--charuco", help="Dictionary of ChArUco markers, 4X4_50.")] = None,
-    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a marker [mm].")] = None,
-    plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board on the phantom's plane.")] = None,
-    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Also write the lens for OpenCV.")] = None,
-    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Also write the lens for ROS.")] = None,
+    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER of a camera; repeat.")] = None,
+    charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
+    marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
+    plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board in the phantom's plane.")] = None,
+    opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Lens file to write for OpenCV.")] = None,
+    ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Lens file to write for ROS.")] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Calibrate lens and pose of cameras from pictures of a board, with their uncertainty."""
+    """Estimate lens and pose of cameras, with their uncertainty, from pictures of a board."""
     from experiments.commands.console import calibration_lines, calibration_table
     from experiments.formats.camera_file import camera_text
     from experiments.pipeline.calibrate import AlsoWrite, board_of

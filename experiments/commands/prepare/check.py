@@ -22,12 +22,12 @@ def check(
     ] = None,
     sd_mm: Annotated[
         float | None,
-        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark on each axis; default: the camera's."),
+        typer.Option("--sd-mm", min=1e-6, max=1e3, help="Error of a mark, SD per axis [mm]; default: the camera's."),
     ] = None,
     vector: Vector = None,
     force: Force = False,
 ) -> Answer:
-    """Check a scene: its rest shape, its motion, the best possible accuracy of its target, and what is missing."""
+    """Check a scene: rest shape, motion, best possible accuracy of the target, and missing steps."""
     import json
     from contextlib import nullcontext
 

@@ -15,18 +15,18 @@ def hue(
     run: Run,
     source: Annotated[str, typer.Argument(help="Film, folder of pictures, recording, or camera.")],
     at: Annotated[
-        str | None, typer.Option("--at", help="U,V: a position on a mark [px]; learn the mark's keys.")
+        str | None, typer.Option("--at", help="Position U,V on a mark [px]; learns the mark's hue keys.")
     ] = None,
     frame: Annotated[int, typer.Option("--frame", min=0, help="With --at: number of the frame, from 0.")] = 0,
     fps: Fps = None,
-    scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene whose keys are tested.")] = None,
+    scene: Annotated[Path | None, typer.Option("--scene", help="Without --at: scene with the keys to test.")] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Without --at: folder for hue.csv and hue.png.")] = None,
     film: Annotated[
-        bool, typer.Option("--film", help="With --out: also film.avi, with the selected pixels painted.")
+        bool, typer.Option("--film", help="With --out: also write film.avi with the selected pixels coloured.")
     ] = False,
     force: Force = False,
 ) -> Answer:
-    """Learn a mark's hue from one position in a picture, or test which pixels a scene's keys select in a film."""
+    """Learn a mark's hue from one position in a picture, or show which pixels a scene's hue keys select."""
     run.not_with("--at", "--scene", "--out", "--film", "--fps", "--force")
     run.only_with("--at", "--frame")
     run.only_with("--out", "--film", "--fps", "--force")

@@ -18,22 +18,22 @@ def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the project; new or empty.")],
     kind: Annotated[
         Literal["plane", "breast", "mesh"],
-        typer.Option("--kind", help="plane: a flat phantom; breast: a soft hemisphere on a wall; mesh: your own."),
+        typer.Option("--kind", help="plane: flat phantom; breast: soft hemisphere on a wall; mesh: your mesh."),
     ] = "plane",
     masses: Annotated[
-        int | None, typer.Option("--masses", help="Number of masses; default: 5 in the plane, 10 for a breast.")
+        int | None, typer.Option("--masses", help="Number of masses; default: 5 for plane, 10 for breast.")
     ] = None,
     young_kpa: Annotated[
-        float | None, typer.Option("--young-kpa", min=0.01, help="Young's modulus of a breast or mesh; default 5.")
+        float | None, typer.Option("--young-kpa", min=0.01, help="Young's modulus of breast or mesh [kPa]; default 5.")
     ] = None,
     nodes: Annotated[
         Path | None,
         typer.Option(
-            "--nodes", help="File of a spring mesh's nodes: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."
+            "--nodes", help="CSV of a spring network's nodes: name,x_mm,y_mm[,z_mm,mass_kg,fixed,hue_deg,target]."
         ),
     ] = None,
     springs: Annotated[
-        Path | None, typer.Option("--springs", help="File of its springs: from,to[,stiffness_N_m,damping_N_s_m,group].")
+        Path | None, typer.Option("--springs", help="CSV of springs: from,to[,stiffness_N_m,damping_N_s_m,group].")
     ] = None,
     mesh: Annotated[
         Path | None,
@@ -42,40 +42,40 @@ def new(
         ),
     ] = None,
     unit: Annotated[
-        Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: unit of the file; required.")
+        Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: length unit of the file; required.")
     ] = None,
     size_mm: Annotated[
-        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of a coarser mesh.")
+        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of a new mesh [mm].")
     ] = None,
     fixed: Annotated[
         str | None,
-        typer.Option("--fixed", help='With --mesh: held nodes, "y<6" [mm], "faces 2" or "region 1"; required.'),
+        typer.Option("--fixed", help='With --mesh: fixed nodes, as "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
     marks: Annotated[
         str | None,
-        typer.Option("--marks", help="With --mesh: number of marks, or a file: name,x_mm,y_mm,z_mm; default 40."),
+        typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="With --mesh: the target's x,y,z [mm]; default: the middle.")
+        str | None, typer.Option("--target", help="With --mesh: x,y,z of the target [mm]; default: the middle.")
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: position error of the target per axis; default 0."),
+        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: SD of the target per axis [mm]; default: 0."),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1, or with --region of tissue labels."),
+        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1; with --region: field of labels."),
     ] = None,
     region: Annotated[
         list[str] | None,
         typer.Option("--region", help="With --mesh, LABEL=TISSUE: fat, gland, fibrous, skin, fascia, muscle; repeat."),
     ] = None,
     seed: Annotated[
-        int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's differences from the scene.")
+        int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's random deviations from the scene.")
     ] = 0,
     force: Force = False,
 ) -> Answer:
-    """Make a project: a scene to adapt, simulated tissue for practice, a needle, and a page of steps."""
+    """Create a project: a scene to adapt, simulated tissue for practice, a needle, and a list of steps."""
     from experiments.projects.mesh_body import N_MARKS, MeshChoice
     from experiments.projects.project import Kind, project, write_project
 

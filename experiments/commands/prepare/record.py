@@ -17,20 +17,20 @@ def record(
     source: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Camera index, device, film, folder, stream, recording or phantom; NAME=SOURCE for each of several."
+            help="Camera index, device, film, folder, stream, recording, phantom; for several: NAME=SOURCE each."
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into the recording.")] = None,
-    codec: Annotated[str, typer.Option("--codec", help="FFV1 is lossless; MJPG is small.")] = "FFV1",
+    codec: Annotated[str, typer.Option("--codec", help="FFV1: lossless; MJPG: smaller files.")] = "FFV1",
     seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this many seconds.")] = None,
     fps: Fps = None,
     recover: Annotated[
-        Path | None, typer.Option("--recover", help="Join the pieces of a killed recording, in place.")
+        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces in place.")
     ] = None,
     force: Force = False,
 ) -> Answer:
-    """Record frames and their times until Ctrl-C; if killed, all but the last second is kept."""
+    """Record frames and their times until Ctrl-C; a killed recording loses at most its last second."""
     run.not_with("--recover", "--scene", "--codec", "--seconds", "--fps", "--force")
     from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source

@@ -17,14 +17,14 @@ def register(
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
     points: Annotated[Path, typer.Option("--points", help="Table of points like marks.csv, or a recording with one.")],
     out: Annotated[
-        Path, typer.Option("--out", help="Scene file to write; its mesh goes beside it.", show_default=False)
+        Path, typer.Option("--out", help="Scene file to write; its mesh is written beside it.", show_default=False)
     ],
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.0, help="Time from the start over which points are averaged [s].")
+        float, typer.Option("--seconds", min=0.0, help="Initial time over which points are averaged [s].")
     ] = 1.0,
     force: Replace = False,
 ) -> Answer:
-    """Move a scene's body rigidly to points measured on it, and state the error at the target."""
+    """Register a scene's body rigidly to points measured on it, and report the error at the target."""
     from experiments.commands.console import registration_table
     from experiments.formats.outputs import check_new
     from experiments.formats.scene.scene import usable_scene

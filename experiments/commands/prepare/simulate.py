@@ -16,12 +16,12 @@ def simulate(
     out: Out,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed in place of the scenario's.")] = None,
     runs: Annotated[
-        int | None, typer.Option("--runs", min=1, help="Number of recordings with successive seeds, in OUT/seed-N.")
+        int | None, typer.Option("--runs", min=1, help="Number of recordings, with successive seeds, in OUT/seed-N.")
     ] = None,
-    film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film, or with --no-film marks.csv.")] = True,
+    film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film; with --no-film only marks.csv.")] = True,
     force: Force = False,
 ) -> Answer:
-    """Simulate and film a scenario's tissue, or only its marks; write a recording with its truth."""
+    """Simulate a scenario's tissue; write a recording with film or marks, and true positions."""
     from experiments.errors import InputError
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of

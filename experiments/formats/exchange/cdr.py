@@ -31,11 +31,11 @@ class Cdr:
         return self._put("I", 4, [value])
 
     def doubles(self, values: Sequence[float]) -> Cdr:
-        """Consecutive numbers: fields, or an array of fixed length, whose length is not written."""
+        """Consecutive numbers: fields, or an array of fixed length, which is written without its length."""
         return self._put("d", 8, values)
 
     def text(self, value: str) -> Cdr:
-        """UTF-8 and a zero byte, after their length."""
+        """UTF-8 text and a zero byte, after their length."""
         encoded = value.encode("utf-8") + b"\x00"
         self.uint32(len(encoded))
         self._bytes += encoded

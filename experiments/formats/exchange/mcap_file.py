@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message: time [ns], topic, kind in `DEFINITIONS`, and bytes."""
+    """A message of an MCAP file: time [ns], topic, kind in `DEFINITIONS`, and bytes."""
 
     time_ns: int
     topic: str
@@ -26,9 +26,9 @@ class Message:
 
 
 class McapFile:
-    """An MCAP file that is being written; `mcap_file` opens it.
+    """An MCAP file during writing; `mcap_file` opens it.
 
-    State: the writer; ids of schemas by kind, of channels by topic; how many messages each topic has.
+    State: the writer; ids of schemas by kind, of channels by topic; number of messages by topic.
     """
 
     def __init__(self, writer: Writer) -> None:
@@ -52,7 +52,7 @@ class McapFile:
 
 @contextmanager
 def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFile]:
-    """A file to write messages to, finished after a clean exit; InputError where the package is not installed.
+    """Open a file for messages, which is finished after a clean exit; InputError if the package is not installed.
 
     metadata: of the recording, in the record `softaim`
     """

@@ -12,7 +12,7 @@ from experiments.errors import InputError, shown
 from experiments.formats.tables import Table
 
 MISSING = ("", "nan", "NaN")
-"""Entries that mean a missing number."""
+"""Entries that represent a missing number."""
 
 
 def open_table(
@@ -31,7 +31,7 @@ def open_table(
 
 
 def check_columns(path: Path, header: Sequence[str], needed: Sequence[str]) -> None:
-    """Raise InputError unless each needed column is there, and none twice."""
+    """Raise InputError unless each needed column is there, and no column is repeated."""
     for column in dict.fromkeys([*needed, *header]):
         if header.count(column) != 1:
             found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
@@ -39,7 +39,7 @@ def check_columns(path: Path, header: Sequence[str], needed: Sequence[str]) -> N
 
 
 def numbers_of(path: Path, column: str, entries: Sequence[str], first_row: int = 2) -> Floats:
-    """Entries of a column as numbers, (n_rows,), NaN where there is none; InputError names row and column."""
+    """Entries of a column as numbers, (n_rows,), NaN for missing ones; InputError names row and column."""
     values = np.full(len(entries), np.nan)
     for k, entry in enumerate(entries):
         if entry not in MISSING:

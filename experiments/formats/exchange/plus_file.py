@@ -14,7 +14,7 @@ from experiments.arrays import Floats
 from vision.arrays import Image
 
 WHOLE_READ_BYTES = 2**32
-"""PLUS counts the bytes of a file's pixels in 32 bits: from a larger file it reads wrong frames."""
+"""Size above which PLUS reads wrong frames: it counts the bytes of a file's pixels in 32 bits."""
 
 _FIXED = {
     "BinaryData": "True",
@@ -42,7 +42,7 @@ def write_plus(
 ) -> None:
     """Write a sequence, frame by frame.
 
-    frames: fields of each, by name; those of its number and its picture are added
+    frames: fields of each, by name; frame number and picture fields are added
     images: of the frames, (height, width, 3) BGR; None: each frame is one pixel, INVALID
     size_px: width and height of the images
     """

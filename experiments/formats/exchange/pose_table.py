@@ -1,6 +1,6 @@
-"""Tables of pose trackers: DeepLabCut's CSV files and SLEAP's analysis CSV files, of one animal or one of several.
+"""Tables of pose trackers, with one animal or several: DeepLabCut's CSV files and SLEAP's analysis CSV files.
 
-Both count pixels as this program does: the centre of the first pixel is (0, 0).
+Their pixel coordinates are those of this program: the centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ HDF5 = b"\x89HDF\r\n\x1a\n"
 """First bytes of an HDF5 file."""
 COORDS = ("x", "y", "likelihood")
 MOST_FRAMES = 10**7
-"""Most frames of a film: four days at 30 frames a second; chosen."""
+"""Largest number of frames in a film; choice: four days at 30 frames/s."""
 SLEAP_HEADS = ("track", "frame_idx", "instance.score")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseTable:
-    """Positions of body parts by a tracker.
+    """Positions of body parts from a pose tracker.
 
     frames: numbers of the film's frames, increasing, (n_rows,)
-    parts: names; places_px: positions [px], (n_rows, n_parts, 2), NaN for parts not seen
+    parts: names; places_px: positions [px], (n_rows, n_parts, 2), NaN for missing parts
     likelihood: of each, (n_rows, n_parts), NaN for a position that a person set
     """
 
@@ -97,7 +97,7 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
 
 
 def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
-    """The requested animal, or the only one; raises InputError with a list of them."""
+    """The requested animal, or the only one; the InputError lists all."""
     names = list(dict.fromkeys(animals))
     if individual is None and len(names) <= 1:
         return names[0] if names else None

@@ -1,4 +1,4 @@
-"""The folder that `softaim track` wrote, as pandas DataFrames."""
+"""Output folder of `softaim track`, as pandas DataFrames."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ TIME = "time_s"
 class Result:
     """Output of `softaim track` for a recording; the index of each table is `time_s`, the exposure times [s].
 
-    estimates: a row for each frame, columns as in estimates.csv: places in mm, covariances in mm², NaN where there is
-        no number
+    estimates: a row for each frame, columns as in estimates.csv: positions in mm, covariances in mm², NaN for missing
+        numbers
     open_loop: the same by the paper's method; None without estimates.open-loop.csv
     marks: a row for each mark, columns as in marks.csv; None without that file
     summary: the figures of summary.json, by method; empty without that file
@@ -40,7 +40,7 @@ class Result:
 
 
 def read_result(folder: FilePath) -> Result:
-    """The tables and figures in a folder that `softaim track` wrote; raises InputError.
+    """Read the tables and figures in an output folder of `softaim track`; raises InputError.
 
     Folders of `softaim live` are read, too; they have no figures.
     """
@@ -57,7 +57,7 @@ def read_result(folder: FilePath) -> Result:
 
 
 def _estimates(path: Path) -> pd.DataFrame:
-    """A table of estimates: `status` as text, `model_only` as truth values, `marks_used` as whole numbers."""
+    """A table of estimates: `status` as text, `model_only` as booleans, `marks_used` as integers."""
     frame = _frame(path, [TIME, "status", "x_mm", "y_mm", "marks_used", "model_only"], ["status", "model_only"])
     _check(path, frame["status"], frame["status"].isin(list(Status)), f"one of {', '.join(Status)}")
     _check(path, frame["model_only"], frame["model_only"].isin(list(FLAGS)), " or ".join(FLAGS))
@@ -66,7 +66,7 @@ def _estimates(path: Path) -> pd.DataFrame:
 
 
 def _frame(path: Path, needed: Sequence[str], words: Sequence[str]) -> pd.DataFrame:
-    """A table with these columns and maybe others, all numbers but `words`; a line without an end is left out."""
+    """A table with at least these columns, all numbers except `words`; an unfinished last line is omitted."""
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     check_columns(path, header, needed)
     columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
@@ -77,7 +77,7 @@ def _frame(path: Path, needed: Sequence[str], words: Sequence[str]) -> pd.DataFr
 
 
 def _check(path: Path, column: pd.Series, good: pd.Series, expected: str) -> None:
-    """Raise InputError for the first row that is not good."""
+    """Raise InputError for the first invalid row."""
     if not good.all():
         row = int(np.argmin(good))
         raise InputError.at(f"{path}: row {row + 2}: {column.name}", expected, shown(column.tolist()[row]))

@@ -22,15 +22,15 @@ FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 """Statuses of usable estimates; others are reported by their status alone."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""Rounding of times in a table, by the time and at most by the shortest interval of frames [1]: older ones have nine
-digits."""
+"""Rounding of times in a table, relative to the time, and at most relative to the shortest frame interval [1]: older
+tables have nine digits."""
 
 Entry = float | str | bool | None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Results:
-    """Results of a run for a recording; rows in order.
+    """Results of a run for a recording, row by row.
 
     table: of the file; columns: their names, in order
     times_s: of the rows, exact for those of frames [s], (n,)
@@ -43,7 +43,7 @@ class Results:
     frames: NDArray[np.int64]
 
     def entries(self, row: int) -> dict[str, Entry]:
-        """The values of a row, by column; None for empty ones."""
+        """Values of a row, by column; None for empty ones."""
         return {column: self._entry(column, row) for column in self.columns}
 
     def _entry(self, column: str, row: int) -> Entry:
@@ -108,7 +108,7 @@ def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Times of rows [s], set to those of their frames, and the frame of each row, -1 for none."""
+    """Times of rows [s], replaced by those of their frames, and the frame of each row, -1 for none."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)

@@ -1,6 +1,6 @@
-"""The ROS 2 messages of the exports: definitions, and content as CDR.
+"""ROS 2 messages of the exports: definitions, and encoding as CDR.
 
-Definitions are those of ROS 2's common_interfaces, the same from Foxy on. Lengths in metres; stamps in nanoseconds.
+Definitions are those of ROS 2's common_interfaces, the same since Foxy. Lengths in metres; stamps in nanoseconds.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from experiments.arrays import Floats
 from experiments.formats.exchange.cdr import Cdr
 
 FRAME = "reference"
-"""Frame of the scene's axes: x right, y up, z toward the camera."""
+"""Name of the frame with the scene's axes: x right, y up, z toward the camera."""
 
 POSE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 POINT = "geometry_msgs/msg/PointStamped"
@@ -49,7 +49,7 @@ DEFINITIONS: Mapping[str, str] = {
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
     """Message of the target's position [m], (dim,), with its covariance [m²], (dim, dim).
 
-    It has no orientation: the axes' is given as exact, as is z in the plane.
+    The target has no orientation: that of the axes is stated as exact, as is z in the plane.
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov

@@ -1,4 +1,4 @@
-"""The pictures of a recording: of one camera, or of several in space.
+"""Pictures of a recording: of one camera, or of several in space.
 
-What may enter: another way in which a recording stores pictures.
+Another way of storing pictures belongs here.
 """

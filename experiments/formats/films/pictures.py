@@ -1,4 +1,4 @@
-"""The pictures of a recording: a film, numbered files, or the pieces of a film that is being recorded."""
+"""Pictures of a recording: a film, numbered files, or the pieces of a film during recording."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def source_in(folder: Path) -> Path:
 
 
 def growing_in(folder: Path, camera: str) -> Path:
-    """Where the pieces of a camera and their times grow; camera: its name, empty for the only one."""
+    """Folder of a camera's pieces and their times during recording; camera: its name, empty for the only one."""
     return folder / f"{SEGMENTS}.{camera}" if camera else folder
 
 
@@ -67,8 +67,8 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
     """The number of frames, and their name in messages; InputError, SourceError if some are missing.
 
-    A film is counted by reading it, because its header is not always right: a fraction of the time of tracking;
-    `advance` is called with the share done.
+    A film is counted by reading it, because its header may be wrong; this takes a fraction of the tracking time.
+    `advance` is called with the completed share.
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
@@ -89,7 +89,7 @@ def check_pictures(
     place: str,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Raise InputError now for faults that would otherwise appear at the end of a long run.
+    """Raise InputError now for faults that would otherwise appear only at the end of a long run.
 
     times: the file of the exposure times; size_px, place: of the camera's pictures, and the key that states it
     """

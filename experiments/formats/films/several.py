@@ -1,4 +1,4 @@
-"""The films of several cameras in a recording of a scene in space, each with times of its own."""
+"""Films of several cameras in a recording of a scene in space, each with its own times."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ class CameraFilm:
 
 
 def film_name(camera: str, i: int) -> str:
-    """The part of a file's name for a camera; InputError for a name that cannot be one."""
+    """The part of a file's name for a camera; InputError for a camera name that is invalid in file names."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera
 
 
 def films_in(folder: Path) -> dict[str, Path]:
-    """Films and folders of pictures by the camera they name, `video.NAME.avi`, `frames.NAME/`; InputError for two."""
+    """Films and folders of pictures by camera name, `video.NAME.avi`, `frames.NAME/`; InputError for two."""
     films: dict[str, Path] = {}
     for path in sorted(folder.glob("*.*")):
         named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)
@@ -103,7 +103,7 @@ def read_films(
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
     """Times at which any camera exposed [s], (n,), and the numbers of the films with a picture of each.
 
-    Pictures of several cameras within `vision.TOGETHER_S` of the first are of one time, its own.
+    Pictures of several cameras within `vision.TOGETHER_S` of the first have its time.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

@@ -1,4 +1,4 @@
-"""Marks that another tracker found: their covariances, times, values that repeat, and whether they lie as drawn.
+"""Marks from another tracker: covariances, times, repeated values, and test against the drawing.
 
 Each is imported from its own module.
 """

@@ -13,25 +13,25 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Root mean square distance of marks from the drawing, by the body's size, above which they do not fit: more than pokes
-and weight move a body that is drawn at rest; chosen."""
+"""Root mean square distance of marks from the drawing, relative to the body's size, above which they do not fit;
+choice: more than the effect of pokes and weight on a body that is drawn at rest."""
 
 FITS = 0.1
-"""The same after another interpretation of the numbers, below which it fits; it must also be a quarter of that before;
-chosen."""
+"""Distance below which another interpretation of the numbers fits; it must also be a quarter of that before;
+choice."""
 
 ALIKE = 1.5
-"""Interpretations that are worse than the best by at most this are equivalent [1]; the simplest of them is named;
-chosen."""
+"""Ratio of distances up to which interpretations are equivalent to the best [1]; the simplest of them is named;
+choice."""
 
 FLAT = 0.2
-"""Spread of marks across their longest direction, by that along it, below which they are collinear; chosen."""
+"""Relative spread of marks across their longest direction, below which they are collinear; choice."""
 
 N_FRAMES = 10
-"""Frames with marks for which to wait for marks that are missing in the first ones; chosen."""
+"""Number of frames with marks that may pass until all marks were visible once; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Units that lengths may have, in place of mm."""
+"""Units that lengths may have instead of mm."""
 
 
 RESIZED = 8.0
@@ -39,14 +39,14 @@ RESIZED = 8.0
 
 
 class FirstMarks:
-    """Tests the first marks, once. State: first positions by node [m], (dim,); number of frames with marks."""
+    """Test of the first marks, done once. State: first positions by node [m], (dim,); number of frames with marks."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """The result of `misread` for the marks so far, by node [m], reported once; else None."""
+        """Result of `misread` for the marks so far, by node [m], reported once; else None."""
         if self._judged or not places:
             return None
         self._places = {**places, **self._places}
@@ -56,15 +56,15 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """The same now, if it was not done yet."""
+        """Result of the test now, if it was not done yet."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
 
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """One line if marks, by node [m], (dim,), are spread so little or so far that no tissue deforms like that.
+    """A message if marks, by node [m], (dim,), are spread so little or so far that no tissue deforms like that.
 
-    Tested for three marks of the body or more: a cord's two may come close to each other.
+    Tested for three marks of the body or more: the two of a cord may come close to each other.
     """
     nodes = [name for name in seen_m if name in scene.network.names]
     if len(nodes) < 3:
@@ -77,7 +77,7 @@ def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:
-    """`misread` for the first of these frames of marks."""
+    """Result of `misread` for the first of these frames of marks."""
     first = FirstMarks(scene)
     found = (first.take({mark.node: mark.position_m for mark in frame}) for frame in marks)
     return next((line for line in found if line is not None), None) or first.judge()
@@ -85,7 +85,7 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Another interpretation of the marks' numbers: in words, its complexity, and the marks by it [m]."""
+    """Another interpretation of the marks' numbers: in words, its complexity, and the resulting marks [m]."""
 
     words: str
     changes: int
@@ -93,7 +93,7 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """One line if marks, by node [m], (dim,), lie far from the drawing and a simple other interpretation fits.
+    """A message if marks, by node [m], (dim,), lie far from the drawing and a simple other interpretation fits.
 
     None if they fit, and if no simple interpretation, or too many, would make them fit.
     """
@@ -124,7 +124,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether another interpretation fits, by its distance, that of the plain one, and the body's size [m]."""
+    """Whether another interpretation fits, from its distance, that of the plain one, and the body's size [m]."""
     return rms <= min(FITS * size, 0.25 * plain)
 
 

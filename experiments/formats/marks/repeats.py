@@ -1,4 +1,4 @@
-"""Frames of marks that repeat the values of an earlier frame: the tracker is frozen, though its times go on."""
+"""Detection of frames of marks that repeat an earlier frame: the tracker is frozen, though its times advance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mark that another tracker found, and its covariance as tables and lines state it: mm², xx, xy, yy, xz, yz, zz."""
+"""A mark from another tracker, and its covariance as in tables and lines: mm², xx, xy, yy, xz, yz, zz."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from experiments.arrays import Floats
 AXES = ("x_mm", "y_mm", "z_mm")
 
 LEAST_SHARE = 1e-9
-"""Least variance in any direction of a covariance, by its largest [1]: files round no coarser; numerical."""
+"""Least variance of a covariance in any direction, relative to its largest [1]; numerical: files are more precise."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
-    """A mark by another tracker: its node, its position [m], (dim,), one standard deviation for each axis [m].
+    """A mark from another tracker: its node, its position [m], (dim,), one standard deviation for each axis [m].
 
     full_cov: its covariance [m²], (dim, dim), if stated in place of sd_m; sd_m is then its mean size
     """
@@ -35,7 +35,7 @@ class MarkRow:
 
     @property
     def cov(self) -> Floats:
-        """Its covariance [m²], (dim, dim)."""
+        """Covariance of the mark [m²], (dim, dim)."""
         return self.sd_m**2 * np.eye(len(self.position_m)) if self.full_cov is None else self.full_cov
 
 
@@ -54,7 +54,7 @@ def cov_columns(dim: int) -> list[str]:
 
 
 def cov_of(entries_mm2: ArrayLike, dim: int) -> Floats:
-    """Covariances [m²], (n, dim, dim), of their entries [mm²], (n, n_entries), in the order of `cov_names`."""
+    """Covariances [m²], (n, dim, dim), from their entries [mm²], (n, n_entries), in the order of `cov_names`."""
     entries = 1e-6 * np.asarray(entries_mm2, dtype=float)
     covs = np.empty((len(entries), dim, dim))
     for k, (a, b) in enumerate(_entries(dim)):
@@ -77,5 +77,5 @@ def are_definite(covs: Floats) -> NDArray[np.bool_]:
 
 
 def are_round(rows: Sequence[MarkRow]) -> bool:
-    """Whether one standard deviation for all axes is enough for all of these marks' covariances."""
+    """Whether one standard deviation for all axes describes each of these marks' covariances."""
     return all(row.full_cov is None for row in rows)

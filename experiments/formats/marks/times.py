@@ -1,4 +1,4 @@
-"""Times of frames: whether they can be seconds, and which other unit they probably have."""
+"""Test whether times of frames can be seconds, and which other unit they probably have."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Range of usual frame intervals [s]: 1000 frames a second, and the time after which the filter forgets; chosen."""
+"""Range of usual frame intervals [s]; choice: 1000 frames/s, and the time after which the filter forgets."""
 
 USUAL_S = 1.0 / 30.0
-"""Typical interval of a tracker's frames, to distinguish units [s]; chosen."""
+"""Typical interval of a tracker's frames, for the choice of the unit [s]; choice."""
 
 UNITS = {
     "nanoseconds": 1e-9,
@@ -27,7 +27,7 @@ UNITS = {
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
     """The unit in which a stated time is nearest to the expected one [s].
 
-    None if that is seconds, and if all units differ by more than this factor.
+    None if that is seconds, or if all units differ by more than this factor.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])

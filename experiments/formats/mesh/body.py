@@ -1,4 +1,4 @@
-"""Bodies of tetrahedra from mesh files: unit, elements and surface checked."""
+"""Bodies of tetrahedra from mesh files, with checks of unit, elements and surface."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from experiments.formats.mesh.filled import filled
 from experiments.formats.mesh.source import Cells, Source, read_source
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
-"""Metres in a unit of length."""
+"""Metres per unit of length."""
 
 SMALLEST_M, LARGEST_M = 0.02, 1.0
-"""Extent of a body along its longest axis [m]; choice: a phantom of 20 mm and a trunk of 1 m are inside, while
-neighbouring units differ by 10 or more."""
+"""Permitted extent of a body along its longest axis [m]; choice: a phantom of 20 mm and a trunk of 1 m are inside,
+while neighbouring units differ by 10 or more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,10 +46,10 @@ def read_body(
     size_m: float | None = None,
     check: Callable[[Floats, Body | None], None] = lambda _places, _body: None,
 ) -> Body:
-    """The body of a mesh file; raises InputError for the first fault.
+    """Read the body of a mesh file; raises InputError for the first fault.
 
-    unit: of the file, a key of `UNITS`; size_m: edges of new elements [m], which replace those of the file
-    check: is called before elements are made, with places [m], (n, 3), and the body of the file, None of a surface
+    unit: of the file, a key of `UNITS`; size_m: edge length of new elements [m], which replace those of the file
+    check: called before elements are made, with positions [m], (n, 3), and the body of the file, None for a surface
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
@@ -64,7 +64,7 @@ def read_body(
 
 
 def _metres(source: Source, unit: str | None) -> float:
-    """Metres in the file's unit; InputError if it was not stated, or is not that of a body of tissue."""
+    """Metres per unit of the file; InputError if the unit was not stated, or does not fit a body of tissue."""
     used = np.unique((source.tetrahedra if len(source.tetrahedra) else source.triangles).nodes)
     points = source.points[used]
     finite = np.isfinite(points).all(axis=1)
@@ -89,7 +89,7 @@ def _length(metres: float) -> str:
 
 
 def _volume(source: Source, scale: float) -> Body:
-    """The tetrahedra of a file, without nodes of no element."""
+    """The tetrahedra of a file, without unused nodes."""
     used, place = np.unique(source.tetrahedra.nodes, return_inverse=True)
     mesh = tetrahedra(source.path, scale * source.points[used], place.reshape(-1, 4))
     row = np.full(len(source.points), -1)
@@ -103,7 +103,7 @@ def _volume(source: Source, scale: float) -> Body:
 
 
 def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Floats]) -> Cells:
-    """The outer faces of a mesh with the fields of those that the file lists; NaN for others."""
+    """The outer faces of a mesh with the fields of the faces in the file; NaN for others."""
     faces, n = surface(mesh).faces, len(mesh.nodes)
     keys, given = (
         (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))
@@ -118,7 +118,7 @@ def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Fl
 
 
 def tetrahedra(path: Path, nodes: Floats, elements: NDArray[np.int64]) -> TetMesh:
-    """The mesh of nodes [m] and elements; if all elements are flipped, that is the file's order, and is changed.
+    """The mesh of nodes [m] and elements; if all elements are flipped, their node order is reversed.
 
     Raises InputError for a mesh that cannot be used.
     """
@@ -139,7 +139,7 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body in elements with edges of this size [m].
 
-    A field takes the mean over the nodes nearer to a new node than to others, or the nearest value if there is none;
+    A field takes the mean over the old nodes nearest to a new node, or the nearest value if there is none;
     labels take that of the nearest element or face.
     """
     outside = surface(body.mesh)

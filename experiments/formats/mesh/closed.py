@@ -1,4 +1,4 @@
-"""Whether a surface of triangles encloses a body."""
+"""Test whether a surface of triangles encloses a body."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 
 FLATTEST = 1e-8
-"""Area of a triangle by its longest edge squared, at least [1]; numerical, a regular one has 0.43."""
+"""Least area of a triangle, relative to its longest edge squared [1]; numerical, a regular one has 0.43."""
 
 
 def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
     """Nodes [m], (n, 3), and triangles, (m, 3), counter-clockwise from outside, of a closed surface in one piece.
 
-    Formats that repeat a corner for each triangle are joined where coordinates are equal. If all triangles face inward,
-    that is the file's order, and is changed. Raises InputError.
+    Corners with equal coordinates are joined, since some formats repeat them for each triangle. If all triangles face
+    inward, their node order is reversed. Raises InputError.
     """
     used, place = np.unique(faces, return_inverse=True)
     nodes, joined = np.unique(points[used], axis=0, return_inverse=True)

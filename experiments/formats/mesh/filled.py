@@ -1,4 +1,4 @@
-"""Closed surfaces filled with tetrahedra by fTetWild [hu2020]."""
+"""Filling of closed surfaces with tetrahedra by fTetWild [hu2020]."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from experiments.errors import InputError
 from experiments.extras import require
 
 EDGES = 20
-"""Edges of elements along the diagonal of a body whose size is not stated; the default of fTetWild."""
+"""Default number of element edges along the diagonal of a body; that of fTetWild."""
 
 LEAST_EDGES, MOST_EDGES = 3.0, 200.0
-"""Edges along the diagonal: with fewer the body has no inside, with more the mesh has millions of nodes; choice."""
+"""Permitted numbers of edges along the diagonal; choice: fewer leave no inside, more give millions of nodes."""
 
 ENVELOPE = 0.1
-"""Distance of the new surface from the given one, at most, by the edge of an element [1]; choice: below the error of
+"""Largest distance of the new surface from the given one, relative to an element's edge [1]; choice: below the error of
 elements of that size."""
 
 GRID = 0.4
-"""Cells whose points are joined before the filling, by the edge of an element [1]; choice: a surface of 4,340 triangles
-is filled in 5 s in place of 40 s, with the same volume to 0.1 %."""
+"""Size of cells whose points are joined before the filling, relative to an element's edge [1]; choice: a surface of
+4,340 triangles is filled in 5 s instead of 40 s, with the same volume to 0.1 %."""
 
 
 def filled(
@@ -36,7 +36,7 @@ def filled(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Nodes [m] and tetrahedra inside a closed surface; raises InputError.
 
-    size_m: edges of the elements; by default a twentieth of the diagonal
+    size_m: edge length of the elements; by default a twentieth of the diagonal
     """
     require(str(path), "mesh")
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
@@ -60,7 +60,7 @@ def filled(
 def _by_ftetwild(
     nodes: Floats, faces: NDArray[np.int32], size_m: float, envelope: float
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Nodes and tetrahedra, in a process of its own: fTetWild takes over signals, and leaves files where it runs."""
+    """Nodes and tetrahedra from a separate process: fTetWild takes over signals, and leaves files where it runs."""
     import pytetwild
 
     with TemporaryDirectory() as folder, chdir(folder):
@@ -69,9 +69,9 @@ def _by_ftetwild(
 
 
 def _joined(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
-    """The surface with the points of each cell of a grid joined in their mean; triangles without area are left out.
+    """The surface with the points of each grid cell joined at their mean; triangles without area are omitted.
 
-    Triangles are in the order of their cells: fTetWild is ten times slower when neighbours are far apart in the list.
+    Triangles are in the order of their cells: fTetWild is ten times slower if neighbours are far apart in the list.
     """
     cells = np.unique(np.floor(nodes / side_m).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
     means = np.stack([np.bincount(cells, axis) for axis in nodes.T], axis=1) / np.bincount(cells)[:, None]

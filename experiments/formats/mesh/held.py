@@ -1,4 +1,4 @@
-"""The nodes of a mesh that are held: beyond a plane, of a region, or of a labelled wall."""
+"""Selection of the fixed nodes of a mesh: beyond a plane, of a region, or of a labelled wall."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REGION = re.compile(r"region\s+(-?\d+)")
 WALL = "wall"
 
 FORMS = '"y < 6" [mm], "region 3" or "wall"'
-"""What `fixed` may be, for messages."""
+"""Forms of `fixed`, for messages."""
 
 
 def extents(places: Floats) -> str:
@@ -26,13 +26,13 @@ def extents(places: Floats) -> str:
 
 
 def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:
-    """The places [m], (n, 3), beyond a plane of the form `PLANE`, (k,) int."""
+    """Indices of the positions [m], (n, 3), beyond a plane of the form `PLANE`, (k,) int."""
     along = 1e3 * places[:, "xyz".index(plane[1])]
     return np.flatnonzero(along < float(plane[3]) if plane[2] == "<" else along > float(plane[3]))
 
 
 def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
-    """The nodes that `fixed` names, (k,) int; ValueError, `expected …, found …`, for none or all of them."""
+    """Indices of the fixed nodes by `fixed`, (k,) int; ValueError, `expected …, found …`, for none or all nodes."""
     mesh = of.mesh
     if plane := PLANE.fullmatch(fixed.strip()):
         nodes = beyond(mesh.nodes, plane)

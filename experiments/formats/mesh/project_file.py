@@ -1,4 +1,4 @@
-"""The mesh of a scene: nodes, elements, regions and the nodes of a wall, in a file of NumPy's."""
+"""Mesh file of a scene, in NumPy's format: nodes, elements, regions and the nodes of a wall."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from experiments.errors import InputError, shown
 ENDING = ".npz"
 
 ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
-"""Arrays of the file, and the kind of their numbers."""
+"""Arrays of the file, and the kinds of their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectMesh:
-    """The mesh of a scene; wall: nodes that its source labels as held, (k,) int, may be none."""
+    """The mesh of a scene; wall: nodes that its source labels as fixed, (k,) int, possibly none."""
 
     mesh: TetMesh
     wall: NDArray[np.int64]
@@ -35,11 +35,11 @@ def mesh_content(of: ProjectMesh) -> bytes:
 
 
 def mesh_of(content: bytes, path: Path) -> ProjectMesh:
-    """The mesh in the content of a file; raises InputError, with the path, for one that cannot be used."""
+    """The mesh in the content of a file; raises InputError with the path if it is invalid."""
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {key: file[key] for key in ARRAYS if key in file.files}
-    except Exception as error:  # of a file that is none of NumPy's
+    except Exception as error:  # from a file that is not NumPy's
         raise InputError.at(path, "the mesh of softaim new", shown(str(error) or type(error).__name__)[1:-1]) from None
     for key, kind in ARRAYS.items():
         if key not in arrays or arrays[key].dtype.kind != kind:

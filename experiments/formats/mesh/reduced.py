@@ -1,4 +1,4 @@
-"""Networks of meshes, kept in the user's cache, because their reduction takes seconds."""
+"""Cache of reduced mesh networks in the user's folder, because the reduction takes seconds."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ DIGEST = hashlib.sha256().digest_size
 
 
 def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) -> MassSpringNetwork:
-    """The network of a mesh, of the cache if it is there, else as made.
+    """The reduced network of a mesh: from the cache if it is there, else computed by `make`.
 
-    key: that determines it, beside the program: what JSON can write
+    key: determines it together with the program, as values that JSON can write
     """
     path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
     if (kept := _read(path)) is not None:
@@ -55,7 +55,7 @@ def _program() -> str:
 
 
 def _content(network: MassSpringNetwork) -> bytes:
-    """Its digest, then its arrays."""
+    """Content of a cache file: its digest, then its arrays."""
     if network.continuum is None:
         raise ValueError("network: expected a continuum, found none")
     arrays = {f.name: np.asarray(getattr(network, f.name)) for f in fields(network) if f.init and f.name != "continuum"}
@@ -67,7 +67,7 @@ def _content(network: MassSpringNetwork) -> bytes:
 
 
 def _read(path: Path) -> MassSpringNetwork | None:
-    """The network of a file of the cache; None if there is none, or it is not whole."""
+    """The network in a cache file; None if it is missing or incomplete."""
     try:
         content = path.read_bytes()
     except OSError:

@@ -18,13 +18,13 @@ from experiments.errors import InputError, shown
 from experiments.extras import require
 
 READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": "obj", ".ply": "ply"}
-"""Modules of meshio by the end of a file's name."""
+"""Modules of meshio by file name extension."""
 
 READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
-"""Cells that a mesh may have, with their nodes; points and lines are left out, a quadrilateral is two triangles."""
+"""Permitted cells, with their numbers of nodes; points and lines are ignored, a quadrilateral is two triangles."""
 
 HEADER = 600
-"""Bytes of a VTK file that have its header: lines of 256 characters at most."""
+"""Bytes of a VTK file that contain its header: lines of 256 characters at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Cells:
     """Cells of one kind.
 
     nodes: of each, (m, 3) or (m, 4)
-    fields: numbers of each, (m,), by name
+    fields: a number for each cell, (m,), by name
     """
 
     nodes: NDArray[np.int64]
@@ -58,7 +58,7 @@ class Source:
 
 
 def read_source(path: Path) -> Source:
-    """The content of a mesh file; raises InputError for one that cannot be read, and for other kinds of cells."""
+    """Read a mesh file; raises InputError for an unreadable file and for other kinds of cells."""
     require(str(path), "mesh")
     if path.suffix.lower() not in READERS:
         raise InputError.at(path, f"one of {', '.join(READERS)}", path.suffix or "no such ending")
@@ -75,7 +75,7 @@ def read_source(path: Path) -> Source:
         raise
     except OSError as error:
         raise InputError.refused(path, "a file that can be read", error) from error
-    except Exception as error:  # of a parser, which raises what it meets
+    except Exception as error:  # from a parser, which may raise anything
         fault = shown(str(error) or type(error).__name__)[1:-1]
         raise InputError.at(path, f"a mesh of {READERS[path.suffix.lower()].upper()}", fault) from None
     points = np.asarray(mesh.points, dtype=float)
@@ -112,7 +112,7 @@ def _cells(mesh: Any, kinds: Sequence[str]) -> Cells:
 
 
 def _numbers(fields: Mapping[str, Any], n: int) -> dict[str, Floats]:
-    """Those fields that are one number for each of n points or cells; vectors and texts are left out."""
+    """Fields with one number for each of n points or cells; vectors and texts are omitted."""
     kept = {}
     for name, values in fields.items():
         array = np.asarray(values)

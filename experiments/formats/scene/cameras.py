@@ -17,7 +17,7 @@ from experiments.formats.toml_file import exactly, key_lines
 from vision import Lens, PlaneCamera, Pose, SpaceCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
-"""Maps homogeneous points of the plane from metres to the millimetres of a scene file's homography."""
+"""Matrix from homogeneous points of the plane in metres to the millimetres of a scene file's homography."""
 
 
 Camera = PlaneCamera | SpaceCamera | LensFile
@@ -25,7 +25,7 @@ Camera = PlaneCamera | SpaceCamera | LensFile
 
 
 def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
-    """The camera of a table, or its lens alone without a pose; a named file is searched in this folder.
+    """The camera of a table, or only its lens without a pose; a named file is searched in this folder.
 
     dim: of the scene. Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """
@@ -70,7 +70,7 @@ def _of_keys(table: CameraTable, dim: int) -> Camera:
 
 
 def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
-    """The camera with this lens at the table's pose; the lens alone without a pose."""
+    """The camera with this lens at the table's pose; only the lens without a pose."""
     if table.rotation is None or table.translation_mm is None:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM

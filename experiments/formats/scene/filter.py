@@ -1,4 +1,4 @@
-"""The filter's tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels and led nodes."""
+"""Filter tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels and led nodes."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ class Mark:
 
     half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
     even: whether it has one colour, unlike a shaded ball
-    ball: whether it is a ball, seen as a circle from all sides; else a disc on the plane, seen obliquely as an ellipse
+    ball: whether it is a ball, whose image is a circle; else a disc on the plane, whose image is an ellipse
     """
 
     node: str
@@ -35,12 +35,12 @@ class Mark:
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """Its picture at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Its image at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 
     def coloured(self, hue: MarkHue) -> Mark:
-        """The same mark in another colour."""
+        """A copy of the mark in another colour."""
         return replace(
             self,
             hue_deg=hue.hue_deg,
@@ -64,7 +64,7 @@ def mark_lines(mark: Mark) -> list[str]:
 
 
 def look_keys(mark: Mark) -> dict[str, float | bool | None]:
-    """The keys for a mark's look in a film, hue and diameter first."""
+    """Keys for a mark's look in a film, hue and diameter first."""
     return {
         "hue_deg": mark.hue_deg,
         "diameter_mm": 1e3 * mark.diameter_m,

@@ -1,4 +1,4 @@
-"""The mesh of a scene file: read from `[mesh]` as a network of its points, and written to it."""
+"""Mesh table of a scene file: read from `[mesh]` as a network of its points, and written to it."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTiss
 from experiments.formats.toml_file import key_lines
 
 LINE = "needle"
-"""Name of points on a needle's line, with a number."""
+"""Name of points on a needle's line, before their number."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Between points on a line, by the extent, and at least so many edges of elements [1]; choice: the radius of the patch
-of a force, and no more points than elements can move apart."""
+"""Spacing of points on a line, relative to the extent, and least spacing in element edges [1]; choice: the radius of
+the patch of a force; more points than elements cannot move independently."""
 
 APART_M = 1e-5
-"""Distance of two points below which they are at one place [m]; choice: finer than any mark."""
+"""Distance of two points below which they coincide [m]; choice: finer than any mark."""
 
 ON_SKIN_M = 1e-3
-"""Distance of the first point of a line from the skin, at most [m]; choice: entries are rounded."""
+"""Largest distance of the first point of a line from the skin [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,10 +42,10 @@ class SceneMesh:
     """The mesh of a scene.
 
     file: its name, beside the scene's file; content: of that file
-    fixed: the nodes that are held, as `held` reads it; None: none
+    fixed: the fixed nodes, in the form of `held`; None: none
     tissues: with the numbers of their regions, (n_tissues,)
-    points: names and places [m] of marks and target
-    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): that of a scaled network has its factors
+    points: names and positions [m] of marks and target
+    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): its ratio gives a scaled network's factors
     """
 
     file: str
@@ -57,9 +57,9 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with the stiffness that they have in a network of this mesh, as identification scales it.
+        """The tissues with their stiffness in a network of this mesh, as identification scales it.
 
-        Their damping stays as it was: its time by stiffness is as many times shorter.
+        Their damping does not change: its time, damping divided by stiffness, becomes shorter by the same factor.
         """
         factors = _traces(network) / self.stiffness
         return tuple(
@@ -68,9 +68,9 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network of these points in all responses to smooth surface forces, with the tissues of this network.
+        """Network of these points with all responses to smooth surface forces, and the tissues of this network.
 
-        They are not all modes of the mesh.
+        These are not all modes of the mesh.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
@@ -118,7 +118,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
-    """How far places [m], (n, 3), are outside of the body [m], (n,): 0 inside."""
+    """Distance of positions [m], (n, 3), outside the body [m], (n,): 0 inside."""
     return _outside_m(mesh_of(mesh.content, Path(mesh.file)).mesh, places)
 
 
@@ -128,10 +128,10 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 
 
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
-    """Mesh and network with further points on the part of a straight line that is inside, `LINE 1` and so on.
+    """Mesh and network with additional points on the part of a straight line inside the body, `LINE 1` and so on.
 
-    A point of the mesh within half the spacing serves in the place of one on the line; names that it has are skipped.
-    ends: of the line [m], (2, 3). Masses of points, by which forces are stated, stay as they are.
+    A point of the mesh within half the spacing replaces one on the line; names in use are skipped.
+    ends: of the line [m], (2, 3). Masses of points, by which forces are stated, do not change.
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
@@ -154,7 +154,7 @@ def mesh_table(
     tissues: Mapping[int, Tissue],
     points: Sequence[tuple[str, Sequence[float] | Floats]],
 ) -> MeshTable:
-    """`[mesh]` of tissues by region, and of points [m] by name; rounded to six digits and 0.1 µm."""
+    """`[mesh]` with tissues by region, and points [m] by name; rounded to six digits and 0.1 µm."""
     return MeshTable(
         file=file,
         fixed=fixed,
@@ -198,7 +198,7 @@ def _made(
 
 
 def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
-    """The mesh with its regions numbered as the tissues are listed; SceneError for a region without one."""
+    """The mesh with its regions numbered in the order of the tissues; SceneError for a region without one."""
     numbers = [tissue.region for tissue in table.tissue]
     for i, number in enumerate(numbers):
         if numbers.index(number) < i:
@@ -216,7 +216,7 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
 
 
 def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
-    """Raise SceneError if two points are at one place of a mesh, MeshError if one is outside."""
+    """Raise SceneError if two points of a mesh coincide, MeshError if one is outside."""
     names, places = list(points), np.array(list(points.values()), dtype=float).reshape(-1, 3)
     between = np.triu(squareform(pdist(points_of(of.mesh, surface(of.mesh), places).places)) < APART_M, 1)
     for first, i in np.argwhere(between)[:1]:

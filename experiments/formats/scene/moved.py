@@ -1,4 +1,4 @@
-"""A scene in other coordinates: all that is drawn moves as a rigid body; cameras stay, they are in the world."""
+"""A scene moved to other coordinates: the drawing moves as a rigid body; cameras stay in the world."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
     """The scene with its body, gravity, target and reference marks moved; SceneError if that does not fit its cameras.
 
-    Gravity turns with the body, which keeps the posture in which it was drawn. mesh_file: of the moved mesh
+    Gravity turns with the body, which keeps the posture in which it was drawn. mesh_file: file of the moved mesh
     """
     mesh, drawn = None, scene.network
     if scene.mesh is not None:
@@ -41,7 +41,7 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 def _moved_mesh(
     mesh: SceneMesh, network: MassSpringNetwork, motion: RigidMotion, file: Path
 ) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh with its held nodes as its wall, for a plane that holds them is one of the old axes."""
+    """The mesh with its fixed nodes as its wall, because a plane that fixes them refers to the old axes."""
     of = mesh_of(mesh.content, Path(mesh.file))
     wall = of.wall if mesh.fixed is None else held(of, mesh.fixed)
     content = mesh_content(ProjectMesh(replace(of.mesh, nodes=motion.moved(of.mesh.nodes)), wall))

@@ -1,4 +1,4 @@
-"""The network of a scene file: read from `[network]`, and written to it."""
+"""Network table of a scene file: read from `[network]`, and written to it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEAREST_MM = 1e-4
 
 
 def is_node_name(name: str) -> bool:
-    """Whether this is a valid name: printable on one line, without surrounding space."""
+    """Whether this is a valid name: printable on one line, without surrounding spaces."""
     return bool(name) and name.isprintable() and name == name.strip()
 
 
@@ -105,7 +105,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
-    """`[network]` of a scene file, line by line; groups: of each spring, as `spring_groups` has them."""
+    """`[network]` of a scene file, line by line; groups: of each spring, as from `spring_groups`."""
     lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""The outside of a body in space, to be drawn: the surface of its mesh at rest, or the convex hull of its springs."""
+"""Outer surface of a body in space for drawing: of its mesh at rest, or the convex hull of its springs."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Side of the first cells that become one corner, by the body's size, and the factor to the next."""
+"""Size of the first cells that become one corner, relative to the body's size, and its factor for coarser ones."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outside:
-    """Corners of faces [m], (n, 3), and the faces, (n_faces, 3), counter-clockwise from outside."""
+    """Outer surface: corners of faces [m], (n, 3), and the faces, (n_faces, 3), counter-clockwise from outside."""
 
     corners: Floats
     faces: NDArray[np.int64]
 
     @property
     def normals(self) -> Floats:
-        """Across the faces, outward, of twice their area [m²], (n_faces, 3)."""
+        """Outward normals of the faces, with twice their area as length [m²], (n_faces, 3)."""
         a, b, c = (self.corners[self.faces[:, k]] for k in range(3))
         return np.cross(b - a, c - a)
 
 
 def outside_of(scene: Scene, most: int) -> Outside:
-    """The outside of a body in at most so many faces."""
+    """Outer surface of a body with at most this number of faces."""
     if scene.mesh is not None:
         mesh = mesh_of(scene.mesh.content, Path(scene.mesh.file)).mesh
         return fewer(_outside(mesh.nodes, surface(mesh).faces), most)
@@ -49,7 +49,7 @@ def outside_of(scene: Scene, most: int) -> Outside:
 
 
 def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
-    """Which faces of the outside of a mesh are of its wall, (n_faces,): it is held next to all of their corners."""
+    """Which faces of a mesh belong to its wall, (n_faces,): the body is fixed near all of their corners."""
     if scene.mesh is None or not scene.mesh.fixed:
         return np.zeros(len(outside.faces), dtype=bool)
     of = mesh_of(scene.mesh.content, Path(scene.mesh.file))
@@ -59,7 +59,7 @@ def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
 
 
 def fewer(whole: Outside, most: int) -> Outside:
-    """A surface of at most so many faces: the corners in one cell of a grid become their mean."""
+    """A surface with at most this number of faces: the corners in one cell of a grid become their mean."""
     found, cell = whole, FINEST * float(np.ptp(whole.corners, axis=0).max())
     while len(found.faces) > most:
         _, inverse = np.unique(np.round(whole.corners / cell).astype(int), axis=0, return_inverse=True)
@@ -72,6 +72,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """These faces, with those of the places [m], (n, 3), that are their corners."""
+    """These faces with only the corners, among positions [m], (n, 3), that they use."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

@@ -22,7 +22,7 @@ from vision import PlaneCamera
 
 @dataclass(frozen=True, slots=True)
 class ReferenceMark:
-    """A fixed mark.
+    """A reference mark, which does not move.
 
     name: in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
     look: its look in a film, with its name as the node; None without a camera
@@ -34,13 +34,13 @@ class ReferenceMark:
     look: Mark | None = None
 
     def place(self, network: MassSpringNetwork) -> Floats:
-        """Its position [m], (dim,)."""
+        """Position of the mark [m], (dim,)."""
         return np.array(self.position_m) if self.node is None else network.positions[network.index(self.node)].copy()
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The reference marks of a scene.
+    """Reference marks of a scene.
 
     drift_sd_m: possible unnoticed drift of the camera or tracker, one standard deviation for each axis [m]; None: not
     stated
@@ -51,7 +51,7 @@ class Reference:
 
     @property
     def looks(self) -> tuple[Mark, ...]:
-        """The looks of those that a film shows."""
+        """Looks of the marks that a film shows."""
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
     def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
@@ -107,7 +107,7 @@ def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
 
 
 def reference_lines(reference: Reference) -> list[str]:
-    """The lines of `[reference]`; none without content."""
+    """Lines of `[reference]`; none without content."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
     drift_sd_mm = None if reference.drift_sd_m is None else 1e3 * reference.drift_sd_m

@@ -1,4 +1,4 @@
-"""Whether a network rests near its drawing; if not, which key of its file probably has another unit.
+"""Test whether a network rests near its drawing; if not, which key of its file probably has another unit.
 
 The rest depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
 density from masses and distances decides between them.
@@ -19,17 +19,17 @@ UNIT = 30.0
 """Factor above which a number probably has another unit: units differ by 100 or 1000; choice."""
 
 BALANCED = 0.05
-"""Share of the weight that springs may leave unbalanced as drawn, by rounded rest lengths; choice."""
+"""Share of the weight that springs may leave unbalanced as drawn, due to rounded rest lengths; choice."""
 
 LONGEST = 2.0
-"""Length of a spring at rest by its rest length above which a body sags by stretching, not by turning; choice."""
+"""Ratio of length at rest to rest length of a spring above which a body sags by stretching, not turning; choice."""
 
 DENSITY = 100.0
-"""Plausible density, a node's mass in the cube of a spring's length [kg/m³]: tissue has 1000, a phantom less;
-choice."""
+"""Plausible density, a node's mass in the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
+less."""
 
 GRAVITY = 9.81
-"""[m/s²]"""
+"""Acceleration of gravity [m/s²]."""
 
 UNITS = {
     ("mass_kg", 3): "g",
@@ -42,7 +42,7 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""The suspected unit, by the key and the power of ten of the missing stiffness."""
+"""The suspected unit, by the key and the power of ten that the stiffness lacks."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
@@ -93,7 +93,7 @@ def _lacking(springs: Floats, weight: Floats) -> float:
 
 
 def _fault(network: MassSpringNetwork) -> ValueError | None:
-    """Why a network does not rest near its drawing; None if it does, or only turns without stretching."""
+    """Reason why a network does not rest near its drawing; None if it does, or only turns without stretching."""
     try:
         with np.errstate(all="ignore"):  # overflow means no rest
             rest = rest_shape(network)

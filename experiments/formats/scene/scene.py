@@ -36,8 +36,8 @@ class Scene:
     uncertainty: of the constants of the tissue, None for exact ones
     settings: noise levels, pokes and led nodes in the filter
     spring_groups: name of each spring's group, whose constants are identified together, (n_springs,), empty for a
-    spring by itself; an empty tuple without groups
-    steps: what was done on it, in order
+    single spring; an empty tuple without groups
+    steps: steps that were done on it, in order
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose: their pictures cannot be used
     mesh: the mesh of the network, None for springs
@@ -119,9 +119,9 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of directions in which the calibration is uncertain, of the first camera or of all in space.
+        """Number of uncertain directions of the calibration, of the first camera or of all in space.
 
-        Those of the pose by reference marks come last; in space these need given marks, not pictures.
+        Those of the pose from reference marks come last; in space these need given marks, not pictures.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
@@ -131,12 +131,12 @@ class Scene:
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """Directions of the calibration of each camera in space, (n_calibration, 15) [px, 1, rad, m], one sd each."""
+        """Uncertain directions of each space camera's calibration, (n_calibration, 15) [px, 1, rad, m], one sd."""
         return principal_steps(self.space_cameras, self.network.positions)
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """Names of marks for another tracker: that of the node, or of the reference mark."""
+        """Names of marks for another tracker: the node, or the reference mark."""
         return (*(mark.node for mark in self.marks), *(mark.name for mark in self.reference.marks))
 
     @property
@@ -146,18 +146,18 @@ class Scene:
 
     @property
     def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
-        """The measured nodes by the hue of their marks: those in one group may be confused."""
+        """The measured nodes grouped by the hue of their marks: marks of one group may be confused."""
         hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
 
 def read_scene(path: FilePath) -> Scene:
-    """The scene of a file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
+    """Read a scene file; raises InputError, `scene.toml: key: expected …, found …`, for the first fault."""
     return scene_of_tables(read_toml(Path(path), SceneFile), Path(path))
 
 
 def usable_scene(path: Path, *, rests: bool = True) -> Scene:
-    """The scene of a file for simulation or estimation: its body rests near its drawing. Raises InputError.
+    """Read a scene file for simulation or estimation: its body must rest near its drawing. Raises InputError.
 
     rests: False: accept a body without any rest there, for inspection
     """
@@ -196,7 +196,7 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
 
 
 def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNetwork]:
-    """The network of a file, and the mesh that it is of."""
+    """The network of a file, and its mesh if it has one."""
     if file.network is not None:
         return None, network_of(file.network)
     if file.mesh is None:
@@ -224,7 +224,7 @@ def write_scene(scene: Scene, path: FilePath) -> None:
 
 
 def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
-    """The file of a scene's mesh beside that of the scene, to be written with it; empty if it is there, or has none.
+    """The mesh file to write beside a scene's file; empty if it exists already, or the scene has no mesh.
 
     force: replace another file of this name. Raises InputError.
     """
@@ -244,7 +244,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of a scene's content, independent of its file's layout; the steps done on it are left out."""
+    """SHA-256 of a scene's content, independent of its file's layout and of the steps done on it."""
     return digest(_content(scene))
 
 

@@ -1,4 +1,4 @@
-"""The tables and keys of `scene.toml`."""
+"""Tables and keys of `scene.toml`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positi
 
 
 class SceneError(ValueError):
-    """Parts of a scene that do not fit together; the message is `key: expected …, found …` with keys of scene.toml."""
+    """Error for parts of a scene that do not fit together: `key: expected …, found …` with keys of scene.toml."""
 
 
 def check_own_names(key: str, names: Sequence[str]) -> None:
@@ -29,7 +29,7 @@ def check_dim(key: str, place: Sequence[float], dim: int) -> None:
 
 
 class NodeTable(Strict):
-    """`[[network.node]]`; an anchor may leave out its mass."""
+    """`[[network.node]]`; an anchor may omit its mass."""
 
     name: Name
     position_mm: Coordinates
@@ -50,14 +50,14 @@ class SpringTable(Strict):
 
 
 NODE_KEYS = {"drag_N_s_m": ("drag", 1.0), "friction_N": ("friction", 1.0)}
-"""Constants of a node: key of `[[network.node]]`, field of `MassSpringNetwork`, SI units in one unit of the key."""
+"""Constants of a node: key of `[[network.node]]`, field of `MassSpringNetwork`, SI units per unit of the key."""
 
 SPRING_KEYS = {
     "stiffness_N_m": ("stiffness", 1.0),
     "rest_length_mm": ("rest_lengths", 1e-3),
     "damping_N_s_m": ("damping", 1.0),
 }
-"""Constants of a spring: key of `[[network.spring]]`, field of `MassSpringNetwork`, SI units in one unit of the key."""
+"""Constants of a spring: key of `[[network.spring]]`, field of `MassSpringNetwork`, SI units per unit of the key."""
 
 
 class NetworkTable(Strict):
@@ -69,7 +69,7 @@ class NetworkTable(Strict):
 
 
 class MeshTissueTable(Strict):
-    """`[[mesh.tissue]]`: of the elements with this number of a region."""
+    """`[[mesh.tissue]]`: tissue of the elements with this region number."""
 
     name: Name
     region: int
@@ -80,7 +80,7 @@ class MeshTissueTable(Strict):
 
 
 class MeshPointTable(Strict):
-    """`[[mesh.point]]`: a place of a mark on the surface, or of the target inside."""
+    """`[[mesh.point]]`: position of a mark on the surface, or of the target inside."""
 
     name: Name
     position_mm: Three
@@ -89,7 +89,7 @@ class MeshPointTable(Strict):
 class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra in place of a network.
 
-    fixed: the nodes that are held, see `held`
+    fixed: the fixed nodes, see `held`
     """
 
     file: Name
@@ -157,9 +157,9 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]`: a homography, or a lens and its pose, or the file that has both; in space not a homography.
+    """`[[camera]]`: a homography, or a lens and its pose, or a file with both; in space not a homography.
 
-    A lens, or a file of ROS or OpenCV with one, may have no pose; such a file may have a pose beside it.
+    A lens, or a ROS or OpenCV file of one, may lack a pose; the table may state a pose beside such a file.
     """
 
     name: Name | None = None
@@ -206,8 +206,8 @@ LogSd = Annotated[float, Field(gt=0, le=700)]
 class UncertaintyTable(Strict):
     """`[uncertainty]` of the constants: relative standard deviations.
 
-    Either by kind, for each constant independently, or as directions: each row is one standard deviation along one
-    independent direction in the logs of the named parameters.
+    They are given either by kind, for each constant independently, or as directions: each row is one standard deviation
+    along one independent direction in the logs of the named parameters.
     """
 
     stiffness: LogSd | None = None
@@ -234,19 +234,19 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: priors in place of the defaults, and the led nodes, see `FilterSettings`."""
+    """`[filter]`: priors that replace the defaults, and the led nodes, see `FilterSettings`."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     unified: Literal[True] = True
-    """Keys of scenes for an earlier filter."""
+    """Key of scenes for an earlier filter."""
     led_nodes: list[Name] = Field(default_factory=list)
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""simulate: the truth of the recording in its folder was made with its constants."""
+"""Steps on a scene; simulate: the truth of the recording in its folder was computed with its constants."""
 
 
 class ProvenanceTable(Strict):

@@ -1,4 +1,4 @@
-"""Marks on the skin of a body in space: which way they face, and what a camera sees of them."""
+"""Marks on the skin of a body in space: their normals, and their images in a camera."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from vision import SpaceCamera
 
 
 def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
-    """Which way the marks of nodes face, unit vectors, (n, 3): out of the mesh as drawn, or of its network."""
+    """Outward unit normals of the marks of nodes, (n, 3), from the mesh as drawn, or from its network."""
     network = scene.network
     if scene.mesh is None:
         return _out_of_hull(network, nodes)
@@ -30,7 +30,7 @@ def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
 
 @lru_cache(maxsize=8)
 def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], ...]) -> Floats:
-    """Across the surface of a mesh next to these places, (n, 3): the normals of nodes, by the weights of a face."""
+    """Normals of a mesh's surface near these positions, (n, 3): those of nodes, with the weights of a face."""
     mesh = mesh_of(content, Path(file)).mesh
     skin, normals = surface(mesh), np.zeros((len(mesh.nodes), 3))
     normals[skin.nodes] = skin.normals
@@ -40,9 +40,9 @@ def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], .
 
 
 def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
-    """Across the convex hull of the body as drawn.
+    """Normals of the convex hull of the body as drawn.
 
-    At a corner of the hull the mean of its facets by their area, inside the hull as the nearest facet.
+    At a corner of the hull: the mean of its facets by area; inside the hull: the nearest facet.
     """
     x, rows = network.positions, [network.index(node) for node in nodes]
     try:
@@ -62,7 +62,7 @@ def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
 
 
 def facing(camera: SpaceCamera, places_m: Floats, normals: Floats, least: float) -> NDArray[np.bool_]:
-    """Which marks at these places [m], (n, 3), face the camera, (n,).
+    """Which marks at these positions [m], (n, 3), face the camera, (n,).
 
     normals: (n, 3); least: cosine of the largest angle between a normal and the direction to the camera
     """
@@ -72,7 +72,7 @@ def facing(camera: SpaceCamera, places_m: Floats, normals: Floats, least: float)
 
 
 def across(normals: Floats) -> Floats:
-    """Two unit vectors across each of these, (n, 3): (n, 3, 2)."""
+    """Two unit vectors perpendicular to each of these, (n, 3): (n, 3, 2)."""
     least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     one = np.cross(normals, least)
     one /= np.linalg.norm(one, axis=1, keepdims=True)
@@ -82,12 +82,12 @@ def across(normals: Floats) -> Floats:
 def mark_shapes_px(
     marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, discs: Floats, by_place: Floats
 ) -> Floats:
-    """Pictures of marks at these places [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses, of balls circles.
+    """Images of marks at these positions [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses or circles.
 
-    discs: `across` of their normals, (n, 3, 2); by_place: derivatives of their places in the picture, (n, 2, 3) [px/m]
+    discs: `across` of their normals, (n, 3, 2); by_place: derivatives of their projections, (n, 2, 3) [px/m]
     """
     are_balls = np.array([mark.ball for mark in marks])
-    if are_balls.any():  # a ball is seen as a disc across the line of sight
+    if are_balls.any():  # a ball looks like a disc perpendicular to the line of sight
         discs = np.where(are_balls[:, None, None], across(camera.centre_m - places_m), discs)
     radii_m = np.array([mark.diameter_m / 2.0 for mark in marks])
     return np.asarray(radii_m[:, None, None] * (by_place @ discs), dtype=np.float64)

@@ -1,6 +1,6 @@
-"""The steps done on a scene: read from `[[provenance]]`, and written to it.
+"""Steps done on a scene: read from `[[provenance]]`, and written to it.
 
-There are no times here, so that the same steps give the same file; they are in the provenance file beside it.
+Times are omitted, so that the same steps give the same file; they are in the provenance file beside it.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ from experiments.formats.toml_file import key_lines
 class Target:
     """The hidden target point: a node, or a point at an offset from it.
 
-    radius_m: radius of a hit [m]; offset_m: from the node, fixed in direction [m], (dim,); empty: the node itself
-    position_sd_m: standard deviation of its position in the tissue on each axis, registration included [m]; None: not
+    radius_m: radius of a hit [m]; offset_m: from the node, of constant direction [m], (dim,); empty: the node itself
+    position_sd_m: standard deviation of its position in the tissue on each axis, including registration [m]; None: not
     stated
     """
 
@@ -27,7 +27,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators; a position without a stated accuracy is exact here, and widens advice."""
+        """The target for estimators; a position without a stated accuracy is exact here, but widens advice."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

@@ -1,4 +1,4 @@
-"""Recordings handed to other programs, and taken from them: what `softaim export` and `softaim import` do.
+"""Recordings exported to other programs, and imported from them: `softaim export` and `softaim import`.
 
 Formats are in `experiments/formats/exchange`. Each is imported from its own module.
 """

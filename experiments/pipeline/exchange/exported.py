@@ -13,7 +13,7 @@ from experiments.formats.exchange.results import Estimates, Results, read_advice
 from experiments.formats.recording import Recording
 
 LATEST_S = 2**31
-"""ROS 2 counts seconds from 1970 in 31 bits."""
+"""Limit of times from 1970 [s]: ROS 2 counts seconds in 31 bits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +29,7 @@ class Exported:
     start_ns: int = 0
 
     def time_ns(self, time_s: float) -> int:
-        """A time of the recording [s], from 1970 UTC [ns]."""
+        """A time of the recording [s] as time from 1970 UTC [ns]."""
         return self.start_ns + round(1e9 * time_s)
 
 

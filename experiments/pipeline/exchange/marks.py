@@ -21,10 +21,10 @@ from vision import PlaneCamera, fronto_parallel_camera
 
 @dataclass(frozen=True, slots=True)
 class ImportSettings:
-    """Which positions of a table are marks, and their accuracy.
+    """Settings of an import: which positions of a table are marks, and their accuracy.
 
-    least: likelihood below which a position is left out [1]; source: `pcutoff` of DeepLabCut. A position without a
-    likelihood was set by a person and is kept
+    least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
+    likelihood was set by a person and is used
     sd_px: error of a position, one standard deviation for each axis [px]; choice, until the tracker's own evaluation is
     known
     """
@@ -38,7 +38,7 @@ DEFAULTS = ImportSettings()
 
 @dataclass(frozen=True, slots=True)
 class PlaneScale:
-    """A camera square to the plane: millimetres of a pixel, and the pixel of the plane's origin."""
+    """A camera square to the plane: millimetres per pixel, and the pixel of the plane's origin."""
 
     mm_per_px: float
     origin_px: tuple[float, float]
@@ -67,7 +67,7 @@ class Imported:
     manual: int
 
     def counts(self) -> dict[str, int]:
-        """Number of frames in which each node was seen."""
+        """Number of frames with a mark of each node."""
         seen = Counter(mark.node for found in self.marks for mark in found)
         return {name: seen[name] for name in self.scene.mark_names}
 
@@ -82,7 +82,7 @@ def import_table(
     scale: PlaneScale | None = None,
     individual: str | None = None,
 ) -> Imported:
-    """The marks of a table; raises InputError.
+    """Read the marks of a table; raises InputError.
 
     times: frame rate [frames/s], or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
     scale: of a camera square to the plane, in place of the scene's; individual: of a table of several animals
@@ -119,7 +119,7 @@ def write_imported(done: Imported, folder: Path) -> None:
 
 
 def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str | None]:
-    """The node of each body part, None for one that is left out."""
+    """The node of each body part, None for an omitted one."""
     names: dict[str, str] = {}
     for text in renamed:
         part, given, node = text.partition("=")

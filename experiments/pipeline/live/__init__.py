@@ -1,4 +1,4 @@
-"""The live loop: frames or marks as they come, advice on a needle, and what is written meanwhile.
+"""The live loop: frames or marks as they arrive, advice on a needle, and output during the run.
 
 Each is imported from its own module.
 """

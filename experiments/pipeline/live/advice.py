@@ -1,4 +1,4 @@
-"""Advice on a needle in a live run: the path from tables, and from the breathing model while it holds."""
+"""Advice on a needle in a live run: with the path from tables, and from the breathing model while it holds."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class LiveAdvice:
         self.table = LiveTable(rows, header(self._dim))
 
     def forget(self) -> None:
-        """Forget the breathing model and the last estimate: the filter restarts, and the needle stays."""
+        """Discard the breathing model and the last estimate, because the filter restarts; the needle stays."""
         self._breath, self._last = BreathingPath(self._dim), None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
@@ -66,11 +66,11 @@ class LiveAdvice:
         self._unseen = False
 
     def needle_unseen(self) -> None:
-        """The tracker does not see the needle: there is no advice until it does."""
+        """Record that the tracker does not see the needle: there is no advice until it does."""
         self._unseen = True
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
-        """The advice now [s], from the estimate of the newest frame; its row is written.
+        """The advice at now_s [s], from the estimate of the newest frame; its row is written.
 
         fault: another reason than the estimate for no guidance
         """
@@ -79,7 +79,7 @@ class LiveAdvice:
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
-        """The advice now [s] without a new frame, by the last estimate; its row is written. None before any.
+        """The advice at now_s [s] without a new frame, from the last estimate; its row is written. None before any.
 
         fault: another reason than the estimate for no guidance
         """
@@ -123,7 +123,7 @@ def own_time_s(time_s: float, origin_s: float) -> float:
 
 
 def words(guided: Guidance) -> str:
-    """The advice in short: the advice, the probability of a hit, the aim, the correction, and the reason."""
+    """The advice as one line: the advice, the probability of a hit, the aim, the correction, and the reason."""
     what = str(guided.advice).replace("_", " ")
     if guided.probability is None or guided.aim is None or guided.advice is Advice.ABORT:
         return f"{what}: {guided.reason}"

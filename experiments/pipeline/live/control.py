@@ -17,11 +17,11 @@ RECORDING = "recording"
 
 
 class Control:
-    """Requests of viewers to a live run, beside those that its session handles.
+    """Requests of viewers to a live run, besides those that its session handles.
 
     A request that fails raises ValueError or InputError, in one line.
     out: the folder of the run, with a folder for each recording; needle: the text of the needle's file
-    State: the recordings, the last of which may be growing.
+    State: the recordings, the last of which may be in progress.
     """
 
     def __init__(self, session: Session, out: Path, *, source: str, needle: bytes | None = None) -> None:
@@ -58,14 +58,14 @@ class Control:
             self.recordings[-1].finish()
 
     def fix_at(self, place_px: Floats, sd_m: float) -> None:
-        """Fuse a sighting of the target at this position in the picture [px], (2,)."""
+        """Use a measurement of the target at this position in the picture [px], (2,)."""
         line = self.session.line
         if not line.scene.cameras:
             raise ValueError("fix: expected a camera, found none")
         self.session.fix(line.camera.to_plane(np.asarray(place_px)[None])[0], sd_m)
 
     def colour_at(self, node: str, place_px: Floats) -> None:
-        """Set the colour of this node's mark to that of the newest picture here [px], (2,)."""
+        """Set the colour of this node's mark to that of the newest picture at this position [px], (2,)."""
         if node not in (mark.node for mark in self.session.line.scene.marks):
             raise ValueError(f"hue: expected a node with a mark, found {node}")
         if self.session.picture is None:

@@ -1,4 +1,4 @@
-"""Track a target live until its source ends: what `softaim live` does around its session."""
+"""Live tracking of a target until its source ends: what `softaim live` does around its session."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ Frames = vision.Source | vision.SeveralFrames | MarkSource
 
 
 class Attendant(Publisher, Protocol):
-    """Shows a run to viewers, and handles their requests."""
+    """Protocol of a viewer's process: it shows a run, and handles requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, the n_shown-th, or that there is none.
+        """Show a frame without an estimate, the n_shown-th, or that there is no frame.
 
         time_s: the frame's time, or the present one, in the source's time [s]; later states continue from it
         """
 
     def attend(self, control: Control) -> None:
-        """Handle the requests since the last turn of the loop, between two frames."""
+        """Handle the requests since the last cycle of the loop, between two frames."""
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """The result of a live run: counts of frames, latencies [ms], counts of advice, its fault.
+    """Result of a live run: counts of frames, latencies [ms], counts of advice, its fault.
 
     deadlines_missed: frames dropped because a newer one had come, and those that took longer than a frame's interval
     memory_mb: of the process at the first frame, and at the end; None if the system does not report it
@@ -93,9 +93,9 @@ def live(
     """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
 
     sources: one, or NAME=SOURCE of each camera of a scene in space
-    begin: opens the folder to which rows are written; begun: called when frames are used. Without a frame the target is
+    begin: opens the folder for rows; begun: called when frames are used. Without a frame the target is
     predicted; events of the source are reported on standard error. With a needle file there is also advice, in the
-    status line and in advice.csv. film: makes the film of the run; attendant: shows it to viewers; record: from the
+    status line and in advice.csv. film: creates the film of the run; attendant: shows it to viewers; record: from the
     first frame on; phantom: its process, if started ahead. Raises InputError.
     """
     shown_source = ", ".join(map(vision.shown_source, sources))
@@ -222,7 +222,7 @@ def _write(scene: Scene, path: Path) -> None:
 
 
 def as_written(scene: Scene) -> Scene:
-    """The scene as written to a file, to the last bit, so that a replay begins with the same."""
+    """The scene as written to a file, to the last bit, so that a replay begins with the same scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / SCENE
         write_scene(scene, path)
@@ -246,9 +246,9 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they come, and predict without one, until they end or for duration_s [s] after opening.
+    """Process frames as they arrive, and predict without one, until they end or for duration_s [s] after opening.
 
-    attend: called in each turn, between two frames
+    attend: called in each cycle, between two frames
     """
     began, dropped_before = clock(), frames.frames_dropped
     while not frames.ended and clock() - began < duration_s:

@@ -1,4 +1,4 @@
-"""The journal of a live loop: all that it did, in order, for an exact replay; journal.csv."""
+"""Journal of a live loop: all its actions, in order, for an exact replay; journal.csv."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ HEADER = ("what", "time_s", "now_s", "values")
 
 
 class Act(StrEnum):
-    """Kinds of actions of the loop."""
+    """Kind of action of the loop."""
 
     BEGIN = "begin"
     """Writing begins; values: the source, and whether the run begins with it."""
     PAUSE = "pause"
-    """Pause or resume the use of frames: the value."""
+    """Pause or resume the use of frames; the value says which."""
     ORIGIN = "origin"
     """Zero of the source's time at time_s."""
     FRAME = "frame"
@@ -34,19 +34,19 @@ class Act(StrEnum):
     MARKS = "marks"
     """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"
-    """An unusable frame with exposure time time_s: of another size, or not later than the one before."""
+    """An unusable frame with exposure time time_s: of another size, or not later than the last one."""
     COAST = "coast"
-    """No frame comes."""
+    """A prediction without a frame."""
     DATED = "dated"
-    """Frames may come later than their times by the first value [s]; the second: whether they come unevenly."""
+    """A delay of frames: the largest one after their times [s]; then whether they come irregularly."""
     RESET = "reset"
     """Reset of the state."""
     FIX = "fix"
-    """A sighting of the target: position [m], then its standard deviation [m]."""
+    """A measurement of the target: position [m], then its standard deviation [m]."""
     HUE = "hue"
     """A new colour: node of the mark, then the colour in the order of `MarkHue`."""
     NEEDLE = "needle"
-    """A tracked needle: position of its tip [m], then its direction; without values it is not seen."""
+    """A tracked needle: position of its tip [m], then its direction; empty if it is not visible."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def marks_of(values: Sequence[Any]) -> tuple[MarkMeasurement, ...]:
 
 
 def read_journal(path: Path) -> Iterator[Done]:
-    """The actions in a journal, in order; an incomplete last row is left out. Raises InputError."""
+    """The actions in a journal, in order; an incomplete last row is omitted. Raises InputError."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""Output of a live run, for which the loop does not wait and which cannot end it: tables, a status line."""
+"""Output of a live run that neither delays nor ends the loop: tables, a status line."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from experiments.errors import InputError
 from experiments.log import LOG
 
 A_LINE_S = 1.0
-"""Least interval of status lines without a terminal [s]; chosen."""
+"""Least interval of status lines without a terminal [s]; choice."""
 
 LAST_S = 0.5
-"""Timeout for writing the last status line [s]; chosen."""
+"""Timeout for writing the last status line [s]; choice."""
 
 
 class LiveTable:
     """A table that grows row by row; each row is written at once.
 
-    State: the file; why it can no longer be written, and the number of rows left out since; further tables for its
+    State: the file; why it can no longer be written, and the number of rows omitted since; further tables for its
     rows.
     """
 
@@ -38,7 +38,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Make the file, if not done: a run without a frame does not change an older one."""
+        """Create the file, if not done: a run without a frame does not change an older one."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -47,7 +47,7 @@ class LiveTable:
                 self._failed(error)
 
     def write(self, row: Sequence[Any]) -> None:
-        """Add a row; a failure is reported once, and this and later rows are left out."""
+        """Add a row; a failure is reported once, and this and later rows are omitted."""
         self.begin()
         if self.fault is None:
             try:
@@ -59,7 +59,7 @@ class LiveTable:
             other.write(row)
 
     def copied(self, path: Path) -> LiveTable:
-        """Another table that gets the rows from now on."""
+        """A further table that gets the rows from now on."""
         self.also.append(LiveTable(path, self._header))
         return self.also[-1]
 
@@ -142,20 +142,20 @@ FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
 
 
 class Latencies:
-    """Histogram of latencies from exposure to estimate: its memory does not grow."""
+    """Histogram of latencies from exposure to estimate, with constant memory."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)
         self.worst_ms = 0.0
 
     def add(self, latency_ms: float) -> None:
-        """Count one."""
+        """Count a latency."""
         self.worst_ms = max(self.worst_ms, latency_ms)
         place = A_DECADE * np.log10(max(latency_ms, FINEST_MS) / FINEST_MS)
         self._counts[min(int(place + 0.5), len(self._counts) - 1)] += 1
 
     def quantile_ms(self, share: float) -> float:
-        """Quantile of the latencies [ms], to 1.2 %; 0 without any."""
+        """Quantile of the latencies [ms], accurate to 1.2 %; 0 without any."""
         if not self._counts.any():
             return 0.0
         of = int(np.searchsorted(np.cumsum(self._counts), share * self._counts.sum()))

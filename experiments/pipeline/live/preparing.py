@@ -1,7 +1,7 @@
 """Preparation of a run: code is compiled or loaded before frames are used, while they are shown.
 
-Compiling holds Python's lock for seconds, so that page and pictures would freeze. Another process compiles, and leaves
-the result in numba's disk cache. It is skipped if everything is cached.
+Compilation holds Python's lock for seconds, which would freeze page and pictures. Therefore another process compiles,
+and leaves the result in numba's disk cache. It is skipped if everything is cached.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from experiments.threads import begin_helper
 PREPARING = "preparing: frames are shown but not used yet"
 
 LOOK_S = 0.05
-"""Interval between checks whether all is prepared, and between states that show a live run [s]; chosen."""
+"""Interval between checks whether all is prepared, and between states that show a live run [s]; choice."""
 
 NICENESS = 10
-"""Priority of the compiling process, below camera and page; chosen."""
+"""Priority of the compiling process, below camera and page; choice."""
 
 Made = TypeVar("Made")
 Cameras = vision.LiveFrames | vision.SeveralFrames
-"""Sources that read by themselves, one camera or several."""
+"""Sources with their own threads, one camera or several."""
 
 Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 
 class NotCompiledError(Exception):
-    """A kernel that is neither compiled in this process nor in the disk cache for these arguments."""
+    """Error for a kernel that is neither compiled in this process nor in the disk cache for these arguments."""
 
 
 class _Refusal(Listener):
-    """Forbids compilation in the thread that made it."""
+    """Forbids compilation in the thread that created it."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
@@ -95,7 +95,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
 
 
 def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Show frames until it is over; returns the number of frames shown, with n_shown before."""
+    """Show frames until `over` is true; returns the number of frames shown, including n_shown before."""
     while not over():
         frame = None
         if frames is None or frames.ended:

@@ -1,4 +1,4 @@
-"""Record in a thread, so that the loop does not wait for drawing and compression."""
+"""Recording in a thread, so that the loop does not wait for drawing and compression."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 
 
 class RecorderThread(Generic[Item]):
-    """Records the items put, in order, until `finish`.
+    """Thread that records items in order until `finish`.
 
-    folder, codec: of the `Recorder`; frame: makes the frame of an item, in the thread
-    n_waiting: most items that wait for the thread
-    faults, failed: which errors end it, and the function to call then, in the thread
+    folder, codec: of the `Recorder`; frame: creates the frame of an item, in the thread
+    n_waiting: largest number of waiting items
+    faults, failed: errors that end it, and the function to call then, in the thread
     State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it ends.
     """
 

@@ -1,4 +1,4 @@
-"""Record a live run: a folder with all its input, actions and estimates, for an exact replay.
+"""Recording of a live run: a folder with all its input, actions and estimates, for an exact replay.
 
 It is a recording like that of `softaim record`, or one with marks.csv, plus the loop's journal and tables. It is
 written continuously; a thread for each camera compresses pictures, for which the loop does not wait.
@@ -22,15 +22,15 @@ from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.recorder_thread import RecorderThread
 
 WAITING = 64
-"""Most pictures that wait for the thread: one second at 60 frames/s, 60 MB at 640x480; chosen."""
+"""Largest number of pictures that wait for the thread; choice: one second at 60 frames/s, 60 MB at 640x480."""
 
 
 class LiveRecording:
     """A recording of a live run, in a new folder.
 
     begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
-    If the thread falls behind, or the disk is full, the recording ends with a message; the run continues.
-    State: the tables; the thread of each camera; how many frames were taken; the fault that ended it.
+    If the thread is too slow, or the disk is full, the recording ends with a message; the run continues.
+    State: the tables; the thread of each camera; number of frames; the fault that ended it.
     """
 
     def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
@@ -105,13 +105,13 @@ class LiveRecording:
             self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), *entries_mm2))
 
     def fail(self, fault: Exception) -> None:
-        """End it for this reason; earlier content is kept."""
+        """End the recording for this reason; earlier content is kept."""
         if self.fault is None:
             self.fault = fault
             LOG.warning("recording: %s; it ends here, the run continues", fault)
 
     def finish(self) -> None:
-        """Write what waits, and end the tables."""
+        """Write the waiting pictures, and end the tables."""
         for thread in self._pictures.values():
             thread.finish()
         for table in (self._journal, self._marks, self._frames):

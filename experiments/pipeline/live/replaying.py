@@ -1,4 +1,4 @@
-"""Replay a recorded live run: the same frames, requests and times through the same loop give the same estimates."""
+"""Replay of a recorded live run: the same frames, requests and times give the same estimates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """The result of a replay.
+    """Result of a replay.
 
     rows: number of compared rows, by table; different: the first different row, by table, if there is one
     begun: whether the recording began with its run; otherwise estimates differ until both have settled
@@ -38,7 +38,7 @@ class Replayed:
 def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _share: None) -> Replayed:
     """Replay a recording of a live run, write its tables to an existing folder, and compare. Raises InputError.
 
-    advance: is called with the share done
+    advance: called with the completed share
     """
     scene = read_scene(folder / "scene.toml")
     needle = folder / "needle.toml"
@@ -130,7 +130,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
     """Number of rows that both tables have, and the number, from 1, of the first that differs, or None.
 
-    An incomplete last row, after a kill, is left out.
+    An incomplete last row, after a kill, is ignored.
     """
     mine, theirs = (_rows(path) for path in (replayed, recorded))
     n = min(len(mine), len(theirs))

@@ -1,4 +1,4 @@
-"""Live tracking of frames as they come: what `softaim live` does.
+"""Live tracking of frames as they arrive: what `softaim live` does.
 
 State lives in `Session`: the pipeline, the rows written so far, and the status line.
 """
@@ -46,10 +46,10 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
-    """Waiting times for frames in a live run.
+    """Settings of a live run: waiting times for frames.
 
-    wait_s: after this time without a frame the target is predicted and shown without one [s]; choice
-    behind_s: the filter stays this long behind, plus two frame intervals, for late frames [s]; choice
+    wait_s: time without a frame after which the target is predicted and shown without one [s]; choice
+    behind_s: delay of the filter, plus two frame intervals, for late frames [s]; choice
     """
 
     wait_s: float = 0.1
@@ -63,12 +63,12 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""hung_s: how far the filter stays behind before two frames have shown the interval; settled_frames: number of frames
-for the usual, median interval."""
+"""Settings of a live source; hung_s: delay of the filter before two frames have shown the interval; settled_frames:
+number of frames for the usual, median interval."""
 
 
 class Session:
-    """One live run.
+    """One live run: processing of its frames, output, and actions.
 
     needle: for advice, None without; advice.csv is written beside the estimates
     watch: called with each frame, its step and the advice; publisher: also with moments without a frame
@@ -113,7 +113,7 @@ class Session:
     def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
         """Estimate, write and show one frame, of one picture or several, or of marks; returns whether it could be used.
 
-        A frame is not used if it is older than the filter's state, not newer than the one before, or of another size
+        A frame is not used if it is older than the filter's state, not newer than the last one, or of another size
         than the scene's camera.
         waited_s: how long the loop waited for it [s]. Raises InputError if the first frame has another size.
         """
@@ -197,7 +197,7 @@ class Session:
 
     @property
     def _fault(self) -> str | None:
-        """Why there is no advice, whatever the newest estimate's status."""
+        """Reason why there is no advice, whatever the newest estimate's status."""
         return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
@@ -254,7 +254,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Use the time of a source that is zero at origin_s on the clock [s], such as a film's."""
+        """Set the zero of the source's time, such as a film's, to origin_s on the clock [s]."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -280,20 +280,20 @@ class Session:
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """How much later than their times frames may come [s], and whether they come too unevenly to know."""
+        """Set the largest delay of frames after their times [s], and whether their arrival is too irregular."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
     def reset(self) -> None:
-        """Forget the state: the next frame starts again."""
+        """Reset the state: the next frame is a new start."""
         self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
         self._restart()
         self.integrity.looked()
 
     def fix(self, place_m: Floats, sd_m: float) -> None:
-        """Fuse a direct sighting of the target at the time of the newest estimate: position [m], (dim,), sd [m].
+        """Use a direct measurement of the target at the time of the newest estimate: position [m], (dim,), sd [m].
 
-        Its covariance includes the default common error of sightings if the scene states none. Raises ValueError
+        Its covariance includes the default common error of fixes if the scene states none. Raises ValueError
         without an estimate, and for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
@@ -316,7 +316,7 @@ class Session:
         self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
-        """The tracked needle is no longer seen. Raises ValueError without a needle."""
+        """Record that the tracked needle is no longer visible. Raises ValueError without a needle."""
         self._needle().needle_unseen()
         self._note(Act.NEEDLE)
 
@@ -343,5 +343,5 @@ class Session:
 
     @property
     def interval_s(self) -> float | None:
-        """Usual time from frame to frame [s], None before two came."""
+        """Usual interval between frames [s], None before two frames."""
         return median(self._intervals_s) if self._intervals_s else None

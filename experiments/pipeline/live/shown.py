@@ -1,4 +1,4 @@
-"""The state of a live run at one moment, for viewers: the estimate, the advice, and the loop's performance."""
+"""State of a live run at one moment, for viewers: the estimate, the advice, and the loop's performance."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Number of frames after which nothing more is loaded; chosen."""
+"""Number of frames after which nothing more is loaded; choice."""
 
 STATM = Path("/proc/self/statm")
 
 
 def memory_mb() -> float | None:
-    """Memory of this process now [MB]; None if the system does not report it."""
+    """Present memory of this process [MB]; None if the system does not report it."""
     try:
         return int(STATM.read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
     except (OSError, AttributeError, ValueError, IndexError):
@@ -33,7 +33,7 @@ def memory_mb() -> float | None:
 
 @dataclass(slots=True)
 class Counters:
-    """The loop's performance, counted since the run began.
+    """Performance counters of the loop since the run began.
 
     frames, without_frame, not_used: frames that gave an estimate, moments without one, frames that could not be used
     dropped: frames that a newer one replaced
@@ -65,19 +65,19 @@ class Counters:
 
     @property
     def deadlines_missed(self) -> int:
-        """Frames without an estimate when the next one was due."""
+        """Number of frames without an estimate when the next one was due."""
         return self.late + self.dropped
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """The state at one moment.
+    """State of a live run at one moment.
 
     estimate: in the source's own time; at_s: the estimate's time on the clock [s]
     frame, step: None without a frame, when the target was predicted; frame also None for another tracker's marks
     guidance, plan: the advice, and the needle's position; None without a needle
     fault: why there is no guidance for any needle
-    interval_s: usual time from frame to frame [s]
+    interval_s: usual interval between frames [s]
     errors: the largest sources of the target's variance
     """
 
@@ -94,7 +94,7 @@ class Shown:
 
 
 class Publisher(Protocol):
-    """Publishes the state to viewers; the loop does not wait for it."""
+    """Protocol of a publisher of the state to viewers; the loop does not wait for it."""
 
     def publish(self, shown: Shown, line: Line) -> None:
         """Publish the present state; the line has the state after it."""

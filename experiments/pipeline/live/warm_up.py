@@ -1,7 +1,7 @@
 """Rehearsal before the first frame: it compiles, or loads, all code that frames of a scene may need.
 
 Kernels are compiled for the types of their arguments. So the rehearsal runs the line itself, on marks and pictures of a
-tissue that is seen, half hidden and lost.
+tissue that is visible, half hidden and lost.
 """
 
 from __future__ import annotations

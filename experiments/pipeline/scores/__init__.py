@@ -1,4 +1,4 @@
-"""Scores of estimates without any truth: innovations, statuses, withheld marks.
+"""Scores of estimates without truth: innovations, statuses, withheld marks.
 
-What may enter: figures and words on a run that need no truth.
+Figures and words on a run that need no truth belong here.
 """

@@ -1,6 +1,6 @@
 """Consistency of predicted marks: innovations against the band of a consistent filter, and a verdict.
 
-Innovations test the filter where there are marks. They do not test a hidden target: a truth, a fix, or withheld marks,
+Innovations test the filter where there are marks. They do not test a hidden target; a truth, a fix, or withheld marks,
 predicted as if hidden, do.
 """
 
@@ -22,10 +22,10 @@ COVERED = (0.9, 0.995)
 [1]; choice."""
 
 ONE_ERROR = 0.999
-"""Probability of the region of a single error: if the error is outside, the covariance is too small; a choice."""
+"""Probability of the region for a single error: if the error is outside, the covariance is too small; choice."""
 
 MOST_NEES = 2.0
-"""Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage: a choice."""
+"""Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
 
 UNTESTED = "this does not test the hidden target: track --check, a fix, or a recording with the target in view does"
 
@@ -90,7 +90,7 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 class TruthScore:
     """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension.
 
-    one_error: whether most of the variance is one error, the same in all frames, so that one frame shows as much as all
+    one_error: whether most of the variance is one error, the same in all frames, so that all frames show only one error
     """
 
     coverage95: float
@@ -135,7 +135,7 @@ def verdict(
     checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
-    """The verdict by innovations, its limits, and the number of frames with them.
+    """The verdict from innovations, its limits, and the number of frames with them.
 
     refused: marks that the gate rejected; frozen: frames with repeated values; pictures: whether marks were found in
     pictures; checked: whether marks were predicted as if hidden; truth: scores of the target, if its truth is known
@@ -178,7 +178,7 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by the filter without it.
 
-    frames: number in which it was seen and predicted; mean_error_mm: distance from the prediction; mean_nees: its
+    frames: number in which it was visible and predicted; mean_error_mm: distance from the prediction; mean_nees: its
     dimension if right; ratio: observed to predicted rms error, 1 if right
     """
 

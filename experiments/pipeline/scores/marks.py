@@ -1,4 +1,4 @@
-"""Statistics of each mark in a run: found, refused, lost and why; and the probable cause, in a sentence."""
+"""Statistics of each mark in a run: found, refused, lost and why; and the probable cause in words."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames above which an unused mark is reported: that outside of 95 % regions; chosen."""
+"""Share of frames above which an unused mark is reported; choice: the share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -55,7 +55,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counts results of each mark of a scene, frame by frame. State: the frames, and counts of (node, reason)."""
+    """Counter of the results of each mark, frame by frame. State: the frames, and counts of (node, reason)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -77,7 +77,7 @@ class MarkTally:
     def shares(self) -> dict[str, MarkShares]:
         """The shares by node; empty without frames.
 
-        A mark for scoring only without any row is left out: it is hidden, not lost.
+        A mark for scoring only without any row is omitted: it is hidden, not lost.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -114,7 +114,7 @@ def reason_words(scene: Scene, node: str, reason: str) -> str:
 
 
 def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Why a mark was not found, with the deciding numbers; None: it comes from another tracker."""
+    """Reason why a mark was not found, with its numbers; None: the marks come from another tracker."""
     if lost is None:
         return NO_ROW
     words = reason_words(scene, node, str(lost.reason))

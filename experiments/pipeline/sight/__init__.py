@@ -1,4 +1,4 @@
-"""From pictures to measured marks: on the plane by one camera, in space by several.
+"""Measured marks from pictures: on the plane by one camera, in space by several.
 
-What may enter: another way in which cameras see a scene.
+Another arrangement of cameras belongs here.
 """

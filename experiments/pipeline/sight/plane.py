@@ -1,4 +1,4 @@
-"""Marks found in a picture and measured on the plane; reference marks, and the pose by them."""
+"""Marks found in a picture and measured on the plane; reference marks, and the pose from them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vision import PlaneCamera
 from vision.tracking.association import AssociatedMark
 
 SIZE_SD = 0.05
-"""Relative error of a mark's stated size by print, tilt and blooming; chosen."""
+"""Relative error of a mark's stated size by print, tilt and blooming; choice."""
 
 
 def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vision.Expected:
-    """A mark's expected position in the picture, from that on the plane [m], (2,), and its covariance [m²]."""
+    """Expected position of a mark in the picture, from that on the plane [m], (2,), and its covariance [m²]."""
     center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
     outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
     return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg, outline)
@@ -49,7 +49,7 @@ def on_plane(
 class ReferenceSeen:
     """Result of a frame for the reference marks.
 
-    seen: names of those that were seen; wrong: names of seen ones that contradict the others
+    seen: names of the visible ones; wrong: names of visible ones that contradict the others
     moved: a move of the pose to report, None in almost all frames
     """
 
@@ -59,7 +59,7 @@ class ReferenceSeen:
 
 
 class ReferenceMarks:
-    """Estimates the pose of a scene's camera or tracker by its reference marks.
+    """Estimator of the pose of a scene's camera or tracker from its reference marks.
 
     State: the filter of the pose and its estimate; the finder of the marks in pictures.
     """
@@ -76,19 +76,19 @@ class ReferenceMarks:
         self._finder = vision.MarkFinder([mark.hue for mark in stated.looks])
 
     def predict(self, exposure_s: float) -> None:
-        """Move to this exposure time [s]."""
+        """Predict the pose at this exposure time [s]."""
         self.filter.predict(exposure_s)
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, by the camera as calibrated."""
+        """The reference marks in a frame, (height, width, 3) BGR, with the camera as calibrated."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
         return on_plane(self._calibrated, self._looks, found)
 
     def update(self, marks: Sequence[MarkMeasurement]) -> ReferenceSeen:
-        """Update with the reference marks that were seen."""
+        """Update with the visible reference marks."""
         moved = self.filter.update(marks)
         self.pose = self.filter.estimate
         return ReferenceSeen(tuple(mark.node for mark in marks), self.filter.wrong, moved)

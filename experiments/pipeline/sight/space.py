@@ -22,23 +22,23 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""Cosine of the angle between a mark's normal and a camera beyond which it is not searched; choice: 73 degrees. A
-shape less than a quarter as wide as long is no mark for the detector."""
+"""Cosine of the angle between a mark's normal and a camera below which it is not searched; choice: 73 degrees. The
+detector rejects a shape less than a quarter as wide as long."""
 
 MISFIT = 1e-4
 """Probability of the distance of a mark's rays below which two cameras see different things [1]; choice: the finder's
-gate for a place in one picture."""
+gate for a position in one picture."""
 
 PATIENCE, AGAIN = 3, 6
-"""Frames after which a mark that a camera does not find is hidden for it, and the interval of frames in which hidden
-marks are searched again [1]; choice: a hidden mark costs a search of the whole picture."""
+"""Number of frames after which a mark that a camera does not find is hidden for it, and interval of frames in which
+hidden marks are searched again [1]; choice: a hidden mark costs a search of the whole picture."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Stages of the finders; without the slowest: a mark in another light is missed by one camera of several."""
+"""Stages of the finders, without the slowest: a mark in another light is missed by only one of several cameras."""
 
 
 class CameraSight:
-    """Finds the marks in the pictures of one camera.
+    """Finder of marks in the pictures of one camera.
 
     State: the finder; by mark the number of frames in a row without it, and why; the number of frames.
     """
@@ -57,7 +57,7 @@ class CameraSight:
         expected: Sequence[vision.Expected],
         after_impulse: Callable[[str], vision.Expected],
     ) -> list[AssociatedMark]:
-        """The marks in a picture, (height, width, 3) BGR, of those expected in it; hidden ones in some frames only."""
+        """The expected marks found in a picture, (height, width, 3) BGR; hidden ones are not always searched."""
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
         if self.finder.missed is not None:
@@ -76,9 +76,9 @@ class SpaceSight:
     """Finds the measured marks of a scene in space in the pictures of its cameras, and measures their positions.
 
     A mark that several cameras see at one time is triangulated. One that a single camera sees is a position on its ray,
-    known across the ray by its pixels and along it to the size of the body: no depth.
-    State: the sight of each camera; of the last exposure where marks were expected, [m] and [m²], why they were lost,
-    new distractors, and the marks that a single camera saw.
+    with the pixel's covariance across the ray and the size of the body as standard deviation along it: no depth.
+    State: the sight of each camera; for the last exposure, expected positions of marks, [m] and [m²], reasons for lost
+    ones, new distractors, and the marks that a single camera saw.
     """
 
     def __init__(self, scene: Scene, *, explain: bool = False) -> None:
@@ -102,10 +102,10 @@ class SpaceSight:
         predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
         after_impulse: Callable[[str], tuple[Floats, Floats]],
     ) -> tuple[MarkMeasurement, ...]:
-        """The marks seen in the pictures of one time; raises InputError for a picture of another size.
+        """The marks in the pictures of one time; raises InputError for a picture of another size.
 
-        predict: where the marks of nodes are expected [m], (n, 3), and the covariances [m²], (n, 3, 3)
-        after_impulse: the same of one node, after an impulse since it was last seen
+        predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
+        after_impulse: the same for one node, after an impulse since its last mark
         """
         means, covs = predict(list(self.marks))
         self.expected = dict(zip(self.marks, zip(means, covs, strict=True), strict=True))
@@ -209,9 +209,9 @@ def check_size(camera: SpaceCamera, image: Image) -> None:
 
 
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
-    """Shift of marks at places [m], (n, 3), by one sd along each direction of the cameras' calibration, (n, 3, k) [m].
+    """Shift of marks at positions [m], (n, 3), by one sd along each direction of the calibration, (n, 3, k) [m].
 
-    As all cameras see them; a place that none sees is not shifted.
+    As all cameras see them; a position that none sees is not shifted.
     """
     steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
 

@@ -1,4 +1,4 @@
-"""OpenIGTLink for 3D Slicer and PLUS: a codec of the messages that a live run sends and takes, and the server.
+"""OpenIGTLink for 3D Slicer and PLUS: a codec of the messages of a live run, and the server.
 
-What may enter: another message type, in `bodies`. Each is imported from its own module. Source: [openigtlink].
+Another message type belongs in `bodies`. Each is imported from its own module. Source: [openigtlink].
 """

@@ -18,7 +18,7 @@ STRING = struct.Struct(">HH")
 POINT = struct.Struct(">64s32s4B3ff20s")
 POLYDATA = struct.Struct(">10I")
 LARGEST = float(np.finfo(np.float32).max)
-"""Largest coordinate: they are sent as 32 bit floats."""
+"""Largest coordinate: coordinates are sent as 32 bit floats."""
 
 
 def pack_transform(matrix: Floats) -> bytes:
@@ -96,7 +96,7 @@ def pack_surface(points_mm: Floats, polygons: Sequence[Sequence[int]]) -> bytes:
 
 
 def unit_sphere(n_around: int = 24, n_rings: int = 11) -> tuple[Floats, list[list[int]]]:
-    """Points on the sphere of radius 1 about the origin, (n, 3), and its triangles and quads, seen from outside.
+    """Points on the sphere of radius 1 about the origin, (n, 3), and its triangles and quads, oriented outward.
 
     n_around, n_rings: points of a circle of latitude, and such circles between the poles
     """

@@ -25,12 +25,12 @@ TICKS = 2.0**32
 
 
 class MalformedError(ValueError):
-    """Bytes that are not a message of OpenIGTLink, or too long a message."""
+    """Error for bytes that are not a message of OpenIGTLink, or for too long a message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message, its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
+    """A message, with its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
 
     metadata and number: of version 2. Raises ValueError if they do not fit a header.
     """
@@ -106,7 +106,7 @@ def decode(header: Header, body: bytes) -> Message:
 
 
 def _metadata(index: bytes, texts: bytes) -> dict[str, str]:
-    """Keys and values; those in other character sets than ASCII and UTF-8 are left out."""
+    """Keys and values; those in character sets other than ASCII and UTF-8 are ignored."""
     if not index and not texts:
         return {}
     count = INDEX.unpack_from(index)[0] if len(index) >= INDEX.size else -1

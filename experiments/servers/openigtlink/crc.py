@@ -25,7 +25,7 @@ def _table() -> NDArray[np.uint64]:
 _TABLE = _table()
 _AFTER = np.arange(BLOCK - 1, -1, -1)
 _FIRST_EIGHT = [row.tolist() for row in _TABLE[: BLOCK - 9 : -1]]
-"""Contribution of the first eight bytes of a block, where the checksum so far is inserted to continue."""
+"""Contribution of the first eight bytes of a block, in which the checksum so far is inserted."""
 
 
 def crc64(body: bytes) -> int:

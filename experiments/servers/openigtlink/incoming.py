@@ -1,4 +1,4 @@
-"""Messages of a client as commands to the loop: a tracked needle's TRANSFORM, and sightings of the target as POINT."""
+"""Messages of a client as commands to the loop: a tracked needle's TRANSFORM, and fixes of the target as POINT."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""Largest deviation of axes' products from those of a rotation: more is not a tracked tool's pose; chosen."""
+"""Largest deviation of axes' products from those of a rotation; choice: a larger one is not a tracked tool's pose."""
 IN_PLANE = 0.5
-"""Share of a needle's direction that must lie in the plane of flat tissue, within 60 degrees of it; chosen."""
+"""Least share of a needle's direction in the plane of flat tissue, within 60 degrees of it; choice."""
 MOST_POINTS = 100
-"""Most sightings in a message, for a growing list; more would delay others; chosen."""
+"""Largest number of fixes in a message, for a growing list; choice: more would delay others."""
 
 Command = dict[str, Any]
 
 
 class RefusedError(ValueError):
-    """A well-formed message with an impossible request; instead: the commands that replace it."""
+    """Error for a well-formed message with an impossible request; instead: the commands that replace it."""
 
     def __init__(self, text: str, *instead: Command) -> None:
         super().__init__(text)
@@ -32,7 +32,7 @@ class RefusedError(ValueError):
 
 
 class Incoming:
-    """Messages of one client as checked commands.
+    """Converter of one client's messages into checked commands.
 
     dim: of the tissue: z is dropped for a plane
     State: whether the client sends the needle; its newest points, because programs send a whole list again to add one.
@@ -43,7 +43,7 @@ class Incoming:
         self._points: frozenset[PointBody] = frozenset()
 
     def commands(self, message: Message) -> list[Command]:
-        """The commands of a message, none for an unknown request.
+        """Commands of a message, none for an unknown request.
 
         Raises MalformedError if its content does not fit its type, RefusedError for invalid numbers.
         """

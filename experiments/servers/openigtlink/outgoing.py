@@ -31,9 +31,9 @@ name."""
 WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
 """Root of the chi-square quantile, 2 and 3 degrees of freedom, 95 %: semi-axes in standard deviations."""
 FLAT_MM = 0.5
-"""Half the thickness of the ellipsoid of tissue in a plane [mm], visible from the side; chosen."""
+"""Half the thickness of the ellipsoid for flat tissue [mm]; choice: visible from the side."""
 LONGEST_TEXT = 500
-"""Most letters of a reason or a fault; a STRING has room for 65535 bytes."""
+"""Largest length of a reason or a fault in letters; a STRING has room for 65535 bytes."""
 
 
 class TransformStatus(StrEnum):
@@ -41,7 +41,7 @@ class TransformStatus(StrEnum):
 
     OK = "OK"
     MISSING = "MISSING"
-    """No mark is seen: a prediction by the model."""
+    """No mark was used: a prediction by the model."""
     INVALID = "INVALID"
 
 
@@ -62,7 +62,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Bytes of one moment: all but the needle, and the needle, which is not sent to clients that send it themselves."""
+    """Messages of one moment as bytes: all except the needle, and the needle, which clients that send it do not get."""
 
     common: bytes
     needle: bytes = b""
@@ -121,7 +121,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of STRING as JSON: covariance, health, probability of a hit, and advice: no GO if INVALID or lost."""
+    """Content of STRING as JSON: covariance, health, probability of a hit, and advice: no GO if INVALID or lost."""
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -132,7 +132,7 @@ def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4), axes of the scene, origin in the target; None if that is unknown."""
+    """Matrix (4, 4) with the scene's axes and the origin in the target; None if the target is unknown."""
     if state["target_mm"] is None:
         return None
     matrix = np.eye(4)
@@ -141,9 +141,9 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4) that maps the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
+    """Matrix (4, 4) from the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
 
-    For tissue in a plane it is the 95 % ellipse, with 2 degrees of freedom, and FLAT_MM to either side of the plane.
+    For flat tissue it is the 95 % ellipse, with 2 degrees of freedom, and FLAT_MM to either side of the plane.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -160,7 +160,7 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """(4, 4), origin in the needle's tip, +z in the direction of its push; None without a needle.
+    """Matrix (4, 4) with the origin in the needle's tip, +z in the direction of insertion; None without a needle.
 
     The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; [duff2017],
     section 3, gives one.

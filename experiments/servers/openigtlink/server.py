@@ -1,4 +1,4 @@
-"""The server: it sends every client the newest moment only, and passes messages of clients to the loop as commands.
+"""OpenIGTLink server: it sends every client only the newest moment, and passes their messages to the loop as commands.
 
 A client that is gone, stuck, or sends an invalid message is dropped without effect on others. For users:
 docs/openigtlink.md.
@@ -36,9 +36,9 @@ class LinkSettings:
     """Limits of the server.
 
     clients: at the same time; more get BUSY and are dropped; a requirement of users at the needle
-    message_s: from the first byte of a message to its last [s]; source: what pyigtl allows a body
-    stuck_s: a client that receives nothing for this long is dropped [s]; choice
-    kernel_bytes: socket buffer for a client [bytes], which Linux doubles: some ten moments, so that a slow client does
+    message_s: from the first byte of a message to its last [s]; source: pyigtl's limit for a body
+    stuck_s: time without reception after which a client is dropped [s]; choice
+    kernel_bytes: socket buffer for a client [bytes], which Linux doubles: about ten moments, so that a slow client does
     not read old data; choice. Linux and macOS accept none while the last one waits
     """
 
@@ -79,7 +79,7 @@ class _Server:
             await asyncio.gather(*self._clients, return_exceptions=True)
 
     async def _follow(self) -> None:
-        """Make a packet of each new moment, or of none if none comes in time. An earlier moment is not new."""
+        """Create a packet of each new moment, or of none if none comes in time. An earlier moment is not new."""
         number = 0 if self._feed.newest is None else self._feed.newest.number
         stale_s = 1e-3 * self._feed.scene["stale_ms"]
         while True:
@@ -137,7 +137,7 @@ class _Server:
             writer.write(self._packet.common + (b"" if incoming.sends_needle else self._packet.needle))
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Pass on the client's requests. Ends by an exception: it is gone, MalformedError, or TimeoutError."""
+        """Pass on the client's requests. Ends with an exception: one of GONE, or MalformedError."""
         may_write = _is_local(writer)
         while True:
             first = await reader.readexactly(1)
@@ -180,13 +180,13 @@ def _refusal(code: Code, text: str) -> bytes:
 
 
 def _answer(writer: asyncio.StreamWriter, code: Code, text: str) -> None:
-    """Send why a request failed, unless the client is still receiving earlier data."""
+    """Send the reason why a request failed, unless the client is still receiving earlier data."""
     if writer.transport.get_write_buffer_size() == 0:
         writer.write(_refusal(code, text))
 
 
 def _keep_little(sock: socket.socket, n_bytes: int) -> None:
-    """Limit what the operating system buffers for a client."""
+    """Limit the data that the operating system buffers for a client."""
     with contextlib.suppress(OSError):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, n_bytes)
     with contextlib.suppress(OSError, AttributeError):

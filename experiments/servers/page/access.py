@@ -1,4 +1,4 @@
-"""Who may read and write: exact Host and Origin against pages of others and DNS rebinding, and a token.
+"""Access rights: exact Host and Origin against foreign pages and DNS rebinding, and a token.
 
 `Guard` wraps the application, so that refused requests are neither answered nor accepted.
 """
@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""A client offers PROTOCOL and, with this prefix, its token as subprotocols: a browser cannot send other headers."""
+"""Prefix of the token, which a client offers as a subprotocol beside PROTOCOL: a browser cannot send other headers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Access:
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
     def grant(self, subprotocols: Iterable[str]) -> Grant:
-        """The rights of a client by its offered subprotocols."""
+        """The rights of a client, from its offered subprotocols."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return Grant(read=self.read_open, write=False)
@@ -57,7 +57,7 @@ class Grant:
 
 
 class Guard:
-    """Wraps an application: refuses foreign hosts and origins, all methods but GET and HEAD, and requests with a body.
+    """Wraps an application: refuses foreign hosts and origins, methods except GET and HEAD, requests with a body.
 
     Every answer gets headers that forbid framing, caching, sniffing and loading from elsewhere.
     """
@@ -92,7 +92,7 @@ class Guard:
 
     @staticmethod
     def _refuse(status: int, why: str, **headers: str) -> ASGIApp:
-        """The connection ends with the answer: further input is not read."""
+        """Refuse a request; the connection ends with the answer, and further input is not read."""
         return PlainTextResponse(f"{why}\n", status, {"connection": "close", **headers})
 
 

@@ -15,17 +15,17 @@ from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 MOST_CONNECTIONS = 64
-"""Most connections of all kinds: 16 clients, and as many again that each fetch the page over three; chosen."""
+"""Largest number of connections of all kinds; choice: 16 clients, and as many that each fetch the page over three."""
 REQUESTS_S = 20.0
-"""Longest duration of a connection that is not a WebSocket [s]: a page is fetched in less; chosen."""
+"""Longest duration of a connection that is not a WebSocket [s]; choice: a page is fetched in less."""
 CLOSING_S = 2.0
-"""Time for a client to receive remaining data when its connection ends [s]; chosen."""
+"""Time for a client to receive remaining data when its connection ends [s]; choice."""
 MOST_UNSENT = 8 * 2**20
-"""Most bytes that wait for a client that keeps sending: more than the largest picture; chosen."""
+"""Largest number of waiting bytes for a client that keeps sending; choice: more than the largest picture."""
 MOST_HEAD = 16_384
-"""Most bytes of a request's line and headers; chosen: ours have 1000."""
+"""Largest number of bytes of a request's line and headers; choice: ours have 1000."""
 MOST_PIECES = 256
-"""Most frames in one message: empty ones do not count in its size; chosen."""
+"""Largest number of frames in one message; choice: empty ones do not count in its size."""
 
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")

@@ -1,4 +1,4 @@
-"""The page on a socket, until its task is cancelled."""
+"""Server of the page on a socket, until its task is cancelled."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from experiments.servers.page.application import application
 from experiments.servers.page.bounded import MOST_HEAD, BoundedHttp, BoundedWebSocket
 
 MOST_INBOUND = 65_536
-"""Most bytes of a message from a client; a requirement."""
+"""Largest number of bytes of a message from a client; a requirement."""
 PING_S = 10.0
-"""Interval of pings, and timeout of their answers [s]: a lost client is dropped within twice that; chosen."""
+"""Interval of pings, and timeout of their answers [s]; choice: a lost client is dropped within twice that."""
 LEAVING_S = 1
-"""Time for clients to close when the server ends [s]; chosen."""
+"""Time for clients to close when the server ends [s]; choice."""
 
 
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:
     """Serve a feed on a bound socket until cancelled, then close connections and socket; see `application`.
 
-    Signals are left to the process.
+    The process handles signals.
     """
     config = uvicorn.Config(
         application(feed, hosts=hosts, token=token, read_open=read_open),

@@ -1,4 +1,4 @@
-"""The JSON stream to a viewer: the scene, then the newest state whenever it is ready; and its commands back.
+"""JSON stream to a viewer: the scene, then the newest state whenever the viewer is ready; and its commands back.
 
 The server does not wait: a state is skipped if the viewer is still receiving an older one.
 """
@@ -18,9 +18,9 @@ from experiments.servers.feed import Feed
 from experiments.servers.page.access import PROTOCOL, Access
 
 MOST_CLIENTS = 16
-"""Most viewers and programs at a time; a requirement."""
+"""Largest number of viewers and programs at a time; a requirement."""
 STUCK_S = 10.0
-"""A client that receives nothing for this long is dropped [s]; chosen: a tablet that was away connects again."""
+"""Time without reception after which a client is dropped [s]; choice: a tablet that was away connects again."""
 NEXT = "next"
 """Message of a client with its own pace when it is ready for a state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
@@ -28,7 +28,7 @@ WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
 """Exceptions of a client that is gone or stuck: the first sender finds it gone, the next one closed."""
 LONGEST_ERROR = 200
-"""Most letters of an error in an answer, which may quote the client's input."""
+"""Largest length of an error in an answer, in letters; it may quote the client's input."""
 
 
 class Stream:
@@ -65,7 +65,7 @@ class Stream:
 
 
 class Viewer:
-    """One client.
+    """Connection of one client.
 
     pictures: whether it requests them (`?pictures=1`)
     State: whether it is ready for a state, which it reports itself with `?pace=1`.
@@ -80,7 +80,7 @@ class Viewer:
         self._sending = asyncio.Lock()
 
     async def serve(self) -> None:
-        """Send and receive until one of them ends."""
+        """Send and receive until one of the two ends."""
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)

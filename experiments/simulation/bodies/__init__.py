@@ -1,4 +1,4 @@
-"""Bodies in motion by MuJoCo: truths that are not made by the equations of this project.
+"""Moving bodies simulated with MuJoCo: truths that do not come from the equations of this project.
 
-MuJoCo comes with the `dev` extra. Each body is a `Body`: what a user would write down of it, and how it moved.
+MuJoCo comes with the `dev` extra. Each body is a `Body`: a user's description of it, and its motion.
 """

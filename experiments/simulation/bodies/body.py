@@ -1,4 +1,4 @@
-"""A body in motion: its network, its visible nodes, and the true positions of all nodes."""
+"""A moving body: its network, its visible nodes, and the true positions of all nodes."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ MARK_SD_M = 0.5e-3
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Factors on a body's size, stiffness and mass; gravity, seconds and frames are unchanged.
+    """Factors on a body's size, stiffness and mass; gravity, seconds and frames do not change.
 
-    Another size has the same shape under gravity: masses scale with its cube, stiffnesses with its square, so that the
-    relative sag is the same. Dashpots scale so that damping ratios stay.
+    A body of another size has the same shape under gravity: masses scale with the cube of the size, stiffnesses with
+    its square, so that the relative sag is the same. Dashpots scale so that damping ratios stay.
     """
 
     size: float = 1.0
@@ -55,11 +55,11 @@ class Scale:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A body in motion.
+    """A moving body: a user's network of it, and its true motion.
 
     network: its best-known constants, in the shape that a user would draw
     times_s: of the frames, (n_frames,); positions: of all nodes [m], (n_frames, n_nodes, dim)
-    marked: names of the nodes seen, to mark_sd_m an axis [m]
+    marked: names of the visible nodes, with errors of mark_sd_m per axis [m]
     at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
     in_line: whether the nodes form a line in order
     led: marked nodes that are led
@@ -78,13 +78,13 @@ class Body:
 
     @property
     def hidden(self) -> tuple[str, ...]:
-        """Names of the free nodes that are never seen."""
+        """Names of the free nodes that are never visible."""
         names = (self.network.names[i] for i in self.network.free)
         return tuple(name for name in names if name not in self.marked)
 
     @property
     def size_m(self) -> float:
-        """Largest distance of two nodes as drawn [m]."""
+        """Largest distance between two nodes as drawn [m]."""
         places = self.network.positions
         return float(np.linalg.norm(places[:, None] - places[None], axis=2).max())
 

@@ -16,7 +16,7 @@ from experiments.simulation.bodies.simulate import compiled, motion
 LINKS_M = (0.0917, 0.0693, 0.080)
 MASSES_KG = (0.030, 0.012, 0.020)
 LINK_N_M, LINK_N_S_M = 2000.0, 0.5
-"""A user's stiffness for a link that does not stretch."""
+"""A user's stiffness and damping for a link that does not stretch."""
 
 HINGE_N_M_S = 1e-5
 SPEED_RAD_S = 3.0
@@ -26,18 +26,18 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend at which a spring over two segments has the energy of the joint, because springs have none at small bends; the
-root mean square of these cables' bends, at either speed."""
+"""Bend at which a spring over two segments has the energy of the joint, because springs have no energy at small bends:
+the root mean square of these cables' bends, at either speed."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
-"""Adjacent nodes, as behind something that covers the middle."""
+"""Indices of the hidden nodes, adjacent as behind something that covers the middle."""
 
 
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
-    """A pendulum of rigid links in the plane, its outer end seen at 100 Hz.
+    """A pendulum of rigid links in the plane, its outer end visible at 100 Hz.
 
-    Links are also springs in the truth if mass or stiffness is scaled: for a rigid link neither matters.
+    Links are springs in the truth, too, if mass or stiffness is scaled: for a rigid link neither matters.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])

@@ -18,7 +18,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, settled
 FRAMES_PER_S = 30
 BLOCK_M, BLOCK_PA, BLOCK_KG_M3 = 0.06, 30e3, 1000.0
 SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
-"""Sides [m], Young's modulus times thickness [N/m], mass by area."""
+"""Sides [m], Young's modulus times thickness [N/m], mass per area [kg/m²]."""
 
 SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
@@ -27,10 +27,10 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest force on the lower face of a block, by Young's modulus and its area, and the finger's radius by the side."""
+"""Largest pressure on a block's lower face, relative to Young's modulus; finger's radius, relative to the side."""
 
 PULL = 0.2
-"""Largest force on a node of a sheet, by the sheet's weight."""
+"""Largest force on a node of a sheet, relative to the sheet's weight."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class Push:
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
-    """A soft block hanging from a plate, pressed from below and released; its surface is seen, its inside hidden.
+    """A soft block hanging from a plate, pressed from below and released; its surface is visible, its inside hidden.
 
     It hangs, because at a tenth of its stiffness it would buckle under its own weight. press: as `PRESS`
     """
@@ -77,7 +77,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: f
 
 
 def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft floating block without supports, its faces moved by springs; corners and face centres are seen."""
+    """A soft floating block without supports, its faces moved by springs; corners and face centres are visible."""
     per_side = 3
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA / 3.0 * scale.k / scale.size
@@ -134,7 +134,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
     stiffness = 0.75 * stretch * np.where(_diagonal(grid, springs, spacing), 0.5, shared)
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
-    # lengths as cut, not as drawn: with those drawn some springs would be compressed and the sheet would buckle
+    # lengths as cut, not as drawn: with the drawn ones some springs would be compressed and the sheet would buckle
     network = replace(network, rest_lengths=spring_lengths(grid, springs))
     marked = tuple(f"n{i}" for i in np.flatnonzero(rim))
     return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
@@ -142,7 +142,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 @dataclass(frozen=True, slots=True)
 class _Material:
-    """Young's modulus [Pa] and damping by stiffness [s]."""
+    """Young's modulus [Pa] and damping divided by stiffness [s]."""
 
     young: float
     rayleigh_s: float
@@ -191,7 +191,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[f
 
 
 def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Floats]) -> list[Push]:
-    """Forces one after the other, with pauses in which the body settles."""
+    """Successive forces, with pauses in which the body settles."""
     found, start = [], float(rng.uniform(0.2, 0.5))
     while start < seconds:
         lasts = float(rng.uniform(0.2, 0.8))

@@ -14,7 +14,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, settled
 
 STIFFNESS_N_M = 80.0
 N_SPRINGS = 8
-"""The last two of the phantom are its braces."""
+"""Number of springs without the braces, which are the last two."""
 
 POKE_M_S2 = 10.0
 FRAMES_PER_S = 30
@@ -69,7 +69,7 @@ def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
 
 
 def _xml(network: MassSpringNetwork) -> str:
-    """Masses on slides in a plane, springs and dashpots as tendons."""
+    """MuJoCo model: masses on slides in a plane, springs and dashpots as tendons."""
     size = 0.01 * float(np.ptp(network.positions))
     bodies, tendons = "", ""
     for i, name in enumerate(network.names):

@@ -11,11 +11,11 @@ import numpy as np
 from experiments.arrays import Floats
 
 Act = Callable[[float, Any], None]
-"""Sets forces or led positions in MuJoCo's data for the step that begins at this time [s]."""
+"""Function that sets forces or led positions in MuJoCo's data for the step that begins at this time [s]."""
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model and data of this text, with positions computed."""
+    """MuJoCo's model and data from this text, with positions computed."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -34,7 +34,7 @@ def motion(
     model.opt.timestep = interval / n_steps
     seen = []
     for time_s in times_s:
-        mujoco.mj_forward(model, data)  # a step leaves derived positions as before it
+        mujoco.mj_forward(model, data)  # a step does not update derived positions
         seen.append(np.array(read(data)))
         for step in range(n_steps):
             if act is not None:
@@ -44,7 +44,7 @@ def motion(
 
 
 def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float) -> None:
-    """Let the model come to rest, its velocities multiplied by `kept` each step."""
+    """Let the model come to rest; `kept` multiplies its velocities in each step."""
     model.opt.timestep = step_s
     for _ in range(int(seconds / step_s)):
         mujoco.mj_step(model, data)

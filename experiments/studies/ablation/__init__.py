@@ -1,1 +1,1 @@
-"""What each mechanism of the filter is worth: runs with one of them turned off; `__main__` has the command."""
+"""Ablation study: the benefit of each mechanism of the filter, from runs without it; `__main__` has the command."""

@@ -1,9 +1,9 @@
-"""What each mechanism of the filter is worth: the same recordings with one of them turned off at a time.
+"""Benefit of each mechanism of the filter: the same recordings with one mechanism turned off at a time.
 
     python -m experiments.studies.ablation --out FOLDER --lungs LUNGS      # --page writes docs/ablation.md
     python -m experiments.studies.ablation --out FOLDER --only outliers --bodies phantom
 
-LUNGS is a folder as for `experiments.studies.lungs`. A study that was ended goes on in its folder, seed by seed.
+LUNGS is a folder as for `experiments.studies.lungs`. An interrupted study continues in its folder, seed by seed.
 Last figures: docs/ablation.md.
 """
 
@@ -27,20 +27,20 @@ from experiments.studies.grid import DOCS, chosen, command, grid, kept_runs, mar
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
-"""No prior was chosen on seeds from here on."""
+"""First seed of the study; no prior was chosen on seeds from here on."""
 
 HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodies", "lines")
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""By these a mechanism is seen to have an effect."""
+"""Figures that show whether a mechanism has an effect."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """The figures of a body by the filter without the mechanism `off`.
 
-    error_m: mean over hidden points and frames; covered, nees: by the region of 95 %, and by the dimension
-    lost: frames that are not TRACKING; failed: why it ended early, whose other figures are those until then
+    error_m: mean over hidden points and frames; covered: share in the 95 % region; nees: divided by the dimension
+    lost: frames that are not TRACKING; failed: why it ended early; the other figures are then those until that time
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
     with switch.patched():
@@ -53,11 +53,11 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each mechanism: error by the whole filter's, geometric mean [1], and mean change of coverage [points].
+    """A row for each mechanism: ratio of errors to the whole filter's, geometric mean [1], and mean change of coverage.
 
-    Over the bodies on which anything changed, `changed` of all `bodies`.
+    The means are over the bodies on which anything changed, `changed` of all `bodies`; coverage in points.
 
-    most, least: of the body with the largest ratio and of that with the least change, with its name
+    most, least: for the body with the largest ratio and for that with the least change, with its name
     failed: runs that ended early
     """
     keyed = runs.set_index(["body", "seed"])
@@ -97,7 +97,7 @@ def _shown(row: Any) -> tuple[str, ...]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the runs that the folder does not have yet, and write the table."""
+    """Do the missing runs of the folder, and write the table."""
     parser = study_options(__doc__, page="ablation.md")
     parser.add_argument("--only", action="append", default=[], help="a mechanism; again for more; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; again for more; default: all")

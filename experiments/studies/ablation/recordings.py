@@ -26,7 +26,7 @@ from experiments.studies.zoo.constants import assumed, measured
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Input of a filter, and the truth.
+    """Input of a filter, with the truth.
 
     Attributes
     ----------
@@ -35,9 +35,9 @@ class Recording:
     frames : sequence of (float, sequence of MarkMeasurement)
         Times [s] and marks.
     truth : (n_frames, n_targets, dim)
-        Places of the targets [m].
+        Positions of the targets [m].
     read_sd_m : float
-        Standard deviation of the truth itself, an axis [m].
+        Standard deviation of the truth itself for each axis [m].
     """
 
     network: MassSpringNetwork
@@ -88,7 +88,7 @@ def _wrong(seed: int) -> Model:
 
 
 def lung(folder: Path) -> Recording:
-    """The first lung of the folder, ten landmarks of its hull seen."""
+    """The first lung of the folder, with ten visible landmarks of its hull."""
     one, constants = read_lungs(folder)[0], LungConstants()
     marked, sd_m = one.seen(10), constants.reading_sd_m
     seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
@@ -109,7 +109,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "cloth": _zoo("sheet", "true", 1.5),
     "floating block": _zoo("floating", "true", 1.5),
 }
-"""By name, made from a seed."""
+"""Functions that create a recording from a seed, by name."""
 
 LUNG = "lung"
 """Name of the run for a folder of landmarks, which has no seed."""

@@ -26,7 +26,7 @@ Fields = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Switch:
-    """A mechanism.
+    """A mechanism of the filter, and how to turn it off.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Switch:
     knows_constants : bool
         Whether the uncertainty of constants is still considered.
     patches : mapping
-        What replaces attributes where no argument turns it off.
+        Replacements of attributes where no argument turns it off.
     """
 
     code: str

@@ -1,1 +1,1 @@
-"""Dense landmarks of breathing lungs: those deep inside from marks near the hull."""
+"""Study of breathing lungs with dense landmarks: deep ones are estimated from marks near the hull."""

@@ -1,10 +1,10 @@
-"""Dense landmarks of breathing lungs: those deep inside estimated from marks near the hull.
+"""Dense landmarks of breathing lungs: deep ones estimated from marks near the hull.
 
     python -m experiments.studies.dense_lungs FOLDER --out DIR    # --page writes the table to docs/zoo.md
 
-FOLDER has tables of persons, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: places at the end of inhaling and of
-exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv, table.md and
-errors.png, all or none. Last figures: docs/zoo.md.
+FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling and
+of exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv, table.md
+and errors.png, all or none. Last figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from experiments.studies.grid import DOCS, command, grid, runs_of, study_options
 
 
 def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
-    """All methods on one lung with so many marks."""
+    """All methods on one lung with this number of marks."""
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)
     truth = lung.exhaled[lung.hidden]
@@ -43,7 +43,7 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
             failures[name] = f"{type(error).__name__}: {error}"
             continue
         errors[name] = np.linalg.norm(found.means - truth, axis=1)
-        if found.covs is not None:  # the place of the hidden landmark has an error, too
+        if found.covs is not None:  # the position of the hidden landmark has an error, too
             read = found.covs + constants.scatter_m**2 * np.eye(3)
             nees[name] = normalised_error_squared(found.means - truth, read)
     return Run(lung.name, where, n, errors, nees, failures)
@@ -61,7 +61,7 @@ def _factor(text: str) -> float:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the results of a folder of tables; 1 where a method failed."""
+    """Write the results of a folder of tables; returns 1 if a method failed."""
     parser = study_options(__doc__, out=False, page="zoo.md")
     parser.add_argument("folder", type=Path, help="of tables of landmarks, one for each person")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results, new or empty")

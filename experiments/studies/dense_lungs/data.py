@@ -1,4 +1,4 @@
-"""Dense landmarks of lungs at two times from tables, one for each person; which are marks, which are hidden."""
+"""Dense landmarks of lungs at two times, from a table for each person, divided into marks and hidden ones."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ AXES = ("x", "y", "z")
 COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
 
 WHERE = ("all", "front")
-"""Where marks are: all round, or only on the half of the person whose y is above the median of the lung."""
+"""Positions of the marks: all round, or only on the half of the person whose y is above the median of the lung."""
 
 NEAR, DEEP = 0.03, 0.075
-"""Depth below the hull, by the extent of the lung along its longest axis [1]: of marks at most; of hidden ones more;
-choice."""
+"""Largest depth of marks below the hull, and least depth of hidden landmarks, relative to the lung's longest extent
+[1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lung:
     """One lung: landmarks at the end of inhaling and of exhaling [m], (n, 3) each.
 
-    depth: below the convex hull of the first, by the extent of the lung along its longest axis [1], (n,)
+    depth: below the convex hull of the first, relative to the lung's longest extent [1], (n,)
     """
 
     name: str
@@ -39,7 +39,7 @@ class Lung:
 
     @property
     def hidden(self) -> NDArray[np.int64]:
-        """Landmarks whose places are estimated."""
+        """Landmarks whose positions are estimated."""
         return np.flatnonzero(self.depth > DEEP)
 
     def marks(self, n: int, where: str) -> NDArray[np.int64]:

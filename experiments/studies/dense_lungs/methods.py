@@ -23,22 +23,22 @@ from experiments.studies.lungs.model import LungConstants, lung_network, node_na
 from experiments.studies.zoo.references import thin_plate_weights
 
 OTHERS = 60
-"""Nodes of a network besides the marks, landmarks far from these and from each other; numerical."""
+"""Number of nodes of a network besides the marks: landmarks far from these and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Forces of a breath: smooth over the lung, none on a single mark; the strength, 1 % of gravity, is a choice."""
+"""Forces of a breath: smooth over the lung, none on a single mark; choice: a strength of 1 % of gravity."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Discrepancy of a lung; choice. Its level is stated: marks choose that of later frames, and there are none."""
+"""Discrepancy of a lung; choice. Its level is stated, because only later frames could determine it."""
 
 FRAMES_S = (0.0, 2.0)
-"""When the lung is at the end of inhaling, and of exhaling [s]: half a breath."""
+"""Times of the end of inhaling and of exhaling [s]: half a breath."""
 
 FIELD_M = 0.06
-"""Length of the Matern field [m]; choice."""
+"""Correlation length of the Matern field [m]; choice."""
 
 LEVELS_M = np.geomspace(0.2e-3, 50e-3, 25)
-"""Standard deviations among which the Matern field chooses by marginal likelihood [m]; numerical."""
+"""Standard deviations of the Matern field, of which the marginal likelihood selects one [m]; numerical."""
 
 LARGE_M = 1.0
 """Standard deviation of the Matern field's trend at 0.1 m from the centre of the marks [m]; numerical."""
@@ -49,7 +49,7 @@ class DenseConstants:
     """Constants common to all lungs, rows and marks; chosen once.
 
     body: of the network of springs
-    scatter_m: of a landmark's place, each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
+    scatter_m: of a landmark's position for each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
     disturbances, discrepancy: priors of the filter
     """
 
@@ -61,7 +61,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """What all methods get: places of marks before and after, places of hidden landmarks before [m], (n, 3) each."""
+    """Input of all methods: positions of marks before and after, of hidden landmarks before [m], (n, 3) each."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -90,7 +90,7 @@ class Task:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Hidden landmarks at the end of exhaling [m], (n, 3), and their covariances [m²], (n, 3, 3), where stated."""
+    """Hidden landmarks at the end of exhaling [m], (n, 3), and their covariances [m²], (n, 3, 3), if stated."""
 
     means: Floats
     covs: Floats | None = None
@@ -98,7 +98,7 @@ class Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A coarse network of a lung, marks first; hidden landmarks lie between four nodes each.
+    """A coarse network of a lung, marks first; each hidden landmark lies between four nodes.
 
     corners, weights: of each hidden landmark, (n, 4)
     """
@@ -109,7 +109,7 @@ class Body:
 
     @classmethod
     def of(cls, task: Task) -> Body:
-        """Nodes are the marks and `OTHERS` more landmarks."""
+        """Network of the marks and `OTHERS` more landmarks."""
         points = task.lung.inhaled
         nodes = points[far_apart(points, len(task.marks) + OTHERS, task.marks)]
         mesh = Delaunay(nodes)
@@ -124,18 +124,18 @@ class Body:
         return cls(lung_network(nodes, task.constants.body), mesh.simplices[cells], weights)
 
     def point(self, k: int) -> TargetPoint:
-        """A hidden landmark between its nodes."""
+        """A hidden landmark as a point between its nodes."""
         return TargetPoint(tuple(node_name(int(i)) for i in self.corners[k]), tuple(self.weights[k]))
 
     def rows(self) -> Floats:
-        """Places of all hidden landmarks by those of the nodes, (n, n_nodes)."""
+        """Map from the positions of the nodes to those of all hidden landmarks, (n, n_nodes)."""
         found = np.zeros((len(self.corners), self.network.n_nodes))
         np.put_along_axis(found, self.corners, self.weights, axis=1)
         return found
 
 
 def by_filter(task: Task) -> Found:
-    """By `TissueFilter`, whose target is the hidden landmark that is the farthest from all marks."""
+    """Estimate by `TissueFilter`, whose target is the hidden landmark that is farthest from all marks."""
     body = Body.of(task)
     away = np.linalg.norm(task.wanted[:, None] - task.before, axis=2).min(axis=1)
     frames = task.frames()
@@ -155,7 +155,7 @@ def by_filter(task: Task) -> Found:
 
 
 def by_open_loop(task: Task) -> Found:
-    """By the paper's method, on the same network: marks move in a straight line between the frames."""
+    """Estimate by the paper's method, on the same network: marks move in a straight line between the frames."""
     body = Body.of(task)
     method = OpenLoop(body.network, body.point(0))
     for time_s, marks in task.frames():
@@ -164,19 +164,19 @@ def by_open_loop(task: Task) -> Found:
 
 
 def by_thin_plate(task: Task) -> Found:
-    """By a thin-plate spline of the displacement."""
+    """Estimate by a thin-plate spline of the displacement."""
     weights = thin_plate_weights(task.before, task.wanted)
     return Found(task.wanted + weights @ (task.after - task.before))
 
 
 def by_linear(task: Task) -> Found:
-    """By a linear radial basis with affine trend."""
+    """Estimate by a linear radial basis with affine trend."""
     spline = RBFInterpolator(task.before, task.after - task.before, kernel="linear", degree=1)
     return Found(task.wanted + spline(task.wanted))
 
 
 def by_field(task: Task) -> Found:
-    """By a Matern field with affine trend, its level that of the largest marginal likelihood."""
+    """Estimate by a Matern field with affine trend, whose level has the largest marginal likelihood."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before
@@ -207,4 +207,4 @@ METHODS: Mapping[str, Callable[[Task], Found]] = {
     "field": by_field,
     "open_loop": by_open_loop,
 }
-"""By name in the outputs."""
+"""Methods by their names in the outputs."""

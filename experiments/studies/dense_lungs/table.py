@@ -17,7 +17,7 @@ from experiments.studies.dense_lungs.data import WHERE
 from experiments.studies.grid import markdown_table
 
 COUNTS = (10, 20, 40, 80)
-"""Marks a lung."""
+"""Numbers of marks per lung."""
 
 WORDS = {
     "filter": "filter",
@@ -30,15 +30,15 @@ WORDS = {
 """Methods in words."""
 
 COLORS = {"filter": OURS, "thin_plate": BLACK, "linear": GREEN, "field": PURPLE, "open_loop": PAPERS}
-"""Of the lines of the picture."""
+"""Colours of the lines in the picture."""
 
 BOUNDS = (0.90, 0.98)
-"""Share covered that a row of the filter should have [1]."""
+"""Bounds for the share covered in a row of the filter [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One lung with so many marks: by method errors [m], (n_hidden,), and NEES where a covariance is stated."""
+    """One lung with this number of marks: by method errors [m], (n_hidden,), and NEES if a covariance is stated."""
 
     lung: str
     where: str

@@ -1,1 +1,1 @@
-"""The estimation study: seeded runs by the hundred on the phantom, and the page that they make."""
+"""Estimation study: hundreds of seeded runs on the phantom, and the page with their results."""

@@ -1,15 +1,15 @@
-"""Whether the standard errors of identified constants hold: the table "Standard errors" of docs/identification.md.
+"""Validity of the standard errors of identified constants: the table "Standard errors" of docs/identification.md.
 
     python -m experiments.studies.estimation.identification --out study             # 20 fits of either phantom
     python -m experiments.studies.estimation.identification --out study --runs 4 --seeds 0
     python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
-A fit takes some 15 s of one core.
+A fit takes about 15 s of one core.
 
-Recordings of 12 s at 30 frames/s, every mark seen to 1 mm an axis: the built-in phantom, and a user's of five masses
-and fourteen springs. Truth by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass, Coulomb
-friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The scene's constants
-are off at random by `PRIOR_SD`, which is what `identify_constants` is given as prior; one start. Pull: error of the
+Recordings of 12 s at 30 frames/s, every mark accurate to 1 mm per axis: the built-in phantom, and a user's with five
+masses and fourteen springs. Truth by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass,
+Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The scene's
+constants have random errors of `PRIOR_SD`, also the prior of `identify_constants`; one start. Pull: error of the
 logarithm of a constant by its standard error. Development seeds are 0 to 39, those of the page 1000 to 1019.
 """
 
@@ -49,14 +49,14 @@ PRIOR_SD: Mapping[str, float] = {
     "drag": 0.3,
     "friction": 0.3,
 }
-"""Relative standard deviations by which the constants of the scene are off, and the prior."""
+"""Relative standard deviations of the errors of the scene's constants, and of the prior."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
 
 FIRST_SEED, N_RUNS = 1000, 20
 
 BOUNDS = {"mean": (-0.3, 0.3), "spread": (0.8, 1.2)}
-"""Between which the pulls' mean and standard deviation are to be."""
+"""Permitted ranges of the pulls' mean and standard deviation."""
 
 _PLACES_MM = {"P1": (-90, 70), "P2": (-60, 150), "P3": (55, 160), "P4": (95, 80), "T": (5, 85)}
 _PLACES_MM |= {"A1": (-100, 0), "A2": (0, 0), "A3": (100, 0)}
@@ -80,7 +80,7 @@ _SPRINGS = [
 
 
 def five_mass_phantom() -> MassSpringNetwork:
-    """A user's phantom at rest under gravity: P1 to P4 about the hidden T, on anchors A1 to A3."""
+    """A user's phantom at rest under gravity: P1 to P4 around the hidden T, on anchors A1 to A3."""
     anchors = [name for name in _PLACES_MM if name not in _MASSES_KG]
     drawn = build_network(
         list(_PLACES_MM),
@@ -106,7 +106,7 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
 
 
 def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> tuple[Frames, Floats]:
-    """Frames with the marks of all free nodes, and their true places [m], (n_frames, n_free, dim)."""
+    """Frames with the marks of all free nodes, and their true positions [m], (n_frames, n_free, dim)."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
@@ -152,7 +152,7 @@ def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
 
 
 def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
-    """The table of the page; what is out of its bounds is bold."""
+    """The table of the page; values outside their bounds are bold."""
     heads = ["phantom", "constants", "fits", "pull: mean, SD", "error: before, after", "standard error"]
     rows = []
     for (name, kind), row in found.items():
@@ -168,7 +168,7 @@ def _marked(value: float, low: float, high: float) -> str:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the fits, print the table, and put it into the page."""
+    """Do the fits, print the table, and write it to the page."""
     parser = study_options(__doc__, page="identification.md")
     parser.add_argument("--runs", type=int, default=N_RUNS)
     parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="the first one")

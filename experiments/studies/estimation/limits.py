@@ -18,11 +18,11 @@ TREMOR = 0.05
 """White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""First frame of a run that counts."""
+"""First frame of a run that counts, for each section."""
 
 
 def hard_trial(k: int) -> Trial:
-    """One of the thousand: frame rate, noise and strength of the pokes at random, three marks in ten lost."""
+    """One of the thousand runs: random frame rate, noise and strength of pokes, three marks in ten lost."""
     rng = np.random.default_rng([k, 3])
     return Trial(
         "poked" if k % 2 else "shoved",

@@ -1,4 +1,4 @@
-"""Rewrites the tables of docs/estimation-study.md from what `experiments.studies.estimation.study` left in a folder.
+"""Rewrites the tables of docs/estimation-study.md from the stored results of `experiments.studies.estimation.study`.
 
 python -m experiments.studies.estimation.page study
 """
@@ -38,7 +38,7 @@ HARD = {
 
 
 def table(columns: Mapping[str, str], rows: Rows, *, last: str = "") -> str:
-    """The rows that have runs and whose labels end so, with these columns."""
+    """A table with these columns and the rows that have runs and labels with this ending."""
     shown = {label: row for label, row in rows.items() if "runs" in row and label.endswith(last)}
     return markdown_table(["", *columns], [[label, *_filled(columns, row)] for label, row in shown.items()])
 
@@ -57,7 +57,7 @@ TABLES: Mapping[str, Callable[[Rows], str]] = {
 
 
 def main() -> None:
-    """Rewrite the tables of the parts that are there."""
+    """Rewrite the tables of the available parts."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     folder = parser.parse_args().folder

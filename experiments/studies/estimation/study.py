@@ -1,13 +1,13 @@
-"""How accurate and consistent the filter is, in seeded runs on the phantom: the figures of docs/estimation-study.md.
+"""Accuracy and consistency of the filter in seeded runs on the phantom: the figures of docs/estimation-study.md.
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
     python -m experiments.studies.estimation.study hard --runs 10 --out study
     python -m experiments.studies.estimation.page study                    # rewrite the page from what is there
 
-Parts are kept as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
+Parts are stored as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
 continues where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes are half sines (`poked`: one mass
 at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to 140 mm). Errors of constants are in
-the model: the truth stays the phantom.
+the model: the truth is always the phantom.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 
 SCENARIOS = ("quiet", "poked", "shoved")
 FAR_M = 0.04
-"""Error of the hidden mass that counts as large [m]."""
+"""Error of the hidden mass above which it counts as large [m]."""
 
 UNREPORTED_S = 0.5
-"""Time [s] within which a filter of such an error must report it."""
+"""Time within which a filter must report such an error [s]."""
 
 Row = dict[str, float | int]
 
@@ -75,7 +75,7 @@ class Study:
         return self.folder / "truth"
 
     def runs(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> pd.DataFrame:
-        """The rows of work(case, cache=...) of all cases, in their order, kept in the folder `runs/PART`."""
+        """The rows of work(case, cache=...) of all cases, in their order, stored in the folder `runs/PART`."""
         return kept_runs(partial(work, cache=self.cache), cases, self.folder / "runs" / part, self.workers)
 
 
@@ -127,13 +127,13 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def far_figures(runs: pd.DataFrame) -> Row:
-    """`figures`, runs that diverged or were ever far, and the longest time [s] of an unreported, certain error."""
+    """Content of `figures`, runs that diverged or were ever far, and longest time [s] of an unreported error."""
     far = {"runs_diverged": int(runs["diverged"].sum()), "runs_ever_far": int(runs["ever_far"].sum())}
     return figures(runs) | far | {"longest_unsaid_s": float(runs["unsaid_s"].max())}
 
 
 def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
-    """`figures` of all frames together and of each scenario, with `label` and its name."""
+    """Figures of all frames together and of each scenario, with `label` and its name."""
     each = {f"{label}{name}": figures(own) for name, own in runs.groupby("scenario", sort=False)}
     return {f"{label}all": figures(runs)} | each
 
@@ -147,13 +147,13 @@ def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertaint
 
 
 def calibration(seed: int, cache: Path) -> Frames:
-    """30 s of the poked phantom, all four marks seen with 4.14 mm of noise, 30 frames/s."""
+    """30 s of the poked phantom with all four marks, with 4.14 mm of noise, 30 frames/s."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
 
 def identified(study: Study) -> dict[str, Row]:
-    """Constants wrong by 10 %, identified from 30 s, both methods with the identified ones; 4.14 mm, 30 frames/s."""
+    """Both methods with constants identified from 30 s that were wrong by 10 %; noise of 4.14 mm, 30 frames/s."""
     found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
     means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
     return by_scenario(found) | {"constants": means.to_dict()}
@@ -177,7 +177,7 @@ def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def unidentified(study: Study) -> dict[str, Row]:
-    """Constants wrong by 10 %, not identified: the filter considers their uncertainty, or ignores it."""
+    """The filter with constants wrong by 10 % that were not identified; it considers or ignores their uncertainty."""
     cases = cases_of(uncertainty=("considered", "ignored"), scenario=SCENARIOS, seed=study.seeds)
     found = study.runs("unidentified", unidentified_row, cases).groupby("uncertainty", sort=False)
     return {name: row for label, runs in found for name, row in by_scenario(runs, f"{label}, ").items()}
@@ -192,7 +192,7 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def bound(study: Study) -> dict[str, Row]:
-    """No pokes, exact constants: RMSE relative to the posterior Cramér-Rao bound; 4.14 mm, 30 frames/s."""
+    """RMSE relative to the posterior Cramér-Rao bound: no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
     runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
@@ -202,14 +202,14 @@ def bound(study: Study) -> dict[str, Row]:
 
 
 def hard(study: Study) -> dict[str, Row]:
-    """1,000 runs of 6 s over frame rates 5 to 120, 0.5 to 8 mm, 30 % of the marks lost, pokes up to 1.5 times."""
+    """1,000 runs of 6 s: 5 to 120 frames/s, mark noise of 0.5 to 8 mm, 30 % of marks lost, pokes up to 1.5 times."""
     runs = study.runs("hard", hard_row, cases_of(seed=range(10 * study.n_runs)))
     parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
     return {label: far_figures(own) for label, own in parts.items() if len(own)}
 
 
 def hard_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One of the thousand."""
+    """One of the thousand runs."""
     return row_of(run(hard_trial(case["seed"]), Model(), cache))
 
 
@@ -220,7 +220,7 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the named parts, or all, and keep their figures."""
+    """Run the named parts, or all, and store their figures."""
     parser = study_options(__doc__)
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
     parser.add_argument("--runs", type=int, default=100)

@@ -1,6 +1,6 @@
 """Seeded runs without pictures: a scenario's truth, its marks with noise, methods on them, their errors.
 
-Truth is by SciPy's RK45 (`experiments.simulation.simulate`), kept in a folder so that many runs share it.
+Truth is by SciPy's RK45 (`experiments.simulation.simulate`), stored in a folder so that many runs share it.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ MISPLACED_M = (0.03, 0.15)
 
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Discrepancy of a filter with the true model, as in scenes of simulated phantoms."""
+"""Filter settings for the true model: discrepancy as in scenes of simulated phantoms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
     """One run: a shipped scenario with another seed, strength of pokes, camera, and shares of marks lost or misplaced.
 
-    outliers: share of the marks that are 30 to 150 mm from their true positions, in any direction
+    outliers: share of the marks at 30 to 150 mm from their true positions, in any direction
     """
 
     scenario: str
@@ -68,8 +68,8 @@ class Model:
 class Outcome:
     """The result of a run.
 
-    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees: by the filter's covariance
-    repairs: of covariances; turned: whether a spring of the truth ever turned by more than a right angle
+    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees: normalised by the filter's covariance
+    repairs: of covariances; turned: whether a spring of the truth ever rotated by more than a right angle
     """
 
     times_s: Floats

@@ -1,1 +1,1 @@
-"""What a live run does when something fails: `softaim faults`, and the list of docs/faults.md."""
+"""Behaviour of a live run during faults: `softaim faults`, and the list of docs/faults.md."""

@@ -1,4 +1,4 @@
-"""Faults of the camera: of its reads, of the times that it states, and of its pictures."""
+"""Faults of the camera: of its reads, of its stated times, and of its pictures."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Arrival
 from vision.arrays import Image
 
 DEVICE_S = 3.0
-"""What a device's own clock says at the first exposure [s]."""
+"""Time of a device's own clock at the first exposure [s]."""
 
 
 def _within(arrival: Arrival, lasts_s: float) -> bool:
@@ -27,7 +27,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """While the fault lasts only these reads come back, counted from its onset on."""
+    """Only these reads return while the fault lasts; they are counted from its onset."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)
@@ -40,7 +40,7 @@ _blocked = _kept(lambda _k, _rng: False)
 
 
 def _frozen(n_pictures: int) -> Arrives:
-    """So many pictures in turn."""
+    """A few pictures, repeated in turn."""
 
     def arrives(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         before = [one.image for one in arrivals if one.at_s - BEGAN_S < ONSET_S][-n_pictures:]
@@ -75,7 +75,7 @@ def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: a
 
 
 def _noise(low: int, high: int) -> Alters:
-    """Nothing but values from low to below high."""
+    """A picture of random values from low to below high."""
     return lambda image, _since_s, rng: rng.integers(low, high, image.shape, dtype=np.uint8)
 
 
@@ -90,7 +90,7 @@ def _dimmed(image: Image, _since_s: float, rng: np.random.Generator) -> Image:
 
 
 def _bleeding(image: Image, since_s: float, _rng: np.random.Generator) -> Image:
-    """Blood that runs over the picture beside the marks, as red as the red one."""
+    """Blood that spreads over the picture beside the marks, as red as the red one."""
     height, width = image.shape[:2]
     stained = image.copy()
     reach = int(height * min(0.2 + 0.2 * since_s, 0.6))

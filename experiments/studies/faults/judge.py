@@ -1,4 +1,4 @@
-"""Evaluation of a run with a fault: how fast it was detected, and whether a wrong GO was shown."""
+"""Evaluation of a run with a fault: time of detection, and wrong GO."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""Onset of a fault, from the first exposure on [s]: the breathing model is ready by then."""
+"""Onset of a fault, from the first exposure [s]: the breathing model is ready by then."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
@@ -29,24 +29,24 @@ HIDDEN_S = 2.0
 """Time limit for detecting a fault that single frames do not show, or for covering it by the covariance [s]; a
 requirement."""
 WRONG = 0.999
-"""An estimate is wrong if the truth lies outside its region of this probability, by more than `LEAST_M`."""
+"""Probability of the region outside which an estimate is wrong, if the truth is more than `LEAST_M` outside."""
 LEAST_M = 1e-3
-"""Smaller errors do not matter to a needle [m]; chosen."""
+"""Least error that matters to a needle [m]; choice."""
 STALE_S = 0.2
 """Age of a state above which it must not show GO [s]; a requirement."""
 STEADY_S = 0.5
-"""Time without faults that counts as recovered [s]; chosen."""
+"""Time without faults after which a run has recovered [s]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moment:
-    """The display at one time [s] from the first exposure on.
+    """The display at one time [s] from the first exposure.
 
-    age_s: of the newest frame that was used; status, advice: the words that were shown; advice None for none
-    why: the reason that was shown, empty for none; reported: what was reported at that moment, empty for nothing
+    age_s: of the newest frame that was used; status, advice: the displayed words; advice None for none
+    why: the displayed reason, empty for none; reported: reports at that moment, empty for none
     sigma_m: of the target
     wrong: whether the truth was outside the estimate's region; astray: whether the needle would miss
-    well: whether only tracking was shown, without a fault
+    well: whether only tracking was displayed, without a fault
     """
 
     time_s: float
@@ -62,7 +62,7 @@ class Moment:
 
     @property
     def faulty_go(self) -> bool:
-        """Whether a wrong GO was shown."""
+        """Whether a wrong GO was displayed."""
         return self.advice == "GO" and (self.wrong or self.astray or self.age_s > STALE_S)
 
     @property
@@ -78,15 +78,15 @@ class Moment:
 class Judged:
     """The result of a fault in one run.
 
-    noticed_ms: after its onset; None if it was never shown
-    covered: whether no estimate was wrong from `within_s` until the fault was over and its end was noticed
-    shown: the most frequent words during the fault, or else what was reported
-    recovered_ms: after its end, or after its onset if it stays; None if it did not recover
+    noticed_ms: time of detection after its onset; None if it was never displayed
+    covered: whether no estimate was wrong from `within_s` until the fault was over and its end was detected
+    shown: the most frequent words during the fault, or else the reports
+    recovered_ms: time after its end, or after its onset if it stays; None if it did not recover
     sigma_before_mm, sigma_most_mm: standard deviation of the target before, and the largest during the fault
-    go_shown_while_faulty: moments at which GO was shown on an estimate that was wrong, or older than STALE_S, or of a
-        needle that would miss, from `within_s` after the onset on; go: all at which it was shown, from the onset on
+    go_shown_while_faulty: moments with GO on an estimate that was wrong, or older than STALE_S, or for a
+        needle that would miss, from `within_s` after the onset; go: all moments with GO, from the onset
     ended: how the process ended if there was one, else empty
-    lacks_s: how much of the time before its end, or before a full disk, its tables or its recording lack [s]; all if
+    lacks_s: missing time in its tables or recording before its end, or before a full disk [s]; all if
     they are unreadable, None if there are none
     """
 
@@ -106,10 +106,10 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class Fault(ABC):
-    """A fault, its simulation and its evaluation.
+    """A fault, with its simulation and its evaluation.
 
-    name: in the table; what: in a few words; lasts_s: from ONSET_S on [s], inf for one that stays
-    within_s: time limit for noticing or covering it [s]
+    name: in the table; what: in a few words; lasts_s: from ONSET_S [s], inf for one that stays
+    within_s: time limit for detecting or covering it [s]
     alone: whether its run is in real time, so that nothing else may run on the machine
     """
 
@@ -147,7 +147,7 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> Judged:
-    """The verdict of a run's moments on a fault that began at ONSET_S and lasted this long [s], inf for one that stays.
+    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted this long [s], inf if it stays.
 
     A run without further display has ended before the last of them.
     """
@@ -175,7 +175,7 @@ def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> J
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The most frequent words, whatever their numbers, or else what was reported first."""
+    """The most frequent words, without their numbers, or else the first report."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")

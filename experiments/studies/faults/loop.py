@@ -1,4 +1,4 @@
-"""Faults of the loop's other input, a tracked needle, and of the filter itself."""
+"""Faults of a tracked needle, and of the filter itself."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from experiments.studies.faults.judge import FOREVER, LASTS_S
 from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
 
 OUTSIDE_M = 0.02
-"""From the tip of a needle that waits to its entry [m]."""
+"""Distance from the tip of a waiting needle to its entry [m]."""
 GOES_IN_S = 0.5
-"""Before the onset, a needle that was given GO begins to [s]."""
+"""Time before the onset at which a needle with GO enters [s]."""
 INSIDE_M = 0.005
 """Depth of a needle that is held there [m]."""
 BEND_RAD = np.deg2rad(90.0)
-"""By so much it bends: it would pass the target by 25 mm, twice the lesion's radius, wherever a breath moves it."""
+"""Angle by which the needle bends: it would pass the target by 25 mm, twice the lesion's radius, at any breath."""
 BESIDE_M = 0.025
-"""From a needle's line to the one on which it would be given GO [m]."""
+"""Distance of a needle's line from the one on which it would get GO [m]."""
 DENT_M, DENT_N = 0.005, 2.0
-"""How far a needle presses into the skin that does not give way yet [m], and by what force [N]."""
+"""Depth by which a needle dents the skin without puncture [m], and its force [N]."""
 THROWN_M = 0.08
-"""By how much the filter takes all nodes to be displaced, along each axis [m]."""
+"""Displacement of all nodes in the filter's state, along each axis [m]."""
 
 
 def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """A needle that stands still, its last part turned about its tip."""
+    """A needle at rest, with its last part rotated about its tip."""
     along = plan.axis
     across = np.array([-along[1], along[0]])
     direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
@@ -37,7 +37,7 @@ def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: floa
 
 
 def _bends(since_s: float, plan: Insertion) -> NeedlePose:
-    """Outside until it was given GO; inside it bends, and is drawn out."""
+    """Outside until GO; inside it bends, and is retracted."""
     if since_s < -GOES_IN_S or since_s >= LASTS_S:
         return _at(plan, -OUTSIDE_M)
     if since_s < 0.0:
@@ -46,14 +46,14 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Beside its line, where it is not given GO, it presses on the skin; then it is drawn out and aligned."""
+    """Beside its line, without GO, it presses on the skin; then it is retracted and aligned."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
 
 
 def _displaced(by_m: float) -> Callable[[Session], None]:
-    """Displaces all nodes in the mean of every mode of the filter [m], which stays as sure of them as it was."""
+    """Displace all nodes in the mean of every mode of the filter [m]; its covariance does not change."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

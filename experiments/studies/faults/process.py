@@ -37,7 +37,7 @@ FRAME_S = 0.05
 STARTS_S = 60.0
 """Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the end of its film at which a run is left alone [s]."""
+"""Time before the end of its film at which a run is no longer disturbed [s]."""
 ENDS_S = 20.0
 """Timeout for a run to end after its film [s]."""
 SOFTAIM = (
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading, as if the reader were gone."""
+        """Stop reading, as if the reader had left."""
         self._closing = True
         self._thread.join()
 
@@ -136,7 +136,7 @@ class Terminal:
 
 @dataclass(slots=True, eq=False)
 class LiveRun:
-    """`softaim live` of a film, recorded, with a needle, from `start` until it has ended.
+    """Process of `softaim live` on a film, recorded, with a needle, from `start` until it has ended.
 
     folder: an existing one, for its output; options: further ones of the command line; on_terminal: whether it runs in
     a terminal, not in pipes; igtl_port: of OpenIGTLink, 0 for none
@@ -173,7 +173,7 @@ class LiveRun:
         return self.folder / "live"
 
     def start(self) -> bool:
-        """Start it, and watch it once its page is there; returns whether it was."""
+        """Start it, and watch it once its page is there; returns whether the page appeared."""
         command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
         command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
         theirs, mine = self._ends()
@@ -245,7 +245,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Time that tables or recording lack up to this time of the film [s]; all if unreadable."""
+        """Missing time in tables or recording up to this time of the film [s]; all if unreadable."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0

@@ -1,4 +1,4 @@
-"""Faults by a script's clock: the whole loop of a live run before a simulated world with one fault."""
+"""Faults with a scripted clock: the whole loop of a live run in front of a simulated world with one fault."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """Time from exposure to arrival [s]: half a frame, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that GO is shown nearly always without a fault, so that WAIT hides nothing."""
+"""Radius of the lesion [m]: so large that GO is nearly always displayed without a fault, and WAIT hides nothing."""
 ABOVE_M = 0.03
 """Distance from the entry of the needle to its target, as drawn [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -50,14 +50,14 @@ Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
 Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
-"""Changes reads by a fault that lasts so long [s]."""
+"""Function that changes reads during a fault of this duration [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedNeedle:
     """A tracked needle.
 
-    pose: its true pose, by the time since the onset [s] and the plan's needle, which is not inserted
+    pose: its true pose, from the time since the onset [s] and the plan's needle, which is not inserted
     push_N: its force on the tissue along itself while any of it is inside [N]
     seen: whether the tracker sees it
     """
@@ -74,7 +74,7 @@ def as_is(thing: Thing) -> Thing:
 
 @dataclass(frozen=True, slots=True)
 class ScriptedFault(Fault):
-    """A `Fault` that a script makes.
+    """A `Fault` that a script simulates.
 
     picture: changes a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
     places: displaces the nodes in the picture [m]; arrivals: changes the reads
@@ -93,7 +93,7 @@ class ScriptedFault(Fault):
     upsets: Callable[[Session], None] = lambda _session: None
 
     def acts(self, time_s: float) -> bool:
-        """Whether it acts at this time from the first exposure on [s]."""
+        """Whether the fault acts at this time from the first exposure [s]."""
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
@@ -143,13 +143,13 @@ class Watching(Publisher):
 
 
 def misses(needle: NeedlePose, truth_m: Floats) -> bool:
-    """Whether a needle that moves along itself misses the lesion about this position [m], (dim,)."""
+    """Whether a needle that moves along itself misses the lesion around this position [m], (dim,)."""
     beside = truth_m - needle.tip
     return float(np.linalg.norm(beside - (beside @ needle.direction) * needle.direction)) > LESION_M
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle close to the target: at any phase of the breath, GO is shown while all is well."""
+    """A needle close to the target, so that GO is displayed at any phase of the breath without a fault."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

@@ -1,4 +1,4 @@
-"""All faults on many seeds, on all cores, and the table of what came of them."""
+"""All faults on many seeds, on all cores, and the table of results."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NEVER = float("nan")
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """One fault with one seed, as a row of the study; NaN for what never came."""
+    """One fault with one seed, as a row of the study; NaN for values that do not exist."""
     with quiet_folder() as folder:
         row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
     return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
@@ -49,9 +49,9 @@ def faults_study(
     *,
     force: bool = False,
 ) -> pd.DataFrame:
-    """A row for each fault, over the seeds; the runs stay in the folder, where the study goes on. Raises InputError.
+    """A row for each fault, over the seeds; the runs are stored in the folder, where the study continues. InputError.
 
-    Runs that take place in real time are done first, one after the other.
+    Runs in real time are done first, one after the other.
     force: also into a folder that has other files
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
@@ -67,11 +67,11 @@ def faults_study(
 
 
 def summary(runs: pd.DataFrame) -> pd.DataFrame:
-    """Of each fault: how many seeds, the slowest time of noticing and of recovering [ms], in how many it was noticed.
+    """Summary of each fault: number of seeds and of detections, slowest detection and recovery [ms].
 
-    covered: in how many no estimate was wrong after the time in which it has to be noticed
-    go_shown_while_faulty: summed over seeds, go: moments of GO from the onset on; sigma_ratio: largest over that before
-    ended: how programs of its own ended; lacks_s: what its tables or recording lack at most [s]
+    covered: number of runs without a wrong estimate after the time limit for detection
+    go_shown_while_faulty: summed over seeds, go: moments with GO from the onset; sigma_ratio: largest over that before
+    ended: how separate programs ended; lacks_s: largest missing time of tables or recording [s]
     """
     rows = []
     for fault in FAULTS.values():
@@ -105,7 +105,7 @@ HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "GO while
 
 
 def cells(rows: pd.DataFrame) -> list[list[str]]:
-    """The table's cells as people read them, a row for each fault."""
+    """The table's cells as text, a row for each fault."""
     return [
         [
             f"{row.fault}: {row.what}",
@@ -124,7 +124,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Faults in words by the beginning of what was shown, in the order of the first of each."""
+    """Descriptions of faults by the beginning of the display, in the order of the first of each."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -136,7 +136,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def beginning(shown: str) -> str:
-    """The status and its reason without advice; the status alone where the reason repeats it."""
+    """The status and its reason without advice; only the status if the reason repeats it."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
@@ -152,6 +152,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md, and all GO below it."""
+    """The list of docs/faults.md, with the total of GO below it."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

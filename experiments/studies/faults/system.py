@@ -1,4 +1,4 @@
-"""Faults of what a live run stands on: its viewers, its terminal, its disk, its ports, and the system that ends it."""
+"""Faults around a live run: its viewers, its terminal, its disk, its ports, and its termination by the system."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""How much longer a run goes on than the fault, or after the onset of one that stays [s]."""
+"""Time for which a run continues after the fault, or after the onset of one that stays [s]."""
 STARTS_S = 12.0
-"""So much of the film may go by before the first state [s]: four times what it takes where nothing else is at work."""
+"""Longest part of the film before the first state [s]: four times the usual start."""
 JITTER_S = 1.0
-"""Within this after its onset a fault begins at random [s]: so long is a piece of a recording."""
+"""Range of the random delay of a fault after its onset [s]: the length of a piece of a recording."""
 STARTS_WITHIN_S = 10.0
-"""Within this a run that cannot start says so [s]: its page would be there by then."""
+"""Time within which a run that cannot start reports it [s]: its page would have appeared by then."""
 N_VIEWERS = 50
 SLOW_S = 1.0
-"""A slow viewer shows a state so long [s]."""
+"""Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Requests that are refused, a line of some seventy letters each: more than a terminal holds; so many at once."""
+"""Number of refused requests, with a line of about seventy letters each, more than a terminal holds; number at once."""
 USUAL_PORT = 8765
-"""Where a run's page is if nobody says where."""
+"""Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""Refused, without effect on the advice: the refusal of a needle's pose would end it."""
+"""A refused request without effect on the advice; the refusal of a needle's pose would end it."""
 
 Acts = Callable[[LiveRun], None]
 
@@ -49,8 +49,8 @@ Acts = Callable[[LiveRun], None]
 class SystemFault(Fault):
     """A `Fault` of a real process: `softaim live` of a film that is recorded, watched by a client of its stream.
 
-    before: what is done before the process starts; begins, ends: at the onset, and after lasts_s
-    writes: whether it can write on after the onset
+    before: action before the process starts; begins, ends: actions at the onset, and after lasts_s
+    writes: whether it can still write after the onset
     """
 
     before: Acts = lambda _run: None
@@ -60,7 +60,7 @@ class SystemFault(Fault):
     alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
-        """What came of it in a run; folder: one that exists; onset_s: after the first state [s]. Raises InputError."""
+        """Its result in a run; folder: an existing one; onset_s: after the first state [s]. Raises InputError."""
         if sys.platform == "win32":
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
@@ -107,7 +107,7 @@ def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait for this time of the film [s], which goes on without the process, but not where no state ever came."""
+    """Wait for this time of the film [s], which continues without the process; returns if no state ever came."""
     while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 
@@ -125,7 +125,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """A viewer that shows each state for a second; two clients that take nothing, of the stream and of OpenIGTLink."""
+    """A viewer that shows each state for a second; two clients of stream and OpenIGTLink that receive nothing."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -141,7 +141,7 @@ def _slow(run: LiveRun) -> None:
 
 
 def _many(run: LiveRun) -> None:
-    """Fifty viewers who read all that comes, from a thread of their own, while the fault lasts."""
+    """Fifty viewers that receive everything, in a separate thread, while the fault lasts."""
     from websockets.asyncio.client import connect
     from websockets.exceptions import ConnectionClosed
 
@@ -173,7 +173,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Ask for what is refused, so often that nobody who does not read could take all the lines."""
+    """Send refused requests, so many that the lines fill the pipe of a reader that does not read."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -207,20 +207,20 @@ def _closed(run: LiveRun) -> None:
 
 
 def _full(run: LiveRun) -> None:
-    """No file of the process grows any more: a write fails, as on a full disk."""
+    """Limit the size of the process's files: a write fails, as on a full disk."""
     import resource
 
     resource.prlimit(run.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
 
 
 def _taken(run: LiveRun) -> None:
-    """The port that is asked for belongs to another program."""
+    """The requested port belongs to another program."""
     other = run.held.enter_context(socket.create_server(("127.0.0.1", 0)))
     run.options = ["--page", f"127.0.0.1:{other.getsockname()[1]}"]
 
 
 def _usual_taken(run: LiveRun) -> None:
-    """The page's usual port belongs to another program, and none is asked for."""
+    """The page's default port belongs to another program, and no port is requested."""
     with contextlib.suppress(OSError):  # to another one, already
         run.held.enter_context(socket.create_server(("127.0.0.1", USUAL_PORT)))
     run.options = []

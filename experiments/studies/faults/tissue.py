@@ -1,4 +1,4 @@
-"""Faults of the marks, of the tissue, and of the scene that it is taken for."""
+"""Faults of the marks, of the tissue, and of its scene."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.studies.faults.scripted import Moves, ScriptedFault
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
-    """The first measured mark displaced [m] by the time since the onset [s]."""
+    """The first measured mark, displaced [m] as a function of the time since the onset [s]."""
 
     def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
         moved = places.copy()
@@ -27,7 +27,7 @@ def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
 
 
 def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
-    """Two marks are taken off and stuck on in each other's place."""
+    """Two marks exchange their places."""
     one, other = (scene.network.index(node) for node in scene.measured_nodes[:2])
     moved = places.copy()
     moved[[one, other]] = places[[other, one]]
@@ -40,7 +40,7 @@ _falls = _displaced(lambda since_s: (0.0, -0.5 * 9.81 * since_s**2))
 
 
 def _cut(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The first spring is as good as cut."""
+    """The first spring is practically cut."""
     stiffness, damping = network.stiffness.copy(), network.damping.copy()
     stiffness[0], damping[0] = 1e-3 * stiffness[0], 0.0
     return replace(network, stiffness=stiffness, damping=damping)
@@ -58,7 +58,7 @@ def _stiffer(scene: Scene) -> Scene:
 
 
 def _scaled(scene: Scene) -> Scene:
-    """Five in a hundred more millimetres a pixel than there are."""
+    """The scale of the camera is five per cent too large [mm/px]."""
     camera = scene.cameras[0]
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
     middle = 0.5 * (low + high)
@@ -70,7 +70,7 @@ def _scaled(scene: Scene) -> Scene:
 
 
 def _another(scene: Scene) -> Scene:
-    """A scene whose nodes are drawn 30 mm from one another farther than they are."""
+    """A scene whose nodes are drawn 30 mm further apart than they are."""
     network = scene.network
     middle = network.positions.mean(axis=0)
     drawn = middle + 1.3 * (network.positions - middle)

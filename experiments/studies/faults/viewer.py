@@ -21,7 +21,7 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """Requests the newest state whenever it has shown the one before.
+    """Requests the newest state whenever it has shown the last one.
 
     Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if states were delayed by that much
     more than the fastest.

@@ -1,4 +1,4 @@
-"""A breathing phantom before a camera, by a script's own time: its truth, its pictures, and a live source of them.
+"""A breathing phantom in front of a camera, with scripted time: its truth, its pictures, and a live source of them.
 
 Truth is SciPy's RK45. Only the script advances time, so that results do not depend on the machine.
 """
@@ -40,7 +40,7 @@ BEGAN_S = 100.0
 """Time on the clock at the first exposure [s]."""
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
-"""Samples of the truth in a frame interval."""
+"""Number of samples of the truth per frame interval."""
 GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
 """Kinds of events that are not faults."""
@@ -49,7 +49,7 @@ HUES_DEG = (0.0, 120.0, 240.0, 60.0)
 
 
 def scenario_of(seed: int, duration_s: float) -> Scenario:
-    """A phantom that breathes, before a webcam that is close."""
+    """Scenario of a breathing phantom in front of a close webcam."""
     close, breathing = read_scenario("webcam"), read_scenario("breathing")
     changes = {"seed": seed, "duration_s": duration_s, "pokes": None, "breathing": breathing.breathing}
     return close.model_copy(update=changes)
@@ -87,7 +87,7 @@ def moved(
 ) -> Motion:
     """The phantom's motion, with a change of its network at this time [s].
 
-    pushed: a force beside those of the scenario
+    pushed: a force besides those of the scenario
     """
     rng = np.random.default_rng(scenario.seed)
     start, forces = start_and_forces(network, scenario, rng)

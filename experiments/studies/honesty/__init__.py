@@ -1,1 +1,1 @@
-"""Whether the filter's covariance is right however coarse the marks are; `__main__` has the command."""
+"""Test of the filter's covariance for marks of any noise; `__main__` has the command."""

@@ -1,11 +1,11 @@
-"""Coverage of the target by mark noise, with constants and noise stated exactly.
+"""Coverage of the target against mark noise, with constants and noise stated exactly.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
-Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm an axis at 30 frames/s, stated exactly, ten times as coarse
-and three times as fine; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or
-both. Frames count after the first second. Last figures, four masses, three seeds of 20 s: with nothing or pokes 91
+Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s, stated exactly, ten times as large
+and three times as small; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or
+both. Frames count after the first second. Last figures, four masses, three seeds of 20 s: at rest or with pokes 91
 to 100 % are covered; with a breath, marks of 1 mm 98 to 100 %, 4.14 mm 84 to 94, 10 mm 56 to 90, 30 mm 33 to 83: too
 few.
 """
@@ -33,7 +33,7 @@ CELL = ["method", "body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each cell: share covered and wrong, of frames that may guide; medians over the runs of the rest."""
+    """A row for each cell: shares covered and wrong of frames that may guide; medians of other figures."""
     cells = runs.groupby(CELL, sort=False)
     sums = cells[["frames", "lost", "covered", "wrong"]].sum()
     seen = sums["frames"] - sums["lost"]
@@ -45,7 +45,7 @@ def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the runs that the folder does not have yet, and write cells.csv."""
+    """Do the missing runs of the folder, and write cells.csv."""
     parser = study_options(__doc__)
     parser.add_argument(
         "--method", default=FILTER, choices=[FILTER, *METHODS], help="%(default)s, or one to compare with"

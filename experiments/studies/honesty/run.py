@@ -47,13 +47,13 @@ def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """A body and its forces, by a seed, with true and stated noise of the marks (`sd_m`, `stated`), as a row.
+    """Row of a run: a body and its forces, by a seed, with true and stated noise of the marks (`sd_m`, `stated`).
 
     method: `FILTER` or one of `METHODS`
 
-    frames, lost: counted, and those without a status that may guide; covered, wrong: of the others, those in the region
-    of 95 %, and those on a wrong estimate; nees: mean of normalised squared errors by the dimension
-    error_mm, sd_mm: root mean squares of the error and of the standard deviation, an axis
+    frames, lost: number of frames, and of those whose status permits no guidance. Among the others: covered, number in
+    the 95 % region; wrong, number with a wrong estimate; nees: mean of normalised squared errors per dimension
+    error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
     """
     scene, frames, truth = recorded(case)
     estimates = zip(truth, _estimates(scene, case["method"], frames), strict=True)

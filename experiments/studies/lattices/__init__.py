@@ -1,1 +1,1 @@
-"""Moduli of lattices of springs, beside those of the tissue that they stand for."""
+"""Study of the moduli of spring lattices, in comparison with those of their tissue."""

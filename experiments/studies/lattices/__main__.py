@@ -27,13 +27,13 @@ from experiments.studies.lattices.picture import picture
 from experiments.studies.lattices.table import summary, tables
 
 FITTED_SEEDS = range(4)
-"""Boxes to which factors are fitted; choice, apart from those that are reported."""
+"""Seeds of the boxes to which factors are fitted; choice, apart from those that are reported."""
 
 CELLS = 10
-"""Along a side of a box; choice: a box takes some seconds."""
+"""Number of cells along a side of a box; choice: a box takes some seconds."""
 
 FEWEST_CELLS = 6
-"""Cells along a side, at least; choice: one for each of the three layers of a sheet and each gap between them."""
+"""Least number of cells along a side; choice: one for each of the three layers of a sheet and each gap between them."""
 
 
 @command

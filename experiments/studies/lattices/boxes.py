@@ -30,11 +30,11 @@ from dynamics.mesh.tissues import TISSUES
 from experiments.arrays import Floats
 
 SIDE_M = 0.024
-"""Side length; moduli do not depend on it."""
+"""Side length [m]; moduli do not depend on it."""
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
-"""Formulas; factors fitted to other boxes of the structure; factors fitted to the box itself."""
+"""Methods: published formulas; factors fitted to other boxes of the structure; factors fitted to the box itself."""
 
 AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
 
@@ -49,7 +49,7 @@ def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tis
 
 
 def fit(job: tuple[str, Sequence[int], int]) -> Floats:
-    """Factors of a structure, (6,), by boxes of these seeds and of so many cells."""
+    """Factors of a structure, (6,), fitted to boxes of these seeds with this number of cells."""
     kind, seeds, cells = job
     samples = []
     for seed in seeds:

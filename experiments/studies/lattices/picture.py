@@ -26,13 +26,13 @@ from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, l
 from experiments.studies.lattices.table import WORDS, YOUNG
 
 SHOWN_SEED = 1000
-"""Of the lattices drawn."""
+"""Seed of the drawn lattices."""
 
 COLORS = ("0.75", OURS, VERMILLION)
-"""Of springs by tissue: the ground, and those within it."""
+"""Colours of springs by tissue: the ground, and the others."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Place of the plane drawn, across y, by the side; of other structures the middle."""
+"""Position of the drawn plane along y, relative to the side; for other structures the middle."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
@@ -58,7 +58,7 @@ def picture(means: pd.DataFrame, cells: int) -> Figure:
 
 
 def _draw_slice(ax: Axes, kind: str, cells: int) -> None:
-    """Springs near the plane; those of the structure's tissues wide."""
+    """Draw the springs near the plane, with wider lines in the structure's tissues."""
     lattice, tissues = lattice_by_seed(kind, SHOWN_SEED, cells)
     ends = 1e3 * lattice.mesh.nodes[lattice.springs]
     near = (np.abs(ends[:, :, 1] - 1e3 * PLACES.get(kind, 0.5) * SIDE_M) < 600.0 * SIDE_M / cells).all(axis=1)

@@ -1,1 +1,1 @@
-"""How a live run keeps up, measured on the run itself with clients that watch it."""
+"""Study of the pace of a live run, measured on the run itself with connected clients."""

@@ -1,13 +1,13 @@
-"""Whether a live run keeps its pace while a page and an OpenIGTLink client are connected: latency, deadlines, memory.
+"""Pace of a live run with a page and an OpenIGTLink client connected: latency, deadlines, memory.
 
     python -m experiments.studies.live.pace                 # 60 s at 60 frames/s
     python -m experiments.studies.live.pace --seconds 600
 
 The simulated phantom, 640x480, with advice on a needle. Camera, loop and servers are processes of `softaim live`, the
-clients are here: one takes the page's stream with its pictures, one OpenIGTLink. Prints the counts of `softaim live
+clients are here: one for the page's stream with its pictures, one for OpenIGTLink. Prints the counts of `softaim live
 --json`: frames, latency from exposure to estimate, share of missed deadlines, memory after the first frames and at the
-end; messages of the clients a second, and the age of transforms at arrival; and the number of processors busy with the
-run, with the clients and with other work: with much other work the figures depend on the machine.
+end; messages of the clients per second, and the age of transforms at arrival; and the number of processors busy with
+the run, with the clients and with other work: with much other work the figures depend on the machine.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def measured(seconds: float, fps: float) -> dict[str, float]:
 
 
 def beside(work: Callable[..., None], *given: object) -> None:
-    """Run it in a thread that ends with the process."""
+    """Run work in a thread that ends with the process."""
     threading.Thread(target=work, args=given, daemon=True).start()
 
 

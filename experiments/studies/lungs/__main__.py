@@ -23,7 +23,7 @@ from experiments.studies.lungs.table import markdown
 
 
 def run(job: tuple[Lung, str]) -> Inner:
-    """One lung with this number of seen landmarks, `SEEN`, with the constants of all lungs."""
+    """One lung with this number of visible landmarks, of `SEEN`, with the constants of all lungs."""
     lung, seen = job
     return inner_landmarks(lung, seen, LungConstants())
 

@@ -1,4 +1,4 @@
-"""Inner landmarks of a lung from those seen on its hull: without motion, by a spline, by the filter."""
+"""Inner landmarks of a lung from visible ones on its hull: without motion, by a spline, by the filter."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from experiments.studies.zoo.references import thin_plate_weights
 from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""Numbers of seen landmarks of each lung."""
+"""Numbers of visible landmarks for each lung."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inner:
-    """Errors of the inner landmarks of a lung [m], (n_phases - 1, n_inner), the first phase left out: it is given.
+    """Errors of the inner landmarks of a lung [m], (n_phases - 1, n_inner), without the first phase, which is given.
 
     landmarks: indices of the inner ones in the lung, (n_inner,)
     filtered, nees: of the filter, None if it failed; failure: why
@@ -42,7 +42,7 @@ class Inner:
 
 
 def by_spline(lung: Lung, seen: str) -> Inner:
-    """Errors without motion and by a thin-plate spline, not of the filter; `seen` one of `SEEN`."""
+    """Errors without motion and by a thin-plate spline, without the filter; `seen`: one of `SEEN`."""
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
     moved = lung.positions[1:, marked] - start[marked]

@@ -18,9 +18,9 @@ class LungConstants:
     """Constants common to all lungs; chosen once, not for a person or a landmark.
 
     strand_n: stiffness of a spring times its length [N]: strands of 20 mm x 20 mm of 2 kPa; choice
-    damping_s: dashpot of a spring by its stiffness [s]: air and blood follow slowly; choice
+    damping_s: dashpot of a spring divided by its stiffness [s]: air and blood follow slowly; choice
     mass_kg: of a lung, spread evenly over its landmarks [kg]; choice
-    reading_sd_m: scatter of a landmark's reading, each axis [m]; source: readers scatter by about 1 mm
+    reading_sd_m: scatter of a landmark's reading for each axis [m]; source: readers scatter by about 1 mm
     """
 
     strand_n: float = 0.8
@@ -30,7 +30,7 @@ class LungConstants:
 
 
 def node_name(landmark: int) -> str:
-    """The node of a landmark."""
+    """Name of a landmark's node."""
     return f"L{landmark}"
 
 

@@ -1,4 +1,4 @@
-"""The table of the lungs: mean errors at the end of exhaling and in all phases, and shares covered."""
+"""Table of the lungs: mean errors at the end of exhaling and in all phases, and shares covered."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HEAD = (
 
 
 def markdown(errors: pd.DataFrame, found: Sequence[Inner]) -> str:
-    """The table of `errors_table`, and below it the lungs that the filter could not do."""
+    """The table of `errors_table`, and below it the lungs on which the filter failed."""
     rows = []
     for seen in SEEN:
         own = errors[errors["seen"] == seen]
@@ -44,7 +44,7 @@ def _complete(table: pd.DataFrame, column: str) -> bool:
 
 
 def _mean(table: pd.DataFrame, column: str) -> str:
-    """Mean of the column; nothing where any of it is missing, for other landmarks would be another table."""
+    """Mean of the column; empty if a value is missing, because it would be a mean of other landmarks."""
     return f"{table[column].mean():.2f}" if _complete(table, column) else ""
 
 

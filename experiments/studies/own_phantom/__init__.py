@@ -1,1 +1,1 @@
-"""A new user's steps on phantoms of their own, and the reliability of probabilities; `__main__` has the command."""
+"""Study of a new user's steps with own phantoms, and reliability of probabilities; `__main__` has the command."""

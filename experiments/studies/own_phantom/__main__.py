@@ -3,9 +3,9 @@
     python -m experiments.studies.own_phantom --out FOLDER            # steps, then insertions; prints both tables
     python -m experiments.studies.own_phantom --out FOLDER --runs 2   # fewer recordings to insert into
 
-For each phantom `softaim new` makes a project; the commands of its STEPS.md are typed, each in a process of its own,
-and timed. Then the project's scenario is simulated again with seeds that nobody has looked at, filmed as before, and
-the tuned scene advises the project's needle in each recording, four times a second. Predicted is the probability of
+For each phantom `softaim new` creates a project; the commands of its STEPS.md are run, each in a separate process,
+and timed. Then the project's scenario is simulated again with seeds that were not used before, filmed as before, and
+the tuned scene advises the project's needle in each recording, four times per second. Predicted is the probability of
 a hit, observed the share of needles that hit the true target (`experiments.pipeline.advise.observed_hits`).
 """
 
@@ -25,7 +25,7 @@ from experiments.studies.own_phantom.steps import PHANTOMS, insertions, reliabil
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the steps that the folder does not have yet, then the insertions."""
+    """Do the missing steps of the folder, then the insertions."""
     parser = study_options(__doc__)
     parser.add_argument("--phantoms", default="0,1,2", help="which: %(default)s")
     add_seeds(parser, 56, 7100, runs="--runs")

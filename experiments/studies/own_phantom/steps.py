@@ -51,7 +51,7 @@ def typed(command: list[str], folder: Path) -> float:
 
 
 def stepped(name: str, folder: Path) -> list[dict[str, Any]]:
-    """All steps of a phantom, from `softaim new` on: a row for each command, with its time [s]."""
+    """All steps of a phantom, beginning with `softaim new`: a row for each command, with its time [s]."""
     new = ["new", folder.name, *PHANTOMS[name]]
     rows = [{"phantom": name, "command": " ".join(new), "seconds": typed(new, folder.parent)}]
     for command in steps_of(folder):
@@ -71,8 +71,8 @@ def times_table(rows: pd.DataFrame) -> str:
 
 
 EVERY_S = 0.25
-"""Interval of insertions [s]: some 75 in a recording of 20 s, without those that arrive after its end; parameter of the
-study."""
+"""Interval of insertions [s]: about 75 in a recording of 20 s, without those that arrive after its end; parameter of
+the study."""
 
 LAST = ("tuned.toml", "identified.toml")
 """The final scene of a project's steps: tuned if its filter has levels to tune."""
@@ -85,7 +85,7 @@ HEADS = ("phantom", "recordings", "insertions", *OF_HITS, "observed - predicted,
 def insertions(case: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Insertions into one recording of a project: predicted, observed hit, advice; case: phantom, project, seed.
 
-    Raises InputError where no true target is known.
+    Raises InputError if no true target is known.
     """
     project = Path(case["project"])
     scenario = read_scenario(str(project / "scenario.toml")).model_copy(update={"seed": case["seed"]})

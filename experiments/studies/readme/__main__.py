@@ -1,7 +1,7 @@
 """Rewrites the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
-It takes some ten minutes. Figures stand between comments;
-`tests/experiments/studies/readme/test_readme.py` holds them against a short demo.
+It takes about ten minutes. Figures stand between comments;
+`tests/experiments/studies/readme/test_readme.py` compares them with a short demo.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from experiments.studies.readme.moving_picture import PICTURE, write_moving_pict
 ROOT = Path(__file__).parents[3]
 PICTURES = ("path.png", "error.png", "sigma.png")
 DEMO_SEEDS = range(1, 6)
-"""Seeds over which coverage is stated beside the demo's own; chosen: a minute each, of each scenario."""
+"""Seeds for the stated coverage besides the demo's own; choice: a minute for each seed and scenario."""
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
-    """Share of frames with the truth inside the filter's 95 % region, by scenario, of the demo's run with each seed."""
+    """Share of frames with the truth inside the filter's 95 % region, by scenario, for each seed of the demo's run."""
     found: dict[str, list[float]] = {}
     for name in SCENARIOS:
         for seed in seeds:
@@ -36,7 +36,7 @@ def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
 
 
 def markdown_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
-    """The demo's table as the README shows it; spread: coverage over seeds, by scenario."""
+    """The demo's table in the README's form; spread: coverage over seeds, by scenario."""
     published = " | ".join(f"{PAPER_MM[s][0]:.2f} ± {PAPER_MM[s][1]:.2f}" for s in figures)
     rows = [
         f"| mean absolute error ± SD of the hidden mass [mm] | {' | '.join(heads())} |",
@@ -57,7 +57,7 @@ def markdown_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> s
 
 
 def figure_rows(studies: dict[str, dict[str, float]]) -> str:
-    """What the filter has been measured to do over seeded runs, as rows of the README's table."""
+    """Measured performance of the filter over seeded runs, as rows of the README's table."""
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"

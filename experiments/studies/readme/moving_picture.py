@@ -1,4 +1,4 @@
-"""The moving picture of the README: the poked phantom, a needle with its advice, and the target from near.
+"""Moving picture of the README: the poked phantom, a needle with its advice, and a close-up of the target.
 
 `python -m experiments.studies.readme.moving_picture` in the checkout writes docs/images/poked-advice.webp, in a minute.
 It needs OpenCV 4.12 or newer.
@@ -29,11 +29,11 @@ from vision.arrays import Image
 
 PICTURE = Path(__file__).parents[3] / "docs" / "images" / "poked-advice.webp"
 SIZE_PX, WHOLE, WHOLE_AT_PX = (720, 440), 2.0, (205.0, 245.0)
-"""Size of the picture; enlargement of the film in it, and the pixel that shows the resting target; chosen."""
+"""Size of the picture; enlargement of the film in it, and the pixel that shows the resting target; choice."""
 NEAR_PX, NEAR, NEAR_CORNER_PX = (270, 360), 10.0, (440, 60)
-"""Size, enlargement and corner of the part that shows the target from near; chosen."""
+"""Size, enlargement and corner of the close-up of the target; choice."""
 SHOWN_S, SLOWER, QUALITY = (5.0, 7.2), 2, 50
-"""Times of the first and last frame [s], how many times slower they are shown, quality of WebP; chosen."""
+"""Times of the first and last frame [s], factor by which they are slower, quality of WebP; choice."""
 SCENARIO = read_scenario("poked").model_copy(
     update={
         "camera": Camera(size_px=[640, 480], mm_per_px=[2.5, 2.5], calibration_sd_px=0.68),  # in good light
@@ -45,14 +45,14 @@ PLAN = NeedlePlan(Needle(), Insertion(np.array([-0.025, 0.24]), ALONG, 0.4), Les
 
 
 class Watched:
-    """Keeps the drawn frames of a run. State: those of the times shown, from the first to the last [s]."""
+    """Keeps the drawn frames of a run. State: the frames between the first and the last shown time [s]."""
 
     def __init__(self, shown_s: tuple[float, float]) -> None:
         self.shown_s = shown_s
         self.frames: list[Image] = []
 
     def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Draw a frame of the film, and the target from near beside it."""
+        """Draw a frame of the film, with a close-up of the target beside it."""
         if frame is None or not self.shown_s[0] <= step.estimates[FILTER].time_s <= self.shown_s[1]:
             return
         network, (width, height), (left, top) = line.scene.network, NEAR_PX, NEAR_CORNER_PX

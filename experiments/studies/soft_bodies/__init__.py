@@ -1,1 +1,1 @@
-"""Soft bodies of elements as truths of the filter of a continuum."""
+"""Study of the filter of a continuum with soft bodies of elements as truths."""

@@ -1,4 +1,4 @@
-"""Soft bodies in motion, and what the filter is given of them: another mesh, another stiffness."""
+"""Moving soft bodies, and the filter's model of them: another mesh, another stiffness."""
 
 from __future__ import annotations
 
@@ -19,30 +19,30 @@ from experiments.simulation.bodies.elastic import BLOCK_KG_M3, BLOCK_PA, POISSON
 from experiments.studies.soft_bodies.truth import motion
 
 UNCERTAIN = 0.35
-"""Standard deviation of the logarithm of the stiffness that the filter is given: 95 % within a factor of two."""
+"""Standard deviation of the logarithm of the filter's stiffness: 95 % within a factor of two."""
 
 FRAME_S, SECONDS = 1.0 / 30.0, 8.0
 N_MARKS, BLOCK_CELLS = 40, 6
 PRESS = 0.02
-"""Largest force on the lower face of a block, by Young's modulus and its area; by 0.05 fine blocks turn inside out."""
+"""Largest pressure on a block's lower face, relative to Young's modulus; with 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
 """Cells of the breast, across and deep: of the truth, and of the filter's mesh."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
-"""Radius of a push on the skin [m], and how long it lasts [s]."""
+"""Ranges of the radius of a push on the skin [m], and of its duration [s]."""
 
 PRESSURE_PA = (300.0, 1500.0)
-"""Greatest pressure of a push: the skin moves by some 5 to 20 mm."""
+"""Range of the greatest pressure of a push [Pa]: the skin moves by about 5 to 20 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """A body in motion.
+    """A moving body.
 
-    network: what the methods are given; its nodes are `marked` and then `target`, free, and those of the wall
-    positions: true places of marks and target [m], (n_frames, n_marks + 1, 3)
+    network: input of the methods; its nodes are `marked` and then `target`, free, and those of the wall
+    positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 
     network: MassSpringNetwork
@@ -74,7 +74,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
 
 
 def breast(seed: int) -> Recording:
-    """A breast of neo-Hookean elements that breathes; its skin is pushed on smaller and larger areas."""
+    """A breathing breast of neo-Hookean elements; its skin is pushed on smaller and larger areas."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
@@ -88,7 +88,7 @@ def breast(seed: int) -> Recording:
 
 
 def _given(rng: np.random.Generator, young_pa: float) -> float:
-    """The modulus that the filter is given where this is the true one [Pa]."""
+    """The filter's modulus for this true one [Pa]."""
     return young_pa * float(np.exp(UNCERTAIN * rng.normal()))
 
 
@@ -128,4 +128,4 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "block, 1,000 nodes": lambda seed: soft_block(10, seed),
     "breast": breast,
 }
-"""By name in the outputs."""
+"""Functions that create a body from a seed, by its name in the outputs."""

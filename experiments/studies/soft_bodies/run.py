@@ -16,7 +16,7 @@ from experiments.studies.zoo.references import thin_plate_weights
 
 MARK_SD_M = 5e-4
 SKIPPED = 15
-"""Frames at the start that no figure reads."""
+"""Number of frames at the start that no figure uses."""
 
 
 def run(job: Case) -> dict[str, float]:
@@ -54,7 +54,7 @@ def run(job: Case) -> dict[str, float]:
 
 
 def _spline(case: Recording, seen: Floats) -> Floats:
-    """The target by a thin-plate spline of the displacement of marks and wall, (n_frames, 3) [m]."""
+    """Position of the target by a thin-plate spline of the displacement of marks and wall, (n_frames, 3) [m]."""
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]

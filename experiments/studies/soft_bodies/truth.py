@@ -1,7 +1,7 @@
 """Motion of a body of finite elements under large strains: the truth of the study's breasts.
 
-Neo-Hookean tetrahedra on all nodes by the implicit midpoint rule, with Newton's method whose matrix is factored again
-where it converges slowly. Law, mesh and integrator differ from the filter's.
+Neo-Hookean tetrahedra on all nodes, with the implicit midpoint rule and Newton's method, whose matrix is factored again
+if it converges slowly. Law, mesh and integrator differ from the filter's.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from dynamics.mesh import TetMesh, Tissue, factored, lumped_masses
 from experiments.arrays import Floats
 
 STEPS = 2
-"""Steps a frame; numerical."""
+"""Number of steps per frame; numerical."""
 
 CONVERGED = 1e-6
 """Change of the velocity that ends an iteration [m/s]; numerical."""
@@ -33,7 +33,7 @@ Load = Callable[[float], Floats]
 def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
     """Positions of all nodes [m], (n_frames, n_nodes, 3), at equally spaced times [s], from rest at the first.
 
-    Raises RuntimeError where a step has no solution.
+    Raises RuntimeError if a step has no solution.
     """
     E, nu, density, damping = (
         np.array([getattr(tissue, key) for tissue in tissues])[mesh.regions]
@@ -60,7 +60,7 @@ def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times
 def _step(
     body: Assembly, mass: Floats, h: float, state: tuple[Floats, Floats], force: Floats, factor: SuperLU | None
 ) -> tuple[Floats, SuperLU]:
-    """The velocity in the middle of a step [m/s], and the factors of the matrix, made again where they are too old."""
+    """Velocity in the middle of a step [m/s], and the factors of the matrix, recomputed if they are too old."""
     q, v = state
     for most in (SLOW, MOST) if factor is not None else (MOST,):
         middle = v.copy()

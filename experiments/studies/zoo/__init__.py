@@ -1,1 +1,1 @@
-"""The zoo of bodies: one filter, one setting, bodies of another's physics. `python -m experiments.studies.zoo`."""
+"""Zoo study: one filter with one setting on bodies of another physics. `python -m experiments.studies.zoo`."""

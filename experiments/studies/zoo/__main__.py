@@ -1,4 +1,4 @@
-"""The zoo of bodies: how the filter does on bodies of another's physics, all with the same settings.
+"""Zoo of bodies: accuracy of the filter on bodies of another physics, all with the same settings.
 
     python -m experiments.studies.zoo --out FOLDER                       # all cells, seeds 1000 to 1019
     python -m experiments.studies.zoo --seeds 0-1 --bodies chain2,sheet --out FOLDER
@@ -52,7 +52,7 @@ def _seeds(text: str) -> range:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the cases that the arguments choose; 1 where some of them failed."""
+    """Run the cases that the arguments choose; returns 1 if some of them failed."""
     parser = study_options(__doc__, page="zoo.md")
     parser.add_argument("--quick", action="store_true", help="a few seconds of three bodies")
     parser.add_argument("--seeds", default=f"{REPORT_SEEDS[0]}-{REPORT_SEEDS[-1]}", help="A-B, both included")

@@ -11,7 +11,7 @@ from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Best-known constants; each 20 % wrong, one standard deviation; fitted on another recording of the same body."""
+"""Kinds of constants: best-known; each 20 % wrong, one standard deviation; fitted to another recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
@@ -80,7 +80,7 @@ def cases(bodies: Sequence[str] = tuple(BODIES), seeds: Sequence[int] = REPORT_S
 
 
 def quick_cases() -> list[Case]:
-    """A few bodies for a second or less, for a test of the whole way."""
+    """A few bodies for a second or less, for a test of all steps."""
     return [
         Case("chain2", 0, length_s=1.0),
         Case("phantom", 0, "wrong", length_s=1.0),

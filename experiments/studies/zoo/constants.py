@@ -26,7 +26,7 @@ BUDGET_S = 12.0
 
 
 class NotIdentifiedError(Exception):
-    """Constants could not be identified; the message gives the reason."""
+    """Error for constants that could not be identified; the message gives the reason."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ def assumed(body: Body, case: Case) -> Assumed:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """Each stiffness, dashpot and mass by its own factor, log-normal, 20 % one standard deviation.
+    """The network with log-normal factors on each stiffness, dashpot and mass, 20 % one standard deviation.
 
     If the body is drawn at rest, rest lengths are fitted to the drawing, as a user would do.
     """
@@ -66,7 +66,7 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
 
 
 def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Assumed:
-    """Constants fitted on another recording of the same body in which every node is seen; raises NotIdentifiedError.
+    """Constants fitted to another recording of the same body that shows every node; raises NotIdentifiedError.
 
     seconds: limit of its processor time [s]
     It starts from stiffnesses and dashpots that are wrong kind by kind, with exact masses. Rest lengths are also

@@ -12,15 +12,15 @@ from experiments.studies.zoo.table import BOUNDS, Cell, faults
 
 KEPT, BEYOND = GREEN, VERMILLION
 KEPT_MARK, BEYOND_MARK, FAILED_MARK = "o", "D", "x"
-"""Markers beside the colours, for prints without colour."""
+"""Markers in addition to the colours, for prints without colour."""
 
 SHOWN = (0.03, 100.0)
-"""Larger ratios are drawn at the edge."""
+"""Range of the drawn ratios; others are drawn at the edge."""
 
 
 @styled
 def zoo_figure(cells: Sequence[Cell]) -> Figure:
-    """A line for each cell: error by that of the better reference; share covered; time of a frame."""
+    """A line for each cell: ratio of the error to that of the better reference; share covered; time per frame."""
     figure = new_figure(PAGE_MM, 26.0 + 4.0 * len(cells))
     ratio, covered, cost = figure.subplots(1, 3, sharey=True, width_ratios=[2.2, 1.2, 1.0])
     places = np.arange(len(cells))

@@ -1,4 +1,4 @@
-"""References of the filter: the paper's open loop, and a spline through the seen marks."""
+"""References for the filter: the paper's open loop, and a spline through the visible marks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.simulation.bodies.body import Body
 from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
-"""A body is flat in a direction in which its extent is below this share of its size."""
+"""Relative extent below which a body is flat in a direction."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
@@ -31,9 +31,9 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Hidden nodes by a spline through the seen ones and the anchors [m], (n_frames, n_hidden, dim).
+    """Hidden nodes by a spline through the visible ones and the anchors [m], (n_frames, n_hidden, dim).
 
-    For a body in a line a cubic spline along its length; otherwise a thin-plate spline of the displacement from the
+    A body in a line has a cubic spline along its length, others a thin-plate spline of the displacement from the
     drawn shape.
     """
     network = body.network
@@ -54,7 +54,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights of known displacements in those wanted, (n_wanted, n_known), of a thin-plate spline; (n, dim) each."""
+    """Weights of known displacements in the wanted ones, (n_wanted, n_known), of a thin-plate spline; (n, dim) each."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]

@@ -28,7 +28,7 @@ KERNELS_S = 0.5
 
 
 def run(case: Case) -> Record:
-    """The case's figures: errors [m] of filter, open loop and spline, coverage, NEES, faults, time a frame."""
+    """The case's figures: errors [m] of filter, open loop and spline, coverage, NEES, faults, time per frame."""
     body = case.motion
     hidden = [body.network.index(name) for name in body.hidden]
     truth = body.positions[:, hidden]

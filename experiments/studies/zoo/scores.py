@@ -16,12 +16,12 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""TRACKING is wrong if the error is beyond this many sigma and beyond this share of the body's size."""
+"""Error above which TRACKING is wrong, in sigmas and relative to the body's size; both must be exceeded."""
 
 
 @dataclass(slots=True, eq=False)
 class Followed:
-    """A filter's estimates of a recording, until it failed or its time was up.
+    """Estimates of a filter in a recording, until it failed or its time was over.
 
     means: of the hidden points [m], (n, n_hidden, dim); covs [m²], (n, n_hidden, dim, dim); status: of each frame
     seconds: processor time of predict and update; repairs: counts by kind; failure: empty, or why it ended early
@@ -49,7 +49,7 @@ def followed(
 ) -> Followed:
     """Run a filter through a recording, and read all hidden points of the network from its state.
 
-    begun: makes the filter; limit_s: limit of its processor time [s]
+    begun: creates the filter; limit_s: limit of its processor time [s]
     """
     means, covs = [], []
     found = Followed(np.empty((0, len(hidden), network.dim)), np.empty((0, len(hidden), network.dim, network.dim)))
@@ -90,8 +90,8 @@ def hidden_scores(
     """Figures of all hidden nodes in all frames together.
 
     means, truth [m], (n_frames, n_hidden, dim); covs [m²], (n_frames, n_hidden, dim, dim); tracking: (n_frames,)
-    non_finite: estimates that are not finite or whose covariance is not positive definite; they are left out of the
-    other figures, but for `error_m`, which is then infinite
+    non_finite: estimates that are not finite or whose covariance is not positive definite; they are omitted from the
+    other figures, except from `error_m`, which is then infinite
     wrong_tracking: frames TRACKING with a node beyond five sigma and beyond a tenth of the body's size
     """
     dim = truth.shape[-1]

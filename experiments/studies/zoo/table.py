@@ -1,4 +1,4 @@
-"""Figures of each cell of the zoo, the bounds they are held to, and tables of both."""
+"""Figures of each cell of the zoo, their required bounds, and tables of both."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from experiments.studies.zoo.case import Case
 class Cell:
     """A body with one kind of constants or scale, over its seeds; errors are means over runs [mm].
 
-    runs, failed: how many, and how many ended early or not at all; failure: why the first of those did
-    ratio: filter's error by that of the better of open loop and spline; None where nothing was estimated
-    covered: share of truths in 95 % regions; nees: mean by degree of freedom
+    runs, failed: number of runs, and of those that ended early or not at all; failure: reason of the first of those
+    ratio: filter's error divided by that of the better of open loop and spline; None if nothing was estimated
+    covered: share of truths in 95 % regions; nees: mean per degree of freedom
     non_finite, wrong_tracking, repairs: counts over all runs; ms_a_frame: mean
     """
 
@@ -43,7 +43,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What the cells of a kind of constants are held to: geometric mean and largest ratio, least and most covered."""
+    """Required bounds for a kind of constants: geometric mean and largest ratio, least and largest coverage."""
 
     mean_ratio: float
     worst_ratio: float
@@ -97,12 +97,12 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
 
 
 def geometric_mean(ratios: Sequence[float]) -> float:
-    """Of positive numbers."""
+    """Geometric mean of positive numbers."""
     return float(np.exp(np.mean(np.log(ratios))))
 
 
 def faults(cell: Cell) -> list[str]:
-    """Which bounds the cell does not keep."""
+    """The bounds that the cell violates."""
     bounds = BOUNDS[cell.constants]
     low, high = bounds.covered[0], 1.0 if cell.name.startswith(UNDECIDED) else bounds.covered[1]
     found = [] if cell.failed == 0 else [f"{cell.failed} of {cell.runs} failed"]
@@ -118,7 +118,7 @@ def faults(cell: Cell) -> list[str]:
 
 
 def summary(cells: Sequence[Cell]) -> list[str]:
-    """One line for each kind of constants: geometric mean of the ratios, the worst cell, how many keep every bound."""
+    """One line for each kind of constants: geometric mean of the ratios, worst cell, number within all bounds."""
     lines = []
     ordered = sorted(cells, key=lambda cell: list(BOUNDS).index(cell.constants))
     for constants, group in groupby(ordered, key=lambda cell: cell.constants):

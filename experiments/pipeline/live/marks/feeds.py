@@ -1,4 +1,4 @@
-"""Feeds of lines: datagrams of UDP, and a pipe."""
+"""Feeds of marks as lines: datagrams of UDP, and a pipe."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError
 
 POLL_S = 0.1
-"""Period in which a waiting feed checks whether it has to stop; a line wakes it at once."""
+"""Interval at which a waiting feed checks whether it has to stop [s]; a line wakes it at once."""
 
 LOOPBACK = "127.0.0.1"
 
 
 class UdpFeed:
-    """Lines in datagrams, one or more in each, at a port of this machine; SourceError if it is not free.
+    """Feed of lines in datagrams, one or more in each, at a port of this machine; SourceError if it is not free.
 
     host: own address to listen on; by default the loopback, so that only programs of this machine can send
     After one host has sent, others are refused until it has been silent for SETTINGS.hung_s.
 
-    State: the socket; who sent last, and when [s].
+    State: the socket; the last sender, and its time [s].
     """
 
     def __init__(self, port: int, host: str = LOOPBACK) -> None:
@@ -42,7 +42,7 @@ class UdpFeed:
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port on which it listens."""
+        """Host and port of the feed."""
         host, port, *_ = self._socket.getsockname()
         return host, port
 
@@ -85,7 +85,7 @@ def udp_feed(address: str) -> UdpFeed:
 
 
 class PipeFeed:
-    """Lines of a pipe or terminal, by its file descriptor, such as 0 for standard input; it stays open.
+    """Feed of lines from a pipe or terminal, by its file descriptor, such as 0 for standard input; it stays open.
 
     Reads bypass Python's buffers, whose lock a blocked thread would hold when the program ends.
     State: the bytes of an incomplete line, and whether it is too long and skipped.

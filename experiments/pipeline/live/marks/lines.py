@@ -1,4 +1,4 @@
-"""The line format: one frame of another tracker's marks as a line of JSON, checked."""
+"""Line format: one frame of another tracker's marks as a line of JSON, checked."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from experiments.formats.marks.rows import AXES, MarkRow, are_definite, cov_name
 from experiments.formats.scene.scene import Scene
 
 LONGEST_LINE = 65_536
-"""Most bytes of a line: a datagram is no longer."""
+"""Largest number of bytes in a line: that of a datagram."""
 
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
 """Range of coordinates and standard deviations in a line: up to a kilometre, from a nanometre."""
 
 
 class LineError(ValueError):
-    """An invalid line for this scene; the message has the position in it, what was expected and what was found."""
+    """Error for an invalid line; the message has the position in it, what was expected and what was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFrame:
-    """Marks seen at one time: time_s by the sender's clock [s]; the marks, possibly none."""
+    """Marks of one time: time_s by the sender's clock [s]; the marks, possibly none."""
 
     time_s: float
     marks: tuple[MarkRow, ...]
 
 
 def read_line(line: bytes, scene: Scene) -> SentFrame:
-    """The frame that a line states: `{"time_s": 1.5, "marks": [{"node": "M1", "x_mm": 0.0, ...}]}`.
+    """Read a frame from a line such as `{"time_s": 1.5, "marks": [{"node": "M1", "x_mm": 0.0, ...}]}`.
 
     Raises LineError.
     """

@@ -1,4 +1,4 @@
-"""Open a source of marks by its name: udp://, stdin, marks.csv, a recording with one."""
+"""Opening of a source of marks by its name: udp://, stdin, marks.csv, a recording with one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ UDP = "udp://"
 
 
 def is_mark_source(spec: str) -> bool:
-    """Whether a source of this name gives marks, not pictures."""
+    """Whether a source of this name delivers marks, not pictures."""
     path = Path(spec)
     return spec in STDIN or spec.startswith(UDP) or path.suffix == ".csv" or (path / MARKS).is_file()
 

@@ -1,4 +1,4 @@
-"""Live marks of another tracker, read in a thread, the newest frame first."""
+"""Live marks from another tracker, read in a thread, the newest frame first."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from vision import (
 )
 
 SETTINGS = SourceSettings()
-"""When a sender counts as blocked, and how its clock is followed: the same as for a camera."""
+"""Thresholds for a blocked sender and for its clock: those of a camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """Marks seen at one exposure time [s] on the monotonic clock, possibly none; index: counted from 0."""
+    """Marks of one exposure time [s] on the monotonic clock, possibly none; index: counted from 0."""
 
     index: int
     exposure_s: float
@@ -45,10 +45,10 @@ MarkSource = SourceOf[MarksFrame]
 
 
 class Feed(Protocol):
-    """A transport of marks: a socket, a pipe, a protocol."""
+    """Protocol of a transport of marks: a socket, a pipe, a protocol."""
 
     def run(self, receiver: LiveMarks) -> None:
-        """Deliver all that comes, until the receiver is closed or nothing will come; called in the reading thread.
+        """Deliver all input, until the receiver is closed or the input ends; called in the reading thread.
 
         Calls `take_line` or `take`, and `refuse` for unusable input. Raises OSError if the feed fails.
         """
@@ -58,19 +58,19 @@ class Feed(Protocol):
 
 
 class LiveMarks(Closing):
-    """The newest frame of marks from a feed, each once, until the feed ends or `close()`: a `MarkSource`.
+    """Source of the newest frame of marks from a feed, each once, until the feed ends or `close()`.
 
     Invalid lines, and frames with times out of order, are refused: counted by kind, and reported as events, the first
     at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender is
     BLOCKED, as a camera is. A frame with repeated values is withheld; while they are FROZEN it has no marks.
 
     refused: counts of unusable input, by kind
-    State, shared with the feed's thread: the frame that waits; the sender's clock; the watchdogs; events not yet taken,
-    what was refused, of which unreported, and when that was last reported [s].
+    State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched,
+    refused input, unreported refused input, and time of the last report [s].
     """
 
     origin_s = 0.0
-    """Times are on the clock of this machine, to which the sender's is converted."""
+    """Zero of the clock [s]: the sender's times are converted to the clock of this machine."""
 
     def __init__(self, scene: Scene, feed: Feed, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
@@ -89,7 +89,7 @@ class LiveMarks(Closing):
         self._reported_s = -float("inf")
         self._error: Exception | None = None
         self._finished = self._ended = False
-        # A daemon: a pipe may block forever, and the program must still end.
+        # A daemon: a pipe may block forever, but the program must still end.
         self._thread = threading.Thread(target=self._run, name="softaim marks", daemon=True)
         self._thread.start()
 
@@ -108,7 +108,7 @@ class LiveMarks(Closing):
         return not self._stop.is_set()
 
     def take_line(self, line: bytes) -> None:
-        """Process a line that has just come; an empty one is ignored."""
+        """Process a line that has just arrived; an empty one is ignored."""
         arrival_s = self.clock()
         if not line.strip():
             return
@@ -160,7 +160,7 @@ class LiveMarks(Closing):
         self._report()
 
     def _report(self) -> None:
-        """Report what was refused, if it is due: of each kind the number and the first."""
+        """Report refused input, if it is due: for each kind the number and the first message."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
@@ -176,7 +176,7 @@ class LiveMarks(Closing):
         return self._ended or self._stop.is_set()
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame not yet seen; None where none comes within timeout_s [s], or at the end.
+        """The newest frame not yet delivered; None if none comes within timeout_s [s], or at the end.
 
         Raises SourceError if the feed fails, and any other error of its thread.
         """

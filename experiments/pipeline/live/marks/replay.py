@@ -1,4 +1,4 @@
-"""Recorded marks, at their own pace."""
+"""Playback of recorded marks at their own pace."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vision import Closing, EventKind, SourceEvent
 
 
 class MarksReplay(Closing):
-    """Frames of marks.csv when they are due, the newest first: a `MarkSource`. The first is due at the first request.
+    """Source of the frames in marks.csv when they are due, the newest first; the first is due at the first request.
 
     A frame with repeated values has no marks. State: the next frame, time of the first request [s], events not yet due,
     events not yet fetched, whether it ended.
@@ -47,7 +47,7 @@ class MarksReplay(Closing):
         return 0.0 if self._began_s is None else self._began_s - self._first_s
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that is due and was not yet seen; None where none is within timeout_s [s], or at the end."""
+        """The newest frame that is due and not yet delivered; None without one within timeout_s [s], or at the end."""
         now = self._clock()
         if self._began_s is None:
             self._began_s = now

@@ -1,4 +1,4 @@
-"""The clock of a sender, tied to the monotonic one by times of arrival."""
+"""Clock of a sender, tied to the monotonic one by arrival times."""
 
 from __future__ import annotations
 
@@ -9,30 +9,30 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""Largest factor between a frame's time in another unit and the expected one for that unit to be named [1]; chosen."""
+"""Largest ratio of a frame's time in another unit to the expected time for which the unit is named [1]; choice."""
 
 
 class Moment(NamedTuple):
-    """Times of a frame: by the sender's clock, and of arrival by the own one [s]."""
+    """Times of a frame: by the sender's clock, and of arrival by the own clock [s]."""
 
     sent_s: float
     arrival_s: float
 
 
 class OrderError(ValueError):
-    """A frame whose time is out of order."""
+    """Error for a frame whose time is out of order."""
 
 
 class SenderClock:
-    """Times of a sender's frames on the own monotonic clock: its times plus the least delay of a frame.
+    """Conversion of a sender's times to the own monotonic clock: its times plus the least delay of a frame.
 
     A frame arrives late but never early: the frame with the least delay of the last settings.remembered_frames ties the
-    clocks, which also follows a drifting clock. That least delay is unknown and taken as zero: all times are late by
-    it.
+    clocks, which also follows a drifting clock. That least delay is unknown and assumed to be zero: all times are late
+    by it.
 
-    A time that does not rise, or rises by over settings.hung_s more than passed here, is refused. If only such frames
-    come for settings.blocked_s, and in order, the sender has another clock, for example after a restart, which is then
-    adopted.
+    A time that does not increase, or increases by over settings.hung_s more than the own clock, is refused. If only
+    such frames come for settings.blocked_s, and in order, the sender has another clock, for example after a restart,
+    which is then adopted.
 
     State: delays of the last frames, by both clocks [s]; the last frame; the first and the last frame of another clock;
     restarts, the number of adopted ones.
@@ -60,7 +60,7 @@ class SenderClock:
         return sent_s + min(self._took_s)
 
     def _refusal(self, last: Moment, now: Moment) -> str | None:
-        """Why a frame cannot follow the last; None if it can."""
+        """Reason why a frame cannot follow the last; None if it can."""
         risen_s, passed_s = now.sent_s - last.sent_s, now.arrival_s - last.arrival_s
         if risen_s <= 0.0:
             return f"time_s: expected more than {last.sent_s:.6f}, found {now.sent_s:.6f}"

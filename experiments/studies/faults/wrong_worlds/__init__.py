@@ -1,1 +1,1 @@
-"""Worlds that differ from what the scene states, and how often GO is wrong there; `__main__` has the command."""
+"""Study of worlds that differ from the stated scene, and of wrong GO there; `__main__` has the command."""

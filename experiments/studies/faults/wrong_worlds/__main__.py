@@ -1,12 +1,12 @@
-"""Worlds that differ from what the scene states: how often GO is shown on a wrong estimate.
+"""Worlds that differ from the stated scene: frequency of GO on a wrong estimate.
 
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-The truth of a body that is poked and breathes is SciPy's DOP853; a tracker sends its marks, and a live session
-estimates the target and advises a needle at every frame, by a script's own clock. One thing is not as the scene states,
-and what the scene leaves unsaid is at its defaults. Counted are moments of GO, and those on a wrong estimate: the truth
-outside of the region of 99.9 % and more than 1 mm off. Last figures: docs/faults.md.
+The truth of a poked and breathing body is SciPy's DOP853; a tracker sends its marks, and a live session
+estimates the target and advises a needle at every frame, with a scripted clock. One property differs from the scene;
+the scene has defaults for everything that it does not state. The study counts moments of GO, and those on a wrong
+estimate: the truth is outside of the region of 99.9 % and more than 1 mm off. Last figures: docs/faults.md.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from experiments.studies.grid import DOCS, add_seeds, chosen, command, grid, kep
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the runs that the folder does not have yet, and write the tables."""
+    """Do the missing runs of the folder, and write the tables."""
     parser = study_options(__doc__, page="faults.md")
     parser.add_argument("--only", action="append", default=[], help="a row's name; again for more; default: all")
     parser.add_argument("--bodies", action="append", default=[], help=f"of {', '.join(BODIES)}; again for more")
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     worlds, bodies = chosen("--only", given.only, WORLDS), chosen("--bodies", given.bodies, BODIES)
     axes = {"duration_s": [given.seconds]} if given.seconds else {}
-    # worlds last: most of a body and a seed have the same truth, which is kept
+    # worlds last: most of a body and a seed have the same truth, which is cached
     cases = grid(**axes, seed=seeds_of(given), body=bodies, world=worlds)
     rows = rows_of(kept_runs(run, cases, given.out, chosen_workers(given)))
     summary = markdown(rows)

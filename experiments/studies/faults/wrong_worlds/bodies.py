@@ -1,4 +1,4 @@
-"""The bodies of the study: a user's scene of each."""
+"""Bodies of the study, each with a user's scene."""
 
 from __future__ import annotations
 

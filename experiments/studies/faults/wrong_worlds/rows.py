@@ -1,4 +1,4 @@
-"""The wrong worlds: what differs from what the scene states, one row of the table each."""
+"""Wrong worlds: one difference from the stated scene for each row of the table."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ WEIGHT = 9.81
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """A row: what is true, and what is stated.
+    """A row of the table: the true world, and the stated scene.
 
-    onset_s: from when on it is wrong, and counted [s]
-    truth: how the body differs from the scene; seen: what becomes of the frames of a tracker
-    scene: the scene that is stated; target: keys of `[target]` that are stated, too
-    sd_m: of the marks, as the tracker states it [m]; reference: reference marks on the anchors are stated, and seen
+    onset_s: time from which the world is wrong, and counted [s]
+    truth: difference of the body from the scene; seen: change of a tracker's frames
+    scene: the stated scene; target: further stated keys of `[target]`
+    sd_m: of the marks, as the tracker states it [m]; reference: whether reference marks on the anchors are stated
     """
 
     onset_s: float = 0.0
@@ -40,12 +40,12 @@ class World:
 
 
 def _way(dim: int, rng: np.random.Generator) -> Floats:
-    """A direction at random, (dim,)."""
+    """A random direction, (dim,)."""
     way = rng.normal(size=dim)
     return np.asarray(way / np.linalg.norm(way))
 
 
-# what a tracker sees
+# the tracker's frames
 
 
 def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
@@ -55,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """All marks, or one, displaced [m] by the time since the onset [s], (n,), in a direction at random."""
+    """All marks, or one, displaced [m] as a function of the time since the onset [s], (n,), in a random direction."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -68,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """About the middle of the picture, and in space about an axis at random."""
+    """A camera rotated about the middle of the picture; in space about a random axis."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -84,7 +84,7 @@ def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _scaled(x: float, y: float) -> Sees:
-    """By these factors along the first two axes, and the first one along the third, about the middle."""
+    """Marks scaled by these factors along the first two axes, and by the first along the third, about the middle."""
     factors = np.array([x, y, x])
     return lambda seen, _rng: replace(
         seen, places=seen.middle + factors[: len(seen.middle)] * (seen.places - seen.middle)
@@ -112,20 +112,20 @@ def _heavy(seen: Seen, rng: np.random.Generator) -> Seen:
     return replace(seen, places=seen.places + np.where(wild[..., None], ways, 0.0))
 
 
-# what the tissue is, or is stated to be
+# the tissue, or its stated constants
 
 Factor = float | Callable[[Scene], Floats]
-"""By what the constants of a kind differ."""
+"""Factor on the constants of a kind."""
 
 
 def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
-    """The network with its constants of these kinds times their factors."""
+    """The network with its constants of these kinds multiplied by their factors."""
     own = {kind: factor(scene) if callable(factor) else factor for kind, factor in factors.items()}
     return replace(scene.network, **{kind: factor * getattr(scene.network, kind) for kind, factor in own.items()})
 
 
 def _body(**factors: Factor) -> Truth:
-    """A body with such constants, drawn where it rests."""
+    """A body with such constants, drawn at its rest."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -143,14 +143,14 @@ def _truly(change: Becomes) -> Truth:
 
 
 def _of_target(factor: float) -> Callable[[Scene], Floats]:
-    """Of the springs at the target, (n_springs,)."""
+    """Factors for the springs at the target, (n_springs,)."""
     return lambda scene: np.where(
         (scene.network.springs == scene.network.index(scene.target.node)).any(axis=1), factor, 1.0
     )
 
 
 def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
-    """Of the spring at the target that bears most at rest, (n_springs,)."""
+    """Factors for the spring at the target with the largest load at rest, (n_springs,)."""
 
     def factors(scene: Scene) -> Floats:
         network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
@@ -165,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The target's springs 0.3 as stiff, each as loaded as before: it rests where it is drawn, and hangs loose."""
+    """The target's springs 0.3 times as stiff with the same loads: it rests as drawn, and is loose."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """Some ways have no equilibrium: then another is drawn."""
+        """The moved body; if a direction has no equilibrium, another is drawn."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """Ten times as much; where there is none, such that a free mass would stop in a tenth of a second."""
+    """Ten times the drag; where there is none, so much that a free mass would stop in a tenth of a second."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 
@@ -264,4 +264,4 @@ WORLDS: Mapping[str, World] = {
     "half of the frames are lost": World(seen=_halved),
     "the tracker's clock is 2 % fast": World(seen=_fast),
 }
-"""By name, in the order of the table."""
+"""Wrong worlds by name, in the order of the table."""

@@ -1,4 +1,4 @@
-"""One run: a live session before a world that differs from its scene, and how often it was wrong."""
+"""One run: a live session in front of a world that differs from its scene, and its wrong moments."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Moment:
 
     @property
     def words(self) -> str:
-        """The displayed text, whatever its numbers."""
+        """The displayed text, without its numbers."""
         if self.advice == str(Advice.GO):
             return self.advice
         what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice

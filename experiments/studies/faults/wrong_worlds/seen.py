@@ -1,4 +1,4 @@
-"""A tracker's frames of a body's marks, their errors, and the lines that it sends."""
+"""Frames of a tracker with a body's marks, their errors, and the lines that it sends."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from experiments.studies.faults.judge import ONSET_S
 from experiments.studies.faults.world import BEGAN_S, INTERVAL_S, Motion
 
 MARK_SD_M = 1e-3
-"""Standard deviation of the marks, an axis [m]."""
+"""Standard deviation of the marks for each axis [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +27,7 @@ class Seen:
     """Frames of a tracker.
 
     exposed_s: exposure times [s], (n,); stated_s: by the tracker's clock; arrive_s: arrival of the lines
-    nodes: of the marks; places: measured positions [m], (n, n_marks, dim); shown: which are seen, (n, n_marks)
+    nodes: of the marks; places: measured positions [m], (n, n_marks, dim); shown: which are visible, (n, n_marks)
     middle: of the body as drawn [m], (dim,)
     """
 
@@ -48,7 +48,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """The marks on these nodes by a tracker, all to `MARK_SD_M`; its clock is right, and no line is late."""
+    """The marks on these nodes by a tracker, accurate to `MARK_SD_M`; its clock is right, and no line is late."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])

@@ -1,4 +1,4 @@
-"""The table of the study: for each world and body, and a line for each world."""
+"""Table of the study: a row for each world and body, and a line for each world."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from experiments.studies.faults.wrong_worlds.run import REFUSED
 from experiments.studies.grid import markdown_table
 
 MOST = 0.005
-"""Share of the moments of GO at which the estimate may be wrong: asked for."""
+"""Largest permitted share of the moments of GO with a wrong estimate; a requirement."""
 
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Median error [mm] and coverage [%], as shown, up to and from which a world without a wrong GO has no line of its own;
-the marks' noise, and a choice."""
+"""Median error [mm] and coverage [%], as displayed, up to and from which a world without a wrong GO has no own line;
+choice: the first is the marks' noise."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
@@ -34,7 +34,7 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """A line for each world, all bodies together; one beyond the bound is marked. Harmless ones are named below."""
+    """A line for each world, over all bodies; one outside the bound is marked. Harmless ones are named below."""
     lines, harmless = [], []
     for world in WORLDS:
         own = rows[rows["world"] == world]

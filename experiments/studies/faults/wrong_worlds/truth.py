@@ -1,4 +1,4 @@
-"""True motion of a body: poked and breathing, by SciPy's DOP853."""
+"""True motion of a poked and breathing body, by SciPy's DOP853."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from experiments.studies.faults.world import Motion, moved
 
 Becomes = Callable[[MassSpringNetwork], MassSpringNetwork]
 Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
-"""The true network behind a scene."""
+"""Function that returns the true network of a scene."""
 
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
 """Direction of a second breath, by dimension; the first goes upward."""
 
 
 TURNS_S = 4.0
-"""When gravity begins to turn [s]."""
+"""Time at which gravity begins to turn [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
     """Forces on the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
 
-    everywhere: the breath accelerates all mass; turned_deg: by which gravity turns in 2 s. Either of: hidden, the
-    target is poked as well; second, a second breath, of another period and direction
+    everywhere: the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s. Optional:
+    hidden, the target is poked, too; second, a second breath, of another period and direction
     """
 
     pokes_m_s2: float = 5.0
@@ -65,7 +65,7 @@ AS_STATED = Truth()
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     """The motion of a scene's body; cached, because most worlds share it.
 
-    Raises RuntimeError if the body has no rest, for which no scene is refused.
+    Raises RuntimeError if the body has no rest, which does not happen for an accepted scene.
     """
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
