@@ -36,7 +36,9 @@ Fps = Annotated[
     ),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file to use in place of the recording's.")]
-WithFilm = Annotated[bool, typer.Option("--film", help="Annotated film, film.avi, and its worst frames, worst.png.")]
+WithFilm = Annotated[
+    bool, typer.Option("--film", help="Annotated film.avi, in space film.NAME.avi, and worst frames, worst.png.")
+]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[
     bool, typer.Option("--json", help="Print the result as one JSON object; messages go to standard error.")

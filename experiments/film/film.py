@@ -1,4 +1,4 @@
-"""Annotated films of a run over a recording: film.avi, and worst.png."""
+"""Annotated films of a run over a recording: film.avi or one for each camera, and worst.png."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 
 from estimators import Guidance
-from experiments.film.overlay import drawn
+from experiments.film.overlay import Overlay, drawn
 from experiments.film.views import ground_camera, overlay_of
 from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.outputs import write_whole
 from experiments.formats.recording import Recording
-from experiments.pipeline.line import Line, Step
+from experiments.pipeline.line import Line, Seen, Step
 from experiments.pipeline.recorder import rate_of
-from vision import Frame, PlaneCamera, VideoWriter
+from vision import Exposure, PlaneCamera, VideoWriter
 from vision.arrays import Image
 
 FILM, WORST = "film.avi", "worst.png"
@@ -29,26 +29,37 @@ GROUND = 60
 class Film:
     """Writes film.avi into a folder frame by frame, and worst.png at its end; as a context manager.
 
-    Marks of another tracker are drawn on a plain background; InputError for marks in space.
-    State: the writer, begun with the first frame; the worst frames.
+    In space each camera has a film, film.NAME.avi. Marks of another tracker are drawn on a plain background;
+    InputError for those in space.
+    State: the writer of each camera, begun with its first frame; the worst frames.
     """
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:
-        self.folder, self.plan = folder, plan
-        self.fps = rate_of(recording.exposures_s)
-        scene = recording.scene
-        self.camera: PlaneCamera = scene.cameras[0] if recording.source is not None else ground_camera(scene)
+        self.folder, self.plan, self._scene = folder, plan, recording.scene
+        films = {one.camera: one.exposures_s for one in recording.films} or {"": recording.exposures_s}
+        self._fps = {name: rate_of(exposures_s) for name, exposures_s in films.items()}
+        self._cameras = {camera.name: camera for camera in self._scene.space_cameras}
+        self._ground = ground_camera(self._scene) if recording.source is None and not recording.films else None
         self.worst = WorstFrames()
-        self._writer: VideoWriter | None = None
+        self._writers: dict[str, VideoWriter] = {}
 
-    def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Draw a frame and append it to the film."""
-        overlay = overlay_of(line, step, self.camera if frame is None else line.camera, guidance, self.plan)
-        picture = drawn(ground(self.camera) if frame is None else frame.image, overlay)
-        if self._writer is None:
+    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+        """Draw a frame and append it to the film, or the pictures of several cameras to theirs."""
+        if isinstance(frame, Exposure):
+            for name, image in frame.images.items():
+                self._draw(name, image, overlay_of(line, step, self._cameras[name], guidance, self.plan))
+            return
+        camera = self._ground or line.camera
+        image = ground(camera) if frame is None else frame.image
+        self._draw("", image, overlay_of(line, step, camera, guidance, self.plan))
+
+    def _draw(self, name: str, image: Image, overlay: Overlay) -> None:
+        picture = drawn(image, overlay)
+        if name not in self._writers:
             height, width = picture.shape[:2]
-            self._writer = VideoWriter(self.folder / FILM, (width, height), self.fps)
-        self._writer.write(picture)
+            path = self.folder / (f"{Path(FILM).stem}.{name}{Path(FILM).suffix}" if name else FILM)
+            self._writers[name] = VideoWriter(path, (width, height), self._fps[name])
+        self._writers[name].write(picture)
         self.worst.take(overlay, picture)
 
     def __enter__(self) -> Self:
@@ -57,13 +68,10 @@ class Film:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._writer is None:
-            return
-        if kind is None:
-            self._writer.close()
+        for writer in self._writers.values():
+            writer.close() if kind is None else writer.discard()
+        if self._writers and kind is None:
             write_worst(self.worst, self.folder)
-        else:
-            self._writer.discard()
 
 
 def ground(camera: PlaneCamera) -> Image:

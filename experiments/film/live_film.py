@@ -13,7 +13,7 @@ from experiments.film.views import ground_camera, overlay_of
 from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.line import FILTER, Line, Step
+from experiments.pipeline.line import FILTER, Line, Seen, Step
 from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.recorder import join
 from vision import Frame
@@ -57,15 +57,15 @@ class LiveFilm:
         """Number of frames in the film."""
         return self._thread.n_recorded
 
-    def take(self, frame: Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Pass a frame to the thread; the oldest waiting one is dropped if the thread is too slow."""
         time_s = step.estimates[FILTER].time_s
         if self.fault is not None or not round(time_s, 9) > round(self._last_s, 9):
             self.n_dropped += 1
             return
         self._last_s = time_s
-        overlay = overlay_of(line, step, self.camera if frame is None else line.camera, guidance, self.plan)
-        image = ground(self.camera) if frame is None else frame.image
+        overlay = overlay_of(line, step, line.camera if isinstance(frame, Frame) else self.camera, guidance, self.plan)
+        image = frame.image if isinstance(frame, Frame) else ground(self.camera)
         self.n_dropped += self._thread.make_room()
         self._thread.put((time_s, image, overlay))
 

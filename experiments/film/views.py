@@ -1,7 +1,4 @@
-"""Annotation of a frame from a step of the pipeline, projected into the picture.
-
-Image axes: u right, v down, pixels; the plane in metres.
-"""
+"""Annotation of a frame from a step of the pipeline, projected into the picture of a camera."""
 
 from __future__ import annotations
 
@@ -11,13 +8,14 @@ from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
+from experiments.film.projection import View, view_of
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.scene import Scene, Target
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line, Step
 from experiments.pipeline.scores.marks import lost_words
-from vision import PlaneCamera, fronto_parallel_camera
+from vision import PlaneCamera, SpaceCamera, fronto_parallel_camera
 
 # Colours of Okabe and Ito for the colour-blind, BGR
 GREEN: Colour = (115, 158, 0)
@@ -52,9 +50,10 @@ MOST_NAMED = 40
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
-    """A camera square to the plane that sees the network in the middle; InputError for one in space."""
+    """A camera square to the plane that sees the network in the middle; InputError in space."""
     if scene.network.dim != 2:
-        raise InputError.at("--film", "a flat scene", "one in space")
+        expected = "a flat scene, or films of cameras in space: softaim track --film of a recording with pictures"
+        raise InputError.at("--film", expected, "a scene in space without pictures, or a live one")
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
     size_m = np.maximum(high - low, 1e-3)
     mm_per_px = float((1e3 * size_m / (GROUND_SHARE * np.array(GROUND_PX))).max())
@@ -63,34 +62,39 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 
 
 def overlay_of(
-    line: Line, step: Step, camera: PlaneCamera, guidance: Guidance | None = None, plan: NeedlePlan | None = None
+    line: Line,
+    step: Step,
+    camera: PlaneCamera | SpaceCamera,
+    guidance: Guidance | None = None,
+    plan: NeedlePlan | None = None,
 ) -> Overlay:
-    """The annotation of a step; line: its state after the step.
+    """The annotation of a step in the picture of a camera; line: its state after the step.
 
     guidance, plan: the advice at that moment, and its needle
     """
     scene, estimate = line.scene, step.estimates[FILTER]
+    view = view_of(scene, camera)
     network = scene.network
     named = network.n_nodes <= MOST_NAMED
     names = tuple(name if named or name == scene.target.node else "" for name in network.names)
-    target_px, target_cov_px2 = _seen(camera, estimate.mean, estimate.cov)
+    target_px, target_cov_px2 = view.seen(estimate.mean, estimate.cov)
     return Overlay(
         status=str(estimate.status),
         status_colour=STATUSES[estimate.status],
         facts=facts(estimate, len(scene.measured_nodes)),
-        nodes_px=_places(camera, node_places(line)),
+        nodes_px=view.places(node_places(line)),
         names=names,
         fixed=network.fixed,
         springs=network.springs,
-        marks=_marks(scene, step, camera),
+        marks=_marks(scene, step, view),
         target_px=target_px,
         target_cov_px2=target_cov_px2,
-        target_shape_px=_shape(camera, estimate.mean, scene.target),
+        target_shape_px=view.ball_shape(estimate.mean, scene.target.radius_m),
         trusted=estimate.status in TRUSTED,
-        needle=None if guidance is None or plan is None else _needle(camera, guidance, plan),
+        needle=None if guidance is None or plan is None else _needle(view, guidance, plan),
         advice="" if guidance is None else advice_words(guidance),
         advice_colour=GREY if guidance is None else ADVICE[guidance.advice],
-        notes=_notes(target_cov_px2, camera),
+        notes=_notes(target_cov_px2, camera.size_px),
     )
 
 
@@ -114,41 +118,48 @@ def advice_words(guidance: Guidance) -> str:
     return f"{what}{hit}: {guidance.reason}"
 
 
-def _notes(target_cov_px2: Floats | None, camera: PlaneCamera) -> tuple[str, ...]:
+def _notes(target_cov_px2: Floats | None, size_px: tuple[int, int]) -> tuple[str, ...]:
     if target_cov_px2 is None or not np.isfinite(target_cov_px2).all():
         return ()
-    wide = float(np.sqrt(np.linalg.eigvalsh(target_cov_px2)[0].clip(0.0))) > max(camera.size_px)
+    wide = float(np.sqrt(np.linalg.eigvalsh(target_cov_px2)[0].clip(0.0))) > max(size_px)
     return ("the target's uncertainty is larger than the picture",) if wide else ()
 
 
-def _marks(scene: Scene, step: Step, camera: PlaneCamera) -> tuple[MarkDrawn, ...]:
+def _marks(scene: Scene, step: Step, view: View) -> tuple[MarkDrawn, ...]:
+    """The marks that the camera may see."""
     seen = {mark.node: mark for mark in step.marks}
-    return tuple(_mark(scene, mark, seen.get(mark.node), step, camera) for mark in scene.marks)
+    expected = {} if step.sight is None else step.sight.expected
+    places = {node: place for node, (place, _) in expected.items()} | {node: one.position for node, one in seen.items()}
+    return tuple(
+        _mark(scene, mark, seen.get(mark.node), step, view)
+        for mark in scene.marks
+        if view.faces(mark.node, places.get(mark.node))
+    )
 
 
-def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, camera: PlaneCamera) -> MarkDrawn:
+def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, view: View) -> MarkDrawn:
     expected = None if step.sight is None else step.sight.expected.get(mark.node)
-    expected_px, expected_cov_px2 = (None, None) if expected is None else _seen(camera, *expected)
+    expected_px, expected_cov_px2 = (None, None) if expected is None else view.seen(*expected)
     if seen is None:
         one = None if step.sight is None else step.sight.lost.get(mark.node)
         return MarkDrawn(
             mark.node,
             mark.hue_deg,
             Fate.LOST,
-            np.zeros((2, 2)) if expected is None else _shape(camera, expected[0], mark),
+            np.zeros((2, 2)) if expected is None else view.mark_shape(mark, expected[0]),
             expected_px=expected_px,
             expected_cov_px2=expected_cov_px2,
             candidate_px=None if one is None else one.candidate_px,
             why=lost_words(scene, mark.node, one),
             measured=mark.measured,
         )
-    center_px, cov_px2 = _seen(camera, seen.position, seen.total_cov)
+    center_px, cov_px2 = view.seen(seen.position, seen.total_cov)
     refused = mark.node in step.refused
     return MarkDrawn(
         mark.node,
         mark.hue_deg,
         Fate.REFUSED if refused else Fate.FOUND,
-        _shape(camera, seen.position, mark),
+        view.mark_shape(mark, seen.position),
         center_px,
         cov_px2,
         expected_px,
@@ -165,47 +176,14 @@ def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"
 
 
-def _needle(camera: PlaneCamera, guidance: Guidance, plan: NeedlePlan) -> NeedleDrawn:
+def _needle(view: View, guidance: Guidance, plan: NeedlePlan) -> NeedleDrawn:
     insertion = plan.insertion
     tip = insertion.entry + insertion.depth_m * insertion.axis
     left_m = guidance.depth_m if guidance.depth_m is not None else plan.needle.reach_m
     ahead = tip + max(left_m, 0.0) * insertion.axis
     behind = insertion.entry - max(left_m, plan.needle.reach_m) * insertion.axis
-    shaft_px = _places(camera, np.array([behind, tip]))
-    ahead_px = _places(camera, np.array([tip, ahead]))
+    shaft_px = view.places(np.array([behind, tip]))
+    ahead_px = view.places(np.array([tip, ahead]))
     if guidance.aim is None:
         return NeedleDrawn(shaft_px, ahead_px)
-    return NeedleDrawn(shaft_px, ahead_px, *_seen(camera, guidance.aim, guidance.cov))
-
-
-def _places(camera: PlaneCamera, points_m: Floats) -> Floats:
-    """Projection of points of the plane, (n, 2); NaN for points behind the camera, or not finite."""
-    finite = np.isfinite(points_m).all(axis=1)
-    try:
-        if finite.all():
-            return camera.project(points_m)
-    except ValueError:
-        pass
-    return np.array([_place(camera, point) for point in points_m]).reshape(-1, 2)
-
-
-def _place(camera: PlaneCamera, point_m: Floats) -> Floats:
-    try:
-        return camera.project(point_m[None])[0] if np.isfinite(point_m).all() else np.full(2, np.nan)
-    except ValueError:
-        return np.full(2, np.nan)
-
-
-def _seen(camera: PlaneCamera, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-    """Projection of a position and its covariance; NaN and None if it is behind the camera."""
-    place_px = _place(camera, mean_m)
-    if cov_m2 is None or not np.isfinite(place_px).all():
-        return place_px, None
-    return place_px, np.asarray(camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
-
-
-def _shape(camera: PlaneCamera, place_m: Floats, shown: Mark | Target) -> Floats:
-    """The image of a mark or of the target, a disc, (2, 2) [px]; zero if it is behind the camera."""
-    if not np.isfinite(_place(camera, place_m)).all():
-        return np.zeros((2, 2))
-    return shown.shape_px(camera, place_m) if isinstance(shown, Mark) else camera.disc_shape(place_m, shown.radius_m)
+    return NeedleDrawn(shaft_px, ahead_px, *view.seen(guidance.aim, guidance.cov))

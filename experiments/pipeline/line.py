@@ -92,10 +92,14 @@ class Step:
         }
 
 
-class Watcher(Protocol):
-    """Protocol of an observer of each frame (None for another tracker's marks) and its step."""
+Seen = vision.Frame | vision.Exposure | None
+"""A frame, the pictures of cameras in space, or None for another tracker's marks."""
 
-    def take(self, frame: vision.Frame | None, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+
+class Watcher(Protocol):
+    """Protocol of an observer of each frame and its step."""
+
+    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Called with the frame and its step, and the advice, if there is one; the line has the state after them."""
 
 

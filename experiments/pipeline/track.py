@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import vision
 from estimators import LeaveOneOutCheck, MarkMeasurement, Status, TargetEstimate, coverage, normalised_error_squared
 from estimators.process.target import target_map
 from experiments.arrays import Floats
@@ -24,7 +23,7 @@ from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
 from experiments.pipeline.integrity import error_budget, target_variances, variance_shares
-from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Step, Watcher
+from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Seen, Step, Watcher
 from experiments.pipeline.scores.fit import (
     TruthScore,
     Withheld,
@@ -137,8 +136,8 @@ def track(
     )
 
 
-def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame | None, Step]]:
-    """The line's step for each frame of a recording, with the frame, None for given marks and in space."""
+def each_frame(line: Line, recording: Recording) -> Iterator[tuple[Seen, Step]]:
+    """The line's step for each frame of a recording, with the frame."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)
@@ -146,7 +145,7 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[vision.Frame 
     if recording.films:
         with ahead(exposures_of(recording.films)) as exposures:
             for exposure in exposures:
-                yield None, line.see_all(exposure)
+                yield exposure, line.see_all(exposure)
         return
     with recording.open_frames() as film, ahead(film) as frames:
         for frame in frames:

@@ -16,8 +16,9 @@ from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame
 from tests.experiments.command import softaim
+from tests.experiments.in_space import breast
 from tests.experiments.plots.tracks import block
-from vision import Reason
+from vision import Pose, Reason
 
 SCENARIO = """
 version = 1
@@ -135,12 +136,64 @@ def test_marks_of_another_tracker_are_drawn_on_a_plain_ground(recording, tmp_pat
     assert abs(int(np.median(frames[-1][:, :, 0])) - 60) < 3
 
 
-def test_there_is_no_film_of_marks_in_space(tmp_path, capsys) -> None:
+def test_there_is_no_film_of_given_marks_in_space(tmp_path, capsys) -> None:
     folder = tmp_path / "rec"
     folder.mkdir()
     write_scene(block(), folder / "scene.toml")
     (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,z_mm,sd_mm\n0.0,N2,0.0,0.0,40.0,1.0\n")
     assert softaim("track", folder, "--out", tmp_path / "out", "--film") == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said == "softaim: --film: expected a flat scene, found one in space"
+    assert said.startswith("softaim: --film: expected a flat scene, or films of cameras in space")
     assert not (tmp_path / "out").exists()
+
+
+SPACE_SCENARIO = """
+version = 1
+scene = "scene.toml"
+seed = 3
+duration_s = 0.2
+frame_interval_s = 0.03333333333333333
+"""
+
+
+@pytest.fixture(scope="module")
+def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("space")
+    write_scene(breast(), folder / "scene.toml")
+    (folder / "film.toml").write_text(SPACE_SCENARIO)
+    assert softaim("simulate", folder / "film.toml", "--out", folder / "rec") == 0
+    return folder / "rec"
+
+
+def test_in_space_each_camera_has_a_film(in_space, tmp_path) -> None:
+    assert softaim("track", in_space, "--out", tmp_path / "out", "--film") == 0
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.avi")) == ["film.left.avi", "film.right.avi"]
+    for name in ("left", "right"):
+        frames = frames_of(tmp_path / "out" / f"film.{name}.avi")
+        plain = frames_of(next(in_space.glob(f"video.{name}.*")))
+        assert len(frames) == len(plain) == 6
+        assert np.abs(frames[-1].astype(int) - plain[-1]).max() > 100
+    assert (tmp_path / "out" / "worst.png").exists()
+
+
+def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:
+    """Marks where the pictures have their hue, a target with the projected covariance, no mark on the far side."""
+    opened = read_recording(in_space)
+    line = Line(opened.scene, explain=True)
+    *_, (exposure, step) = each_frame(line, opened)
+    estimate, n_drawn = step.estimates[FILTER], 0
+    for camera in opened.scene.space_cameras:
+        overlay = overlay_of(line, step, camera)
+        slopes = (camera.project(estimate.mean + 1e-6 * np.eye(3)) - camera.project(estimate.mean)).T / 1e-6
+        assert overlay.target_px == pytest.approx(camera.project(estimate.mean)[0])
+        assert overlay.target_cov_px2 == pytest.approx(slopes @ estimate.cov @ slopes.T, rel=1e-3)
+        hsv = cv2.cvtColor(exposure.images[camera.name], cv2.COLOR_BGR2HSV)
+        for drawn in overlay.marks:
+            u, v = drawn.center_px.round().astype(int)
+            assert abs((2.0 * hsv[v, u, 0] - drawn.hue_deg + 180.0) % 360.0 - 180.0) < 20.0, drawn.name
+            n_drawn += 1
+    assert n_drawn > len(opened.scene.measured_nodes)
+    turned = Pose(np.diag([1.0, -1.0, -1.0]) @ camera.pose.rotation, np.array([0.0, 0.0, -0.5]))
+    behind = overlay_of(line, step, replace(camera, pose=turned))
+    assert behind.marks == ()
+    assert behind.target_cov_px2 is None

@@ -1,0 +1,133 @@
+"""Projection of places, covariances and shapes into the picture of a camera, in the plane or in space.
+
+Image axes: u right, v down, pixels; the world in metres. What is behind the camera is NaN or zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from experiments.arrays import Floats
+from experiments.formats.scene.marks import Mark
+from experiments.formats.scene.scene import Scene
+from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
+from experiments.pipeline.sight.space import LEAST_COSINE
+from vision import PlaneCamera, SpaceCamera
+
+
+class View(Protocol):
+    """The view of a camera."""
+
+    def places(self, points_m: Floats) -> Floats:
+        """Projection of points [m], (n, dim), to the picture [px], (n, 2)."""
+
+    def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
+        """Projection of a position, (dim,), and its covariance, (dim, dim): (2,), (2, 2)."""
+
+    def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
+        """The image of a mark at a position, (2, 2)."""
+
+    def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
+        """The image of a ball about a position, (2, 2)."""
+
+    def faces(self, node: str, place_m: Floats | None) -> bool:
+        """Whether the mark of a node, at this position if it is known, may be drawn: in space, one that may be seen."""
+
+
+def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
+    """The view of one of the scene's cameras."""
+    return SpaceView(camera, _normals(scene)) if isinstance(camera, SpaceCamera) else PlaneView(camera)
+
+
+@lru_cache(maxsize=2)
+def _normals(scene: Scene) -> Mapping[str, Floats]:
+    """Outward normals of the marks as drawn."""
+    nodes = [mark.node for mark in scene.marks]
+    return dict(zip(nodes, outward(scene, nodes), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneView:
+    """A `View` of marks on a plane."""
+
+    camera: PlaneCamera
+
+    def places(self, points_m: Floats) -> Floats:
+        """See `View`."""
+        finite = np.isfinite(points_m).all(axis=1)
+        try:
+            if finite.all():
+                return self.camera.project(points_m)
+        except ValueError:
+            pass
+        return np.array([self._place(point) for point in points_m]).reshape(-1, 2)
+
+    def _place(self, point_m: Floats) -> Floats:
+        try:
+            return self.camera.project(point_m[None])[0] if np.isfinite(point_m).all() else np.full(2, np.nan)
+        except ValueError:
+            return np.full(2, np.nan)
+
+    def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
+        """See `View`."""
+        place_px = self._place(mean_m)
+        if cov_m2 is None or not np.isfinite(place_px).all():
+            return place_px, None
+        return place_px, np.asarray(self.camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
+
+    def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
+        """See `View`."""
+        return mark.shape_px(self.camera, place_m) if np.isfinite(self._place(place_m)).all() else np.zeros((2, 2))
+
+    def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
+        """See `View`."""
+        is_seen = np.isfinite(self._place(place_m)).all()
+        return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
+
+    def faces(self, node: str, place_m: Floats | None) -> bool:
+        """See `View`: always."""
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceView:
+    """A `View` of a body in space. normals: of its marks, by node, (3,)."""
+
+    camera: SpaceCamera
+    normals: Mapping[str, Floats]
+
+    def places(self, points_m: Floats) -> Floats:
+        """See `View`."""
+        inside, places_px, _ = self.camera.viewed(points_m)
+        return np.where(inside[:, None], places_px, np.nan)
+
+    def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
+        """See `View`."""
+        [inside], [place_px], [J] = self.camera.viewed(mean_m[None])
+        if not inside:
+            return np.full(2, np.nan), None
+        return place_px, None if cov_m2 is None else J @ cov_m2 @ J.T
+
+    def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
+        """See `View`."""
+        [inside], _, J = self.camera.viewed(place_m[None])
+        discs = across(self.normals[mark.node][None])
+        return mark_shapes_px([mark], self.camera, place_m[None], discs, J)[0] if inside else np.zeros((2, 2))
+
+    def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
+        """See `View`."""
+        is_seen = self.camera.in_view(place_m[None])[0]
+        return self.camera.ball_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
+
+    def faces(self, node: str, place_m: Floats | None) -> bool:
+        """See `View`."""
+        if place_m is None:
+            return False
+        places = place_m[None]
+        is_facing = facing(self.camera, places, self.normals[node][None], LEAST_COSINE)[0]
+        return bool(is_facing and self.camera.in_view(places)[0])
