@@ -10,7 +10,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -97,6 +97,7 @@ def named_work(name: str) -> Work:
     return found
 
 
+@cache
 def program() -> str:
     """A digest of the source of the four packages, which identifies the program's state in results."""
     digest = hashlib.sha256()

@@ -174,9 +174,7 @@ def test_an_estimate_in_the_plane_is_at_z_of_0_without_variance(ros: Ros) -> Non
     assert not whole[2].any()
 
 
-def test_the_node_publishes_what_the_filter_estimates(
-    ros: Ros, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_node_publishes_what_the_filter_estimates(ros, tmp_path, monkeypatch):
     """A frame that comes late is reported and changes nothing; estimates without a place are not published."""
     phantom = four_mass_phantom()
     marks = tuple(Mark(node, 0.0, 0.03) for node in MARKED)

@@ -36,8 +36,23 @@ def here(good, tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    """No pictures of a track are drawn: for tests of its numbers."""
+    """Files of pictures have none in them, and those of a track are not there: for tests of numbers."""
     monkeypatch.setattr("experiments.plots.track.write_track_plots", lambda *_, **__: [])
+    monkeypatch.setattr("experiments.plots.style.saved", lambda *_: b"")
+
+
+@pytest.fixture
+def mesh_cache(monkeypatch, tmp_path_factory):
+    """Reduced meshes are kept for this session's tests alone."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.getbasetemp() / "cache"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _no_disk_is_waited_for():
+    """What is written need not survive a power cut."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("os.fsync", lambda _file: None)
+        yield
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -35,9 +35,7 @@ def test_what_the_readme_installs_is_all_that_its_commands_need() -> None:
         ("insert scenario.toml --out out --runs 1 --processes 2", "--processes", "cluster"),
     ],
 )
-def test_without_an_extra_it_is_one_line(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], call: str, asked_by: str, extra: str
-) -> None:
+def test_without_an_extra_it_is_one_line(monkeypatch, capfd, call, asked_by, extra):
     monkeypatch.setattr(extras, "find_spec", lambda _name: None)
     assert softaim(*call.split()) == 2
     shown = capfd.readouterr().err
@@ -46,9 +44,7 @@ def test_without_an_extra_it_is_one_line(
     assert "Traceback" not in shown
 
 
-def test_a_live_run_without_the_page_goes_on(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_live_run_without_the_page_goes_on(capfd, monkeypatch):
     from experiments.servers.opening import served
 
     monkeypatch.setattr(extras, "find_spec", lambda _name: None)

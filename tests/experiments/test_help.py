@@ -18,12 +18,8 @@ def test_help_lists_every_subcommand_with_its_first_line(capsys: pytest.CaptureF
 
 
 def test_help_loads_nothing_that_is_slow() -> None:
-    code = (
-        "import sys; sys.argv = ['softaim', '--help']\n"
-        "from experiments.commands.app import app\n"
-        "app(standalone_mode=False)\n"
-        "print(*sys.modules, file=sys.stderr)"
-    )
+    code = "import sys; sys.argv = ['softaim', '--help']\nfrom experiments.commands.app import app\n"
+    code += "app(standalone_mode=False)\nprint(*sys.modules, file=sys.stderr)"
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = set(ran.stderr.split())
     assert "experiments.commands.app" in loaded

@@ -84,14 +84,9 @@ def drawn(
     c = (x / w / board.square_m + (board.columns + 3) / 2) * per_square - 0.5
     r = ((board.rows + 3) / 2 - y / w / board.square_m) * per_square - 0.5
     grid = (size_px[1] * sub, size_px[0] * sub)
-    light = cv2.remap(
-        35.0 + 170.0 / 255.0 * texture.astype(np.float32),
-        c.reshape(grid),
-        r.reshape(grid),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=110.0,
-    )
+    bright, border = 35.0 + 170.0 / 255.0 * texture.astype(np.float32), cv2.BORDER_CONSTANT
+    at = c.reshape(grid), r.reshape(grid)
+    light = cv2.remap(bright, *at, cv2.INTER_LINEAR, borderMode=border, borderValue=110.0)
     shape = (size_px[1], sub, size_px[0], sub)
     picture = cv2.GaussianBlur(light.reshape(shape).mean(axis=(1, 3)), (0, 0), blur_px)
     return np.rint(picture + rng.normal(0.0, noise, picture.shape)).clip(0, 255).astype(np.uint8)

@@ -77,9 +77,7 @@ BROKEN: list[tuple[Change, str]] = [
 
 
 @pytest.mark.parametrize(("change", "said"), BROKEN, ids=[said for _, said in BROKEN])
-def test_a_broken_scene_is_one_line_that_names_file_and_key(
-    here: Path, capfd: pytest.CaptureFixture[str], change, said
-) -> None:
+def test_a_broken_scene_is_one_line_that_names_file_and_key(here, capfd, change, said):
     good = Path("scene.toml").read_text(encoding="utf-8")
     broken = change(good)
     assert broken != good

@@ -1,7 +1,5 @@
 """What a shell completes."""
 
-from pathlib import Path
-
 import pytest
 
 from tests.experiments.command import softaim
@@ -19,9 +17,7 @@ from tests.experiments.command import softaim
         ("softaim tune --mi", ["--minutes"]),
     ],
 )
-def test_commands_scenarios_files_and_options(
-    typed: str, offered: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_commands_scenarios_files_and_options(typed, offered, tmp_path, monkeypatch, capfd):
     (tmp_path / "in").mkdir()
     for name in ("mine.toml", "my.toml", "my.csv", "in/a.toml"):
         (tmp_path / name).touch()

@@ -122,9 +122,7 @@ def test_a_name_that_is_not_utf_8_is_one_line(here: Path, capfd: pytest.CaptureF
         "live --source shots --fps 10 --scene scene.toml --no-page --out out",
     ],
 )
-def test_a_picture_in_a_folder_whose_name_is_not_utf_8_is_one_line(
-    here: Path, capfd: pytest.CaptureFixture[str], call: str
-) -> None:
+def test_a_picture_in_a_folder_whose_name_is_not_utf_8_is_one_line(here, capfd, call):
     shutil.copy(here / "shots" / "1.png", here / "shots" / f"{BAD}.png")
     assert softaim(*call.split()) == 2
     last = capfd.readouterr().err.splitlines()[-1]
@@ -138,9 +136,7 @@ def test_what_is_not_read_may_have_any_name(here: Path) -> None:
     assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha") == 0
 
 
-def test_the_current_folder_is_named_in_utf_8(
-    here: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_current_folder_is_named_in_utf_8(here, capfd, monkeypatch):
     (here / BAD).mkdir()
     shutil.copy(here / "scene.toml", here / BAD)
     monkeypatch.chdir(here / BAD)

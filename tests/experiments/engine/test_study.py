@@ -7,6 +7,7 @@ import sys
 import time
 from pathlib import Path
 
+import dask
 import pandas as pd
 import pytest
 
@@ -50,7 +51,8 @@ def test_the_same_table_from_one_process_and_from_two_workers(tmp_path, two):
 
 def test_a_run_that_kills_its_workers_fails_and_the_others_are_done_again(tmp_path, two):
     """Seed 3 kills its worker once, seed 7 always."""
-    done = run_study(small_runs.deadly, cases(12, tmp_path), tmp_path / "study", two)
+    with dask.config.set({"distributed.comm.timeouts.connect": "10s"}):  # of 30: to workers that died
+        done = run_study(small_runs.deadly, cases(12, tmp_path), tmp_path / "study", two)
     failed = done.table[done.table["failure"].notna()]
     assert list(failed["seed"]) == [7]
     assert failed["failure"].iloc[0].startswith("KilledWorker")

@@ -98,21 +98,3 @@ def test_a_film_in_which_a_mark_is_missing_is_reported(film, tmp_path, capsys) -
     least = 0.2 * AREA
     assert f"selects less than one mark must show, {least:.0f} px, in 100 % of frames" in said
     assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (["--film", "--scene", "scene.toml"], "--film: expected --out beside it, found none"),
-        ([], "hue: expected --at U,V, or --scene scene.toml with a camera, found neither"),
-        (
-            ["--scene", "wide.toml"],
-            "scene: camera[0].size_px: expected [320, 240], like the frames, found [640, 240]",
-        ),
-    ],
-)
-def test_what_cannot_be_shown_is_refused(film, tmp_path, monkeypatch, capsys, words, said) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "wide.toml").write_text(SCENE.replace("[320, 240]", "[640, 240]"))
-    assert softaim("hue", film, *words) == 2
-    assert capsys.readouterr().err.strip() == f"softaim: {said}"

@@ -1,7 +1,6 @@
 """camera.toml and the YAML of OpenCV and ROS: what is written is read back, and every fault names file and key."""
 
 import tomllib
-from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -97,9 +96,7 @@ def test_camera_toml_has_millimetres_and_sums_to_the_covariance(calibration: Cal
         (lambda t: t.replace("uncertainty = [\n    [", "uncertainty = [\n    [1.0, "), "uncertainty.0.: expected 15"),
     ],
 )
-def test_faults_of_camera_toml_name_file_and_key(
-    calibration: Calibration, tmp_path: Path, change: Callable[[str], str], message: str
-) -> None:
+def test_faults_of_camera_toml_name_file_and_key(calibration, tmp_path, change, message):
     path = tmp_path / "camera.toml"
     write_camera_toml(calibration, path)
     text = path.read_text(encoding="utf-8")

@@ -109,9 +109,7 @@ def test_a_file_in_place_of_a_folder_or_the_reverse_stops_all(tmp_path: Path, mi
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, OSError(errno.EACCES, "Permission denied")])
 @pytest.mark.parametrize("fails_at", range(1, 6))  # two renames for each file that is replaced, one for a new one
-def test_moving_files_over_is_undone_when_it_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException | type[BaseException], fails_at: int
-):
+def test_moving_files_over_is_undone_when_it_fails(tmp_path, monkeypatch, error, fails_at):
     out = tmp_path / "out"
     out.mkdir()
     (out / "a.csv").write_text("old a")
@@ -179,9 +177,7 @@ def test_a_relative_folder_is_written_where_the_program_stands(tmp_path: Path, m
 
 
 @pytest.mark.parametrize("refused", ["parent", "other file system"])
-def test_a_folder_whose_parent_is_closed_is_written_from_within(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refused: str
-):
+def test_a_folder_whose_parent_is_closed_is_written_from_within(tmp_path, monkeypatch, refused):
     out = tmp_path / "out"
     out.mkdir()
     mkdir, stat = Path.mkdir, Path.stat
@@ -270,9 +266,7 @@ def test_a_streamed_file_stands_there_when_it_is_whole(tmp_path: Path, before: d
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, InputError])
 @pytest.mark.parametrize("before", [{}, {"film.mcap": "old"}])
-def test_nothing_is_left_of_a_streamed_file_after_an_exception(
-    tmp_path: Path, before: dict[str, str], error: type[BaseException]
-) -> None:
+def test_nothing_is_left_of_a_streamed_file_after_an_exception(tmp_path, before, error):
     for name, content in before.items():
         (tmp_path / name).write_text(content)
 

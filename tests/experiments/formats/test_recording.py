@@ -28,22 +28,14 @@ MARKED = ("M1", "M2", "M3")
 
 def scene() -> Scene:
     marks = tuple(Mark(name, 0.0, 0.03, measured=name != "M2") for name in MARKED)
-    return Scene(
-        four_mass_phantom(), marks, Target("M2", 0.005), (fronto_parallel_camera("front", SIZE_PX, (20.0, 20.0)),)
-    )
+    camera = fronto_parallel_camera("front", SIZE_PX, (20.0, 20.0))
+    return Scene(four_mass_phantom(), marks, Target("M2", 0.005), (camera,))
 
 
 def scene_in_space() -> Scene:
-    network = build_network(
-        ["A", "B"],
-        [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]],
-        [("A", "B")],
-        stiffness=1.0,
-        masses=1.0,
-        fixed=["A"],
-        gravity=[0.0] * 3,
-        rest_lengths="as drawn",
-    )
+    held = {"fixed": ["A"], "gravity": [0.0] * 3, "rest_lengths": "as drawn"}
+    places = [[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]]
+    network = build_network(["A", "B"], places, [("A", "B")], stiffness=1.0, masses=1.0, **held)
     return Scene(network, (Mark("B", 0.0, 0.01),), Target("B", 0.005), ())
 
 

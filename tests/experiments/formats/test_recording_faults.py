@@ -103,6 +103,10 @@ def text(name: str, content: str) -> Callable[[Path], object]:
     return lambda folder: (folder / name).write_text(content, encoding="utf-8")
 
 
+def touched(*names: str) -> Callable[[Path], object]:
+    return lambda folder: [(folder / name).touch() for name in names]
+
+
 def with_cameras(n: int) -> Callable[[Path], None]:
     """A film and a scene with so many cameras."""
 
@@ -117,13 +121,11 @@ def with_cameras(n: int) -> Callable[[Path], None]:
 
 KINDS = "video.avi, video.mp4, video.mkv, frames/ or marks.csv"
 ONE = "(one camera is supported)"
+ROW_4 = "marks.csv: row 4: time_s: expected an exposure time of frames.csv, found"
 BAD_FOLDERS = [
+    (touched("video.avi", "video.mkv"), f"rec: expected one of {KINDS}, found video.avi and video.mkv"),
     (
-        lambda f: [(f / name).touch() for name in ("video.avi", "video.mkv")],
-        f"rec: expected one of {KINDS}, found video.avi and video.mkv",
-    ),
-    (
-        lambda f: [(f / f"video.{side}.avi").touch() for side in ("left", "right")],
+        touched("video.left.avi", "video.right.avi"),
         f"rec: expected video.avi, video.mp4 or video.mkv {ONE}, found video.left.avi and video.right.avi",
     ),
     (with_cameras(2), f"scene.toml: camera: expected one for video.avi {ONE}, found 2"),
@@ -134,18 +136,9 @@ BAD_FOLDERS = [
         lambda f: write_video(f / "video.avi", 2),
         "frames.csv: expected a row for each of the 2 frames of video.avi, found 3 rows",
     ),
-    (
-        pictures("000000.png", "000002.png", "000003.png"),
-        "frames/000001.png: expected a picture for frame 1, found none",
-    ),
-    (
-        text("marks.csv", MARKS.replace("0.1,M1", "0.15,M1")),
-        "marks.csv: row 4: time_s: expected an exposure time of frames.csv, found 0.15",
-    ),
-    (
-        text("marks.csv", MARKS.replace("0.1,M1", "0.21,M1")),
-        "marks.csv: row 4: time_s: expected an exposure time of frames.csv, found 0.21",
-    ),
+    (pictures("000000.png", "000002.png"), "frames/000001.png: expected a picture for frame 1, found none"),
+    (text("marks.csv", MARKS.replace("0.1,M1", "0.15,M1")), f"{ROW_4} 0.15"),
+    (text("marks.csv", MARKS.replace("0.1,M1", "0.21,M1")), f"{ROW_4} 0.21"),
 ]
 
 

@@ -55,12 +55,8 @@ def test_a_file_is_read_with_its_defaults(path: Path):
     assert (read.seed, read.duration_s, read.camera.mm_per_px) == (4, 2.0, [1.25, 1.5])
     assert read.tremor is not None
     assert read.tremor.interval_s == 1 / 120
-    assert (read.camera.light, read.camera.distractors, read.video.codec, read.video.quality) == (
-        "webcam",
-        0,
-        "MJPG",
-        95,
-    )
+    camera, video = read.camera, read.video
+    assert (camera.light, camera.distractors, video.codec, video.quality) == ("webcam", 0, "MJPG", 95)
 
 
 BARE = 'version = 1\nscene = "body.toml"\n'

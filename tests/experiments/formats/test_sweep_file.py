@@ -48,11 +48,9 @@ def test_without_a_grid_there_is_one_combination_with_the_usual_values(tmp_path)
 
 
 def test_files_are_beside_the_sweep(tmp_path):
-    (tmp_path / "mine.toml").write_text(
-        'version = 1\ntitle = "x"\nphantom = "four-mass"\nseed = 1\nduration_s = 3.0\nframe_interval_s = 0.1\n'
-        "[camera]\nsize_px = [640, 480]\nmm_per_px = [4.0, 4.0]\n",
-        encoding="utf-8",
-    )
+    text = 'version = 1\ntitle = "x"\nphantom = "four-mass"\nseed = 1\nduration_s = 3.0\nframe_interval_s = 0.1\n'
+    text += "[camera]\nsize_px = [640, 480]\nmm_per_px = [4.0, 4.0]\n"
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     sweep = swept(tmp_path, 'version = 1\nscenario = "mine.toml"\nscene = "body.toml"\n')
     assert sweep.setups[0].scenario.duration_s == 3.0
     assert sweep.scene == tmp_path / "body.toml"

@@ -23,24 +23,21 @@ TO_RIGHT = Pose(cv2.Rodrigues(np.array([0.0, 0.15, 0.0]))[0], np.array([-0.05, 0
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Drawn pictures: left/ and right/ of two cameras, charuco/, plain/ without a board, alike/ all from one place."""
+    """Drawn pictures: left/ and right/ of two cameras, charuco/, alike/ all from one place."""
     root, rng = tmp_path_factory.mktemp("boards"), np.random.default_rng(1)
     rays, at = sub_pixel_rays(LENS), poses(7, rng, far_m=0.38)
     charuco, alike = Board(8, 5, 0.025, "4X4_50", 0.018), drawn(BOARD, at[0], rays, rng=rng)
-    for name in ("left", "right", "charuco", "plain", "alike"):
+    for name in ("left", "right", "charuco", "alike"):
         (root / name).mkdir()
     for k, pose in enumerate(at):
         cv2.imwrite(str(root / "left" / f"{k}.png"), drawn(BOARD, pose, rays, rng=rng))
         cv2.imwrite(str(root / "right" / f"{k}.png"), drawn(BOARD, TO_RIGHT.after(pose), rays, rng=rng))
         cv2.imwrite(str(root / "charuco" / f"{k}.png"), drawn(charuco, pose, rays, rng=rng))
         cv2.imwrite(str(root / "alike" / f"{k}.png"), alike)
-        cv2.imwrite(str(root / "plain" / f"{k}.png"), np.full((SIZE_PX[1], SIZE_PX[0]), 120, dtype=np.uint8))
     return root
 
 
-def test_a_folder_becomes_a_camera_a_picture_and_yaml(
-    pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_becomes_a_camera_a_picture_and_yaml(pictures, tmp_path, capsys):
     out, also = tmp_path / "front.toml", ("--opencv-yaml", tmp_path / "o.yml", "--ros-yaml", tmp_path / "r.yaml")
     plane = ("--plane", pictures / "left" / "2.png")
     assert softaim("calibrate", pictures / "left", *CHESS, *plane, "--out", out, *also, "--vector", "pdf") == 0
@@ -56,9 +53,8 @@ def test_a_folder_becomes_a_camera_a_picture_and_yaml(
     assert drawing is not None
     assert drawing.shape[1] > 300
     assert "7 pictures used" in capsys.readouterr().out
-    assert sorted(p.name for p in tmp_path.iterdir()) == [
-        *("front.pdf", "front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml")
-    ]
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"front.pdf", "front.png", "front.provenance.json", "front.toml", "o.yml", "r.yaml"}
     assert (tmp_path / "front.pdf").read_bytes().startswith(b"%PDF")
     for name in ("front.toml", "front.png"):
         (tmp_path / name).unlink()
@@ -78,6 +74,7 @@ def test_the_picture_can_be_printed(pictures: Path, tmp_path: Path) -> None:
     assert [bar.get_height() for bar in bars.patches] == list(done.rms_px_each)
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path) -> None:
     board = ("--board", "9x6", "--square-mm", "25", "--charuco", "DICT_4X4_50", "--marker-mm", "18")
     assert softaim("calibrate", pictures / "charuco", *board, "--out", tmp_path / "c.toml") == 0
@@ -85,9 +82,8 @@ def test_a_charuco_board_counts_squares(pictures: Path, tmp_path: Path) -> None:
     np.testing.assert_allclose(camera.lens.matrix[[0, 1], [0, 1]], LENS.matrix[[0, 1], [0, 1]], rtol=0.02)
 
 
-def test_a_film_is_calibrated_from_and_the_picture_of_the_plane_may_lie_elsewhere(
-    pictures: Path, tmp_path: Path
-) -> None:
+@pytest.mark.usefixtures("without_pictures")
+def test_a_film_is_calibrated_from_and_the_picture_of_the_plane_may_lie_elsewhere(pictures, tmp_path) -> None:
     with VideoWriter(tmp_path / "film.avi", SIZE_PX, 5.0, codec="FFV1") as film:
         for path in sorted((pictures / "left").iterdir()):
             film.write(cv2.imread(str(path)))
@@ -100,12 +96,12 @@ def test_a_film_is_calibrated_from_and_the_picture_of_the_plane_may_lie_elsewher
     assert sorted(written["images_used"]) == [*(f"frame {k:06d}" for k in range(7)), "phantom.png"]
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
     both = [word for name in ("left", "right") for word in ("--camera", f"{name}={pictures / name}")]
     assert softaim("calibrate", *both, *CHESS, "--out", tmp_path / "rig") == 0
-    assert sorted(p.name for p in (tmp_path / "rig").iterdir()) == [
-        *("left.png", "left.toml", "provenance.json", "right.png", "right.toml", "softaim.log")
-    ]
+    names = {path.name for path in (tmp_path / "rig").iterdir()}
+    assert names == {"left.png", "left.toml", "provenance.json", "right.png", "right.toml", "softaim.log"}
     left, right = (read_camera_toml(tmp_path / "rig" / f"{name}.toml") for name in ("left", "right"))
     between = right.pose.after(left.pose.inverse())
     turn = cv2.Rodrigues(between.rotation @ TO_RIGHT.rotation.T)[0]
@@ -115,45 +111,23 @@ def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
 
 
 BAD = [
-    (("{p}/left", *CHESS, "--board", "9by6"), '--board: expected columns x rows, such as 9x6, found "9by6"'),
-    (("{p}/left", *CHESS, "--board", "2x6"), '--board: expected 3 or more inner corners each way, found "2x6"'),
-    (("{p}/left", *CHESS, "--square-mm", "0"), "--square-mm: expected more than 0, found 0.0"),
-    (("{p}/left", *CHESS, "--marker-mm", "9"), "--marker-mm: expected --charuco with it, found none"),
-    (("{p}/left", *CHESS, "--charuco", "9X9"), "--charuco: expected one of 4X4_100, "),
     (("{p}/left", *CHESS, "--charuco", "4X4_50"), "--marker-mm: expected a length above 0 and below --square-mm,"),
     (("{p}/left", *CHESS, "--board", "12x10", *CHARUCO, "--marker-mm", "9"), "--charuco: board dictionary"),
-    (("{p}/none.png", *CHESS), "none.png: expected a picture, found no such file"),
-    (("{p}/left/0.png", "{t}/broken.png", *CHESS), "broken.png: expected a picture, found a file that cannot be read"),
     (("{p}/left/0.png", "{t}/small.png", *CHESS), "small.png: expected 400x300 as 0.png has, found 40x30"),
-    (
-        ("{p}/left", *CHESS, "--board", "8x6"),
-        "--board: expected the inner corners of the whole board, found 9x6",
-    ),
-    (("{p}/plain", *CHESS), "plain: expected pictures of the board of 9x6 inner corners, found it in none of 7; check"),
+    (("{p}/left", *CHESS, "--board", "8x6"), "--board: expected the inner corners of the whole board, found 9x6"),
     (("{p}/left/0.png", "{p}/left/1.png", *CHESS), "pictures: expected the board in 4 or more, found it in 2 of 2;"),
     (("{p}/alike", *CHESS), "pictures: expected boards that face 10 degrees or more apart, found"),
     (("{p}/left", *CHESS, "--plane", "x.png"), "x.png: expected a picture of the board on the plane, found no such"),
-    (CHESS, "calibrate: expected pictures of one camera or --camera NAME=FOLDER of several, found neither"),
     (("--camera", "left", *CHESS), '--camera: expected NAME=FOLDER, found "left"'),
-    (("--camera", "left={p}/left", *CHESS), "--camera: expected two or more cameras"),
-    (("--camera", "left={p}/left", "--camera", "right={p}/no", *CHESS), "--camera right: expected a folder of"),
 ]
 
 
 @pytest.mark.parametrize(("words", "line"), BAD, ids=[line.split(" found")[0] for _, line in BAD])
-def test_bad_input_is_one_line_and_leaves_nothing(
-    words: tuple[str, ...], line: str, pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "broken.png").write_bytes(b"no picture")
+def test_bad_input_is_one_line_and_leaves_nothing(words, line, pictures, tmp_path, capsys):
     cv2.imwrite(str(tmp_path / "small.png"), np.full((30, 40), 9, dtype=np.uint8))
     filled = [word.format(p=pictures, t=tmp_path) for word in words]
     assert softaim("calibrate", *filled, "--out", tmp_path / "out.toml") == 2
     reported = capsys.readouterr().err
     assert reported.count("\n") == 1
     assert line in reported
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["broken.png", "small.png"]
-
-
-def test_out_is_a_toml_file(pictures: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert softaim("calibrate", pictures / "left", *CHESS, "--out", tmp_path / "camera.png") == 2
-    assert "expected a file name that ends in .toml" in capsys.readouterr().err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["small.png"]

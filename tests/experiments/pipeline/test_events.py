@@ -95,9 +95,8 @@ def test_steps_before_a_command_that_were_not_done_are_left_out(scene, made, com
 
 def test_a_step_that_was_left_out_is_named_with_what_that_means(scene):
     lines = steps_left_out(off(scene), "track")
-    assert (
-        lines["identify"] == "constants were not identified (softaim identify): covariances do not include their errors"
-    )
+    unknown = "constants were not identified (softaim identify): covariances do not include their errors"
+    assert lines["identify"] == unknown
     assert lines["tune"] == "noise levels were not tuned (softaim tune): covariances and probabilities may be wrong"
     changed = steps_left_out(damped(tuned(found(scene))), "track")["identify"]
     assert "not identified since the network was changed after softaim tune" in changed

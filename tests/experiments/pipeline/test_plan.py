@@ -143,6 +143,7 @@ def test_a_plan_in_space_is_seen_from_two_sides(tmp_path):
         assert len(edges.get_segments()) == 4
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_a_recording_is_planned_from_what_the_filter_says_last(scene, plan_file, tmp_path):
     """Marks that moved: mean and covariance of `TissueFilter.predict_at`, 0.2 s after the last, and default errors."""
     folder = tmp_path / "rec"
@@ -207,6 +208,7 @@ def test_a_plan_file_is_read_in_metres(plan_file):
     assert task.skin.max_angle_rad == pytest.approx(np.radians(55.0))
 
 
+@pytest.mark.usefixtures("without_pictures")
 def test_where_nothing_is_allowed_it_says_why(scene, plan_file, tmp_path, capsys):
     wall = '[[obstacle]]\nname = "wall"\nfrom_mm = [-300.0, 225.0]\nto_mm = [300.0, 225.0]\nradius_mm = 2.0\n'
     plan_file.write_text(PLAN + wall)
@@ -233,21 +235,12 @@ def test_the_next_best_are_other_ways(scene, plan_file):
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ("gauge = 16", "gauge = 15", "needle: gauge: expected one of 14, 16, 18, 20, 22, found 15"),
         ("gauge = 16", "guage = 16", "needle.guage: expected one of gauge, "),
         ("n = 20", "n = 0", "entry.n: expected 1 or more, found 0"),
         ("n = 20", "n_aims = 4", "entry: n_aims: expected an odd number, found 4"),
-        ("normal = [0.0, 1.0]", "normal = [0.0, 0.0]", "entry: normal: expected a direction out of the tissue"),
-        ("from_mm = [-130.0, 268.0]", "from_mm = [-130.0, 268.0, 0.0]", "entry.from_mm: expected 2 numbers"),
         ("centre_mm = [3.0, 222.0]", "to_mm = [3.0, 222.0]", "obstacle[1]: expected centre_mm, or from_mm and to_mm"),
-        (
-            'name = "vessel"',
-            'name = "rib 5"',
-            "obstacle[1].name: expected a name of its own, found that of obstacle[0]",
-        ),
+        ('"vessel"\nkind', '"rib 5"\nkind', "obstacle[1].name: expected a name of its own, found that of obstacle[0]"),
         ('kind = "rib"', 'kind = "bone"', "obstacle[0].kind: expected 'rib', 'vessel' or 'other'"),
-        ("to_mm = [130.0, 268.0]", "to_mm = [130.0, 108.0]", "entry: expected a segment of skin outside the lesion"),
-        ("version = 1", "version = 2", "version: expected 1, found 2"),
     ],
 )
 def test_a_fault_is_reported_in_one_line(scene, plan_file, tmp_path, capsys, old, new, reported):

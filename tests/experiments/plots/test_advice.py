@@ -12,7 +12,7 @@ from experiments.formats.recording import Recording
 from experiments.pipeline.advise import Advised
 from experiments.plots.advice import COLOURS, advice_figure, reasons_of
 from experiments.plots.space import NEEDLE, two_views
-from tests.experiments.plots.printed import check_printed
+from tests.experiments.plots.printed import check_printed, labels
 from tests.experiments.plots.tracks import block, phantom
 
 
@@ -45,16 +45,10 @@ def test_bands_cover_the_time_of_their_frames():
 def test_each_reason_has_a_lane_of_its_own_with_its_words_and_its_times():
     """Two reasons to wait are two lanes; numbers that vary are one reason, from the least to the largest."""
     advice = [Advice.WAIT, Advice.GO, Advice.GO, Advice.WAIT, Advice.GO]
-    reasons = [
-        "no mark",
-        "a hit is 95 % probable",
-        "a hit is 9 % probable",
-        "a hit comes in 0.5 s",
-        "a hit is 91 % probable",
-    ]
+    probable = [f"a hit is {percent} % probable" for percent in (95, 9, 91)]
+    reasons = ["no mark", *probable[:2], "a hit comes in 0.5 s", probable[2]]
     done = advised(advice, np.full(5, 1e-3), reasons)
-    found = [(one, words, held) for one, words, held in reasons_of(done)]
-    assert found == [
+    assert [(one, words, held) for one, words, held in reasons_of(done)] == [
         (Advice.GO, "a hit is 9 to 95 % probable", [False, True, True, False, True]),
         (Advice.WAIT, "no mark", [True, False, False, False, False]),
         (Advice.WAIT, "a hit comes in 0.5 s", [False, False, False, True, False]),
@@ -74,10 +68,9 @@ def test_each_reason_has_a_lane_of_its_own_with_its_words_and_its_times():
 
 def test_the_threshold_stands_in_the_picture_and_is_named():
     figure = advice_figure(advised([Advice.WAIT] * 5, np.full(5, 1e-3)))
-    ax = figure.axes[0]
-    line = next(line for line in ax.lines if line.get_label() == "threshold of GO, 0.9")
+    line = next(line for line in figure.axes[0].lines if line.get_label() == "threshold of GO, 0.9")
     assert list(line.get_ydata()) == [0.9, 0.9]
-    assert "threshold of GO, 0.9" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "threshold of GO, 0.9" in labels(figure)
 
 
 def test_it_can_be_printed_where_no_needle_ever_arrives():
@@ -122,10 +115,6 @@ def test_what_never_changes_is_stated_in_words():
     assert len(figure.axes) == 2
     assert figure.axes[0].get_title(loc="left") == "lateral miss 2.0 to 2.9 mm"
     assert labels(figure) == ["GO", "inserted now", "threshold of GO, 0.9"]
-
-
-def labels(figure) -> list[str]:
-    return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 def test_a_curve_that_differs_is_drawn_and_named():

@@ -13,7 +13,7 @@ from experiments.plots.check import check_figure
 from experiments.plots.space import facing, two_views
 from experiments.projects.check import SceneCheck, checked
 from experiments.projects.project import Kind, project
-from tests.experiments.plots.printed import check_printed
+from tests.experiments.plots.printed import check_printed, labels
 from tests.experiments.projects.test_check import hanging
 from vision import fronto_parallel_camera
 
@@ -65,7 +65,7 @@ def test_a_body_in_space_is_seen_from_two_sides(done) -> None:
         assert {text.get_text() for text in ax.texts} - {"x", "y", "z", "20 mm"} == names
         assert len(springs_in(ax)) == 1
     assert bodies[0].get_title(loc="left") == "rests as drawn"
-    assert "springs at rest" not in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "springs at rest" not in labels(figure)
     assert len(shares.patches) == 6
     assert np.isclose(sum(bar.get_width() for bar in shares.patches), 100.0)
 
@@ -86,4 +86,4 @@ def test_a_sag_in_space_is_drawn_beside_the_drawn_shape(done) -> None:
     np.testing.assert_allclose(np.sort(segments, axis=0), np.sort(expected, axis=0), atol=1e-9)
     assert segments[..., 1].min() > ax.get_ylim()[0]
     assert "largest difference 40.0 mm" in ax.get_title(loc="left")
-    assert "springs at rest" in [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "springs at rest" in labels(figure)

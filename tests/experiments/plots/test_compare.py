@@ -7,7 +7,7 @@ import pytest
 
 from estimators import METHODS, Status, TargetEstimate
 from experiments.plots.compare import comparison_figure
-from tests.experiments.plots.printed import check_printed
+from tests.experiments.plots.printed import check_printed, labels
 from tests.experiments.plots.tracks import made_track, phantom, small_errors
 
 N = 60
@@ -35,8 +35,7 @@ def test_a_method_that_fails_leaves_the_scale_to_the_others():
     size_mm = 1e3 * np.linalg.norm(np.ptp(phantom().network.positions, axis=0))
     assert 5.0 < before < 20.0  # the open loop's 3 mm an axis
     assert before < figure.axes[0].get_ylim()[1] < 1.1 * size_mm  # sigma 1 m all the time: up to the body's size
-    beyond = ["outside" in ax.get_title(loc="left") for ax in figure.axes]
-    assert beyond == [False, False, True]
+    assert ["outside" in ax.get_title(loc="left") for ax in figure.axes] == [False, False, True]
     assert figure.axes[2].get_title(loc="left").endswith("; outside the plot in 20 frames")
 
 
@@ -46,15 +45,10 @@ def test_each_method_has_what_is_known_of_it(with_truth):
     track = with_other(made_track(phantom(), small_errors(N, 2), np.full(N, 1e-3), with_truth=with_truth), [1e-3] * N)
     figure = comparison_figure(track)
     check_printed(figure)
-    lines = [len(ax.lines) for ax in figure.axes]
-    assert lines == ([1, 1, 1] if with_truth else [1, 0, 1])
+    assert [len(ax.lines) for ax in figure.axes] == ([1, 1, 1] if with_truth else [1, 0, 1])
     assert [len(ax.collections) for ax in figure.axes] == [0, 1, 1]  # the open loop predicts no error
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert (titles[2] == f"{OTHER}: mean distance from the filter 1.41 mm") == (not with_truth)
     shown = {line.get_color() for ax in figure.axes for line in ax.lines}
     assert len(shown) == 1  # methods are distinguished by their names, not by seven colours
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == [
-        "predicted rms error",
-        "observed error" if with_truth else "distance from the filter",
-    ]
+    assert labels(figure) == ["predicted rms error", "observed error" if with_truth else "distance from the filter"]

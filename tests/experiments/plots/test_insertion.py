@@ -19,7 +19,7 @@ from experiments.simulation.cases import case_of
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import Trials
 from experiments.simulation.policies import POLICIES
-from tests.experiments.plots.printed import check_printed
+from tests.experiments.plots.printed import check_printed, labels
 
 
 @pytest.fixture(scope="module")
@@ -52,9 +52,8 @@ def test_misses_beyond_the_picture_are_counted_and_their_share_stays(trials):
         assert (x[-1], y[-1]) == (20.0, 50.0)
         assert y[np.searchsorted(x, 10.0)] == 25.0
     assert len({(line.get_color(), line.get_linestyle()) for line in steps}) == len(POLICIES)
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels[0] == f"{POLICIES[0]} (20 farther)"
-    assert labels[-1] == "radius of the lesion, 5 mm"
+    first, *_, last = labels(figure)
+    assert (first, last) == (f"{POLICIES[0]} (20 farther)", "radius of the lesion, 5 mm")
 
 
 def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
@@ -62,18 +61,15 @@ def test_tenths_of_few_insertions_are_counted_and_not_drawn(trials):
     figure = reliability_figure(trials)
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["37", "3 in bins of fewer than 5 left out"]
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval excludes the prediction"]
+    assert labels(figure) == ["as predicted", "99 % interval excludes the prediction"]
 
 
 def test_reliable_advice_contains_its_prediction(trials):
     figure = advised_figure(trials)
     ax = figure.axes[0]
     assert [text.get_text() for text in ax.texts] == ["20"]
-    assert ax.containers[0].lines[0].get_data()[0] == pytest.approx([0.55])
-    assert ax.containers[0].lines[0].get_data()[1] == pytest.approx([0.55])
-    labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == ["as predicted", "99 % interval contains the prediction"]
+    assert np.ravel(ax.containers[0].lines[0].get_data()) == pytest.approx([0.55, 0.55])
+    assert labels(figure) == ["as predicted", "99 % interval contains the prediction"]
 
 
 def test_of_few_insertions_there_is_no_picture_of_their_reliability(trials, tmp_path):

@@ -27,12 +27,9 @@ from tests.experiments.formats.scene.test_mesh import folder
 from tests.experiments.in_space import dome
 from tests.experiments.plots.tracks import block
 
+pytestmark = pytest.mark.usefixtures("mesh_cache")
+
 CUBE = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)], dtype=float)
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
 
 
 def empty_axes():
@@ -140,9 +137,8 @@ def test_the_frame_holds_the_body_with_a_bar_of_its_stated_length() -> None:
     assert [text.get_text() for text in ax.texts[1:]] == ["x", "y", "z"]
     for line, way in zip(axes, view.across.T, strict=True):
         step = line[1] - line[0]
-        np.testing.assert_allclose(
-            step / np.linalg.norm(axes[1][1] - axes[1][0]), way / np.linalg.norm(view.across[:, 1])
-        )
+        up = np.linalg.norm(axes[1][1] - axes[1][0]), np.linalg.norm(view.across[:, 1])
+        np.testing.assert_allclose(step / up[0], way / up[1])
 
 
 def test_an_ellipsoid_is_drawn_by_its_outline() -> None:

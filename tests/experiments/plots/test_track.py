@@ -15,7 +15,7 @@ from experiments.plots.consistency import consistency_figure, sigma_figure
 from experiments.plots.path import FAINT, N_ELLIPSES, path_figure
 from experiments.plots.space import two_views
 from experiments.plots.track import error_figure, motion_figure, write_track_plots
-from tests.experiments.plots.printed import check_printed
+from tests.experiments.plots.printed import check_printed, labels
 from tests.experiments.plots.tracks import block, made_track, phantom, small_errors
 
 N = 300
@@ -61,8 +61,7 @@ def test_estimates_that_run_away_leave_the_path_where_it_was(usual, far_m, with_
     found = path_figure(made_track(phantom(), errors, np.full(N, 1e-3), with_truth=with_truth))
     before = limits(path_figure(usual))
     np.testing.assert_allclose(limits(found), before, atol=0.1 * np.ptp(before[1, :2]))
-    labels = [text.get_text() for text in found.legends[0].get_texts()]
-    assert ("filter outside: 60 of 300 frames" in labels) == (not np.isnan(far_m))
+    assert ("filter outside: 60 of 300 frames" in labels(found)) == (not np.isnan(far_m))
 
 
 def test_no_legend_is_placed_by_a_search_among_what_is_drawn(usual):
@@ -220,9 +219,8 @@ def test_the_path_is_coloured_by_time_and_nodes_have_names(usual):
         np.testing.assert_allclose(path.get_array(), usual.times_s[:-1])
         assert (path.norm.vmin, path.norm.vmax) == (usual.times_s[0], usual.times_s[-1])
         assert path.get_cmap().name == "viridis"
-        np.testing.assert_allclose(
-            path.get_segments()[7], 1e3 * np.array([e.mean for e in usual.estimates("filter")[7:9]])
-        )
+        two = [e.mean for e in usual.estimates("filter")[7:9]]
+        np.testing.assert_allclose(path.get_segments()[7], 1e3 * np.array(two))
     assert {text.get_text() for text in whole.texts} == set(usual.recording.scene.network.names)
     assert not close.texts
 
@@ -252,12 +250,11 @@ def test_a_consistent_filters_groups_lie_in_the_band_of_the_sigma_plot():
 def test_frames_outside_of_the_sigma_plot_are_counted(usual):
     figure = sigma_figure(usual)
     ax = figure.axes[0]
-    label = next(text.get_text() for text in figure.legends[0].get_texts() if "single" in text.get_text())
     x, y = ax.lines[0].get_data()
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     n_out = int(((x < left) | (x > right) | (y < low) | (y > high)).sum())
     assert 0 < n_out <= 0.1 * N
-    assert label == f"single frames ({n_out} of {N} outside)"
+    assert f"single frames ({n_out} of {N} outside)" in labels(figure)
 
 
 def test_sigmas_that_hardly_vary_fill_the_width_of_the_picture():

@@ -31,17 +31,9 @@ K, M, G = 400.0, 0.1, 9.81
 
 def hanging(**changes) -> Scene:
     """Two masses on a cord from a hook, the upper one hidden, the lower one marked."""
-    network = build_network(
-        ["hook", "T", "M"],
-        [[0.0, 0.0], [0.0, -0.1], [0.0, -0.2]],
-        [("hook", "T"), ("T", "M")],
-        stiffness=K,
-        masses=[0.0, M, M],
-        gravity=[0.0, -G],
-        fixed=["hook"],
-        damping=0.2,
-        rest_lengths="as drawn",
-    )
+    names, places = ["hook", "T", "M"], [[0.0, 0.0], [0.0, -0.1], [0.0, -0.2]]
+    constants = {"stiffness": K, "masses": [0.0, M, M], "damping": 0.2, "rest_lengths": "as drawn"}
+    network = build_network(names, places, list(pairwise(names)), gravity=[0.0, -G], fixed=["hook"], **constants)
     marks = (Mark("M", 0.0, 0.01), Mark("T", 120.0, 0.01, measured=False))
     camera = fronto_parallel_camera("front", (320, 240), (1.5, 1.5), (0.0, -0.1))
     return replace(Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), (camera,)), **changes)
@@ -60,12 +52,8 @@ def hung(tmp_path_factory) -> dict:
 def test_it_says_where_the_scene_rests_and_how_it_oscillates(hung) -> None:
     """T sags by 2 m g / k, M by m g / k more. Along the cord w² = (3 ± sqrt 5) / 2 k / m, damped by c w / 2 k."""
     sag = 1e3 * M * G / K
-    assert hung["rest"] == {
-        "offset_mm": pytest.approx(3 * sag),
-        "node": "M",
-        "target_offset_mm": pytest.approx(2 * sag),
-        "drawn": False,
-    }
+    offsets = {"offset_mm": pytest.approx(3 * sag), "target_offset_mm": pytest.approx(2 * sag)}
+    assert hung["rest"] == {"node": "M", "drawn": False, **offsets}
     w = np.sqrt((3 - np.sqrt(5)) / 2 * K / M)
     motion = hung["motion"]
     k = int(np.argmin(np.abs(np.array(motion["frequencies_hz"]) - w / (2 * np.pi))))
@@ -85,10 +73,8 @@ def test_it_says_how_steps_and_marks_are(hung) -> None:
 
 
 def test_finer_marks_and_more_of_them_lower_the_bound(tmp_path) -> None:
-    coarse, fine, often = (
-        report_of(hanging(), tmp_path, **options)["target_sigma_mm"]
-        for options in ({"sd_mm": 2.0}, {"sd_mm": 0.5}, {"sd_mm": 0.5, "frames_per_s": 60.0})
-    )
+    options = {"sd_mm": 2.0}, {"sd_mm": 0.5}, {"sd_mm": 0.5, "frames_per_s": 60.0}
+    coarse, fine, often = (report_of(hanging(), tmp_path, **one)["target_sigma_mm"] for one in options)
     assert coarse["marks_mm"] == pytest.approx(2.0)
     assert often["frames_per_s"] == pytest.approx(60.0)
     assert often["bound_quiet"] < fine["bound_quiet"] < coarse["bound_quiet"]
@@ -203,15 +189,9 @@ def test_marks_outside_of_the_picture_are_reported_with_what_the_camera_sees(who
 
 def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:
     """A long soft cord below a marked mass that is as good as fixed: what swings at its end is anybody's guess."""
-    network = build_network(
-        ["hook", "M", "T"],
-        [[0.0, 0.0], [0.0, -0.05], [0.0, -0.35]],
-        [("hook", "M"), ("M", "T")],
-        stiffness=[2e4, 15.0],
-        masses=[0.0, 2.0, 0.02],
-        gravity=[0.0, -G],
-        fixed=["hook"],
-    )
+    names, places = ["hook", "M", "T"], [[0.0, 0.0], [0.0, -0.05], [0.0, -0.35]]
+    constants = {"stiffness": [2e4, 15.0], "masses": [0.0, 2.0, 0.02], "gravity": [0.0, -G]}
+    network = build_network(names, places, list(pairwise(names)), fixed=["hook"], **constants)
     marks = (Mark("M", 0.0, 0.01), Mark("T", 0.0, 0.01, measured=False))
     scene = Scene(network, marks, Target("T", 0.005, position_sd_m=5e-4), ())
     found = [one["what"] for one in report_of(scene, tmp_path)["missing"]]
@@ -269,16 +249,10 @@ def test_a_body_too_large_to_check_is_one_line(tmp_path, capsys, monkeypatch) ->
 
 def test_a_scene_that_rests_nowhere_is_one_line(tmp_path, capsys) -> None:
     """A mass on two springs in line, pressed together: it buckles, and nothing is there to stop it."""
-    network = build_network(
-        ["A", "B", "T", "M"],
-        [[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.1, 0.0]],
-        [("A", "T"), ("B", "T"), ("T", "M")],
-        stiffness=[100.0, 100.0, 100.0],
-        masses=0.1,
-        gravity=[0.0, 0.0, -1e-9],
-        fixed=["A", "B"],
-        rest_lengths=[0.15, 0.15, 0.1],
-    )
+    places = [[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.1, 0.0]]
+    edges, held = [("A", "T"), ("B", "T"), ("T", "M")], {"gravity": [0.0, 0.0, -1e-9], "fixed": ["A", "B"]}
+    constants = {"stiffness": [100.0] * 3, "masses": 0.1, "rest_lengths": [0.15, 0.15, 0.1]}
+    network = build_network(["A", "B", "T", "M"], places, edges, **held, **constants)
     scene = Scene(network, (Mark("M", 0.0, 0.01),), Target("T", 0.005, position_sd_m=5e-4), ())
     write_scene(scene, tmp_path / "scene.toml")
     assert softaim("check", tmp_path / "scene.toml", "--out", tmp_path / "out") == 2

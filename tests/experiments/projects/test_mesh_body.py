@@ -253,9 +253,7 @@ def test_a_number_of_marks_of_little_use_is_one_warning(body: Path, tmp_path: Pa
         (["--marks", "none.csv"], "none.csv: expected a file, found none"),
     ],
 )
-def test_options_are_checked_before_a_surface_is_filled(
-    words: list[str], message: str, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_options_are_checked_before_a_surface_is_filled(words, message, tmp_path, capsys, monkeypatch):
     faces = surface(TetMesh(1e-3 * NODES, ELEMENTS)).faces
     meshio.write_points_cells(tmp_path / "skin.stl", NODES, [("triangle", faces)])
     monkeypatch.setattr(body_file, "filled", None)

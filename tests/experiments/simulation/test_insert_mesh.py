@@ -18,6 +18,8 @@ from experiments.simulation.policies import Ahead, warmed
 from experiments.simulation.world import world_of
 from tests.experiments.formats.scene.test_mesh import SCENE, folder
 
+pytestmark = pytest.mark.usefixtures("mesh_cache")
+
 SCENARIO = """version = 1
 scene = "scene.toml"
 seed = 5
@@ -46,11 +48,6 @@ error = 0.0
 """
 PLACES = [(40, 5, 10), (40, 25, 20), (25, 30, 15), (30, 0, 15), (15, 15, 0), (30, 20, 30)]
 MARKS = {f"M{k}": [float(x) for x in place] for k, place in enumerate(PLACES, start=3)}
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
 
 
 def case(path: Path, sd_mm: float = 0.0) -> Case:

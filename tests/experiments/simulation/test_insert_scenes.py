@@ -88,9 +88,7 @@ def test_the_needle_s_file_is_used_and_options_count_before_it(scenario: Path, t
         ("[30.0, -49.905, 0.0]", "[30.0, -49.905]", "entry_mm: expected 3 numbers, as the scene has, found 2"),
     ],
 )
-def test_a_fault_of_the_needle_is_reported_in_one_line(
-    scenario: Path, tmp_path: Path, old: str, new: str, reported: str
-):
+def test_a_fault_of_the_needle_is_reported_in_one_line(scenario, tmp_path, old, new, reported):
     path = tmp_path / "needle.toml"
     path.write_text(NEEDLE.replace(old, new))
     with pytest.raises(InputError) as fault:
@@ -284,6 +282,7 @@ def briefly(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("briefly")
+@pytest.mark.usefixtures("without_pictures")
 def test_the_command_on_a_scene_of_ones_own(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     needle, out = tmp_path / "needle.toml", tmp_path / "out"
     needle.write_text(NEEDLE.replace("tip_sd_mm = 1.5", "tip_sd_mm = 0.5"))

@@ -22,12 +22,8 @@ NETWORK = four_mass_phantom()
 FREE = NETWORK.free
 STILL = read_scenario("webcam").model_copy(update={"tremor": None, "pokes": None, "duration_s": 1.0})
 LET_GO = STILL.model_copy(update={"release": Release(node="M3", force_n=[2.0, 0.5])})
-PUSHED = STILL.model_copy(
-    update={
-        "pokes": Pokes(nodes=["M1", "M4"], acceleration_m_s2=10.0, shortest_s=0.1, longest_s=0.3, pause_s=0.2),
-        "frame_interval_s": 0.05,
-    }
-)
+POKES = Pokes(nodes=["M1", "M4"], acceleration_m_s2=10.0, shortest_s=0.1, longest_s=0.3, pause_s=0.2)
+PUSHED = STILL.model_copy(update={"pokes": POKES, "frame_interval_s": 0.05})
 
 
 def moved(scenario: Scenario, seed: int = 0) -> np.ndarray:
@@ -134,9 +130,8 @@ def test_pokes_push_one_outer_node_at_a_time_as_hard_as_was_said():
     assert pokes.shortest_s - 2 * dt <= lasting.min() < lasting.max() <= pokes.longest_s + 2 * dt
     longest = int(np.argmax(lasting))
     phase = np.pi * (np.arange(ends[longest] - starts[longest]) + 0.5) / (ends[longest] - starts[longest])
-    np.testing.assert_allclose(
-        strength[starts[longest] : ends[longest]], peaks[longest] * np.sin(phase), atol=0.02 * full
-    )
+    wave = strength[starts[longest] : ends[longest]]
+    np.testing.assert_allclose(wave, peaks[longest] * np.sin(phase), atol=0.02 * full)
     # Pauses: exponential, mean 1.5 s; about 55 of them, so 1.5 / sqrt(55) = 0.2 s for one standard deviation
     pauses = dt * (starts[1:] - ends[:-1])
     assert pauses.mean() == pytest.approx(pokes.pause_s, abs=0.6)
@@ -194,9 +189,8 @@ def test_marks_are_drawn_where_the_truth_says():
 
 def test_a_recording_is_its_seeds(tmp_path: Path):
     """Same seed: same bytes of tables, same frames. Another seed: another tremor and another film."""
-    short = read_scenario("webcam").model_copy(
-        update={"duration_s": 0.25, "camera": STILL.camera.model_copy(update={"size_px": [320, 240]})}
-    )
+    camera = STILL.camera.model_copy(update={"size_px": [320, 240]})
+    short = read_scenario("webcam").model_copy(update={"duration_s": 0.25, "camera": camera})
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
         simulate(short.model_copy(update={"seed": seed}), tmp_path / name)
     assert sorted(p.name for p in (tmp_path / "a").iterdir()) == ["frames.csv", "scene.toml", "truth.csv", "video.avi"]
@@ -218,9 +212,8 @@ def test_a_recording_is_its_seeds(tmp_path: Path):
 
 def test_the_truth_of_a_recording_is_the_motion_to_a_tenth_of_a_micrometre(tmp_path: Path):
     """truth.csv has four decimals of a mm: 5e-5 mm of rounding; the film is lossless where that is asked for."""
-    short = LET_GO.model_copy(
-        update={"duration_s": 0.2, "video": STILL.video.model_copy(update={"codec": "FFV1"}), "seed": 11}
-    )
+    lossless = STILL.video.model_copy(update={"codec": "FFV1"})
+    short = LET_GO.model_copy(update={"duration_s": 0.2, "video": lossless, "seed": 11})
     shares: list[float] = []
     simulate(short, tmp_path / "out", advance=shares.append)
     assert shares[-6:] == pytest.approx(0.2 + 0.8 * np.arange(1, 7) / 6)

@@ -86,29 +86,13 @@ def test_steps_that_ended_early_are_done_again(tmp_path, capsys, monkeypatch):
 
 def test_tables_of_the_study():
     """Two recordings of two insertions, off by 0.1 and 0.3: 0.2 with a standard error of 0.1, hence 19.6 points."""
-    found = pd.DataFrame(
-        {
-            "phantom": "one",
-            "seed": [1, 1, 2, 2],
-            "predicted": [0.5, 0.5, 0.6, 0.6],
-            "observed": [0.6, 0.6, 1.0, 0.8],
-            "advice": ["GO", "WAIT", "GO", "GO"],
-        }
-    )
+    rates = {"predicted": [0.5, 0.5, 0.6, 0.6], "observed": [0.6, 0.6, 1.0, 0.8]}
+    found = pd.DataFrame({"phantom": "one", "seed": [1, 1, 2, 2], "advice": ["GO", "WAIT", "GO", "GO"], **rates})
     *_, row = reliability_table(found).splitlines()
     assert row == "| one | 2 | 4 | 55.0% | 75.0% | +20.0 ± 19.6 points | 75% | 56.7% | 80.0% |"
     *_, row = reliability_table(found.assign(advice="WAIT")).splitlines()
     assert row.endswith("| 0% | – | – |")
-    times = pd.DataFrame(
-        {
-            "phantom": "one",
-            "command": ["simulate a --out b", "simulate c --out d", "identify a --at-rest", "identify b"],
-            "seconds": [1.0, 2.0, 3.0, 4.0],
-        }
-    )
-    assert times_table(times).splitlines()[2:] == [
-        "| simulate | 3 |",
-        "| identify --at-rest | 3 |",
-        "| identify | 4 |",
-        "| all | 10 |",
-    ]
+    commands = ["simulate a --out b", "simulate c --out d", "identify a --at-rest", "identify b"]
+    times = pd.DataFrame({"phantom": "one", "command": commands, "seconds": [1.0, 2.0, 3.0, 4.0]})
+    expected = ["simulate | 3", "identify --at-rest | 3", "identify | 4", "all | 10"]
+    assert times_table(times).splitlines()[2:] == [f"| {row} |" for row in expected]

@@ -15,9 +15,7 @@ from vision import Disc, Frame, Lighting, MarkFinder, MarkHue, Outline, VideoFil
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "rms_px"), [("red-pendulum", 0.6), ("green-hand", 0.6)])  # measured 0.51, 0.58
-def test_balls_are_found_where_people_see_them_and_a_disc_of_their_colour_is_reported(
-    name: str, rms_px: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_balls_are_found_where_people_see_them_and_a_disc_of_their_colour_is_reported(name, rms_px, monkeypatch):
     """A disc of the clicked pixel's colour, as large as the ball, is in the upper left corner from frame 290 to 419."""
     film, came = FILMS[name], []
     if not (DATA / film.path).is_file():

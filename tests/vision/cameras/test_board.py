@@ -64,9 +64,7 @@ def test_corners_keep_their_names_when_the_board_is_turned(board: Board, degrees
 @pytest.mark.parametrize("board", [BOARD, Board(7, 5, 0.025)], ids=["one way up", "alike turned around"])
 @pytest.mark.parametrize("rows", [1, -1])
 @pytest.mark.parametrize("columns", [1, -1])
-def test_corners_have_one_order_whatever_order_the_search_gives(
-    board: Board, rows: int, columns: int, rays: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_corners_have_one_order_whatever_order_the_search_gives(board, rows, columns, rays, monkeypatch):
     rng = np.random.default_rng(5)
     pose = poses(1, rng)[0]
     picture = drawn(board, pose, rays, rng=rng)

@@ -76,12 +76,8 @@ def test_covariances_pass_by_the_jacobian(u: float, v: float) -> None:
     camera = tilted()
     cov_px = np.array([[0.4, 0.1], [0.1, 0.9]])
     h = 1e-4  # central differences: error of order h² of the third derivative, below 1e-9 of the value
-    J = np.column_stack(
-        [
-            (camera.to_plane([[u + h, v]]) - camera.to_plane([[u - h, v]]))[0] / (2 * h),
-            (camera.to_plane([[u, v + h]]) - camera.to_plane([[u, v - h]]))[0] / (2 * h),
-        ]
-    )
+    ahead, back = (camera.to_plane(np.array([u, v]) + step) for step in (h * np.eye(2), -h * np.eye(2)))
+    J = (ahead - back).T / (2 * h)
     on_plane = camera.cov_to_plane([[u, v]], [cov_px])
     np.testing.assert_allclose(on_plane[0], J @ cov_px @ J.T, rtol=1e-6)
     # And back again: the Jacobians are each other's inverses.

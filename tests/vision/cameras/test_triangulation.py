@@ -1,5 +1,7 @@
 """Points from several cameras: error and covariance by simulation, one camera, calibration, plain triangulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
@@ -88,13 +90,15 @@ def test_one_camera_alone_needs_a_start() -> None:
         triangulate(seen, POINTS[:1])
 
 
+def calibrated(each) -> list[SpaceCamera]:
+    """The cameras with directions of the calibration's error, (n, 15) each."""
+    return [replace(camera, calibration=own) for camera, own in zip(CAMERAS, each, strict=False)]
+
+
 def test_errors_of_the_calibration_move_points_as_they_say() -> None:
     rng, h = np.random.default_rng(2), 0.1
     calibration = 1e-3 * rng.normal(size=(2, 20, 15))
-    cameras = [
-        SpaceCamera(c.name, c.size_px, c.lens, c.pose, calibration=own)
-        for c, own in zip(CAMERAS, calibration, strict=False)
-    ]
+    cameras = calibrated(calibration)
     steps = calibration_steps(cameras)
     covs = np.tile(0.04 * np.eye(2), (2, 1, 1))
     point = POINTS[0]
@@ -103,18 +107,14 @@ def test_errors_of_the_calibration_move_points_as_they_say() -> None:
     assert shared.shape == (3, 20)
     for k in range(20):
         # what is seen is by true cameras, which are one step away from the calibrated ones
-        moved = [
-            np.array(
-                [
-                    SpaceCamera(
-                        c.name, c.size_px, c.lens.moved(s * h * own[k, :9]), c.pose.moved(s * h * own[k, 9:])
-                    ).project(point[None])[0]
-                    for c, own in zip(cameras, steps, strict=True)
-                ]
-            )
-            for s in (1.0, -1.0)
-        ]
-        ahead, back = (triangulated(cameras, p, covs, [NONE, NONE]).positions[0] for p in moved)
+        found = []
+        for s in (h, -h):
+            seen = []
+            for c, own in zip(cameras, steps, strict=True):
+                true = SpaceCamera(c.name, c.size_px, c.lens.moved(s * own[k, :9]), c.pose.moved(s * own[k, 9:]))
+                seen.append(true.project(point[None])[0])
+            found.append(triangulated(cameras, np.array(seen), covs, [NONE, NONE]).positions[0])
+        ahead, back = found
         np.testing.assert_allclose(shared[:, k], (ahead - back) / (2.0 * h), rtol=1e-3, atol=1e-7)
 
 
@@ -136,10 +136,7 @@ def test_the_misfit_allows_for_the_calibration() -> None:
 
 def test_cameras_share_directions_where_they_were_calibrated_together() -> None:
     def steps_of(*sizes: int) -> list[tuple[int, ...]]:
-        cameras = [
-            SpaceCamera(c.name, c.size_px, c.lens, c.pose, calibration=np.ones((n, 15)))
-            for c, n in zip(CAMERAS, sizes, strict=False)
-        ]
+        cameras = calibrated([np.ones((n, 15)) for n in sizes])
         return [tuple(np.flatnonzero(own.any(axis=1))) for own in calibration_steps(cameras)]
 
     assert steps_of(30, 30) == [tuple(range(30))] * 2
@@ -163,10 +160,7 @@ def test_parallel_rays_have_no_nearest_point() -> None:
 
 def test_principal_directions_are_the_same_errors() -> None:
     calibration = 1e-4 * np.random.default_rng(3).normal(size=(2, 40, 15)) * ([1e4] * 4 + [10.0] * 5 + [1.0] * 6)
-    cameras = [
-        SpaceCamera(c.name, c.size_px, c.lens, c.pose, calibration=own)
-        for c, own in zip(CAMERAS, calibration, strict=False)
-    ]
+    cameras = calibrated(calibration)
     whole, few = calibration_steps(cameras), principal_steps(cameras, POINTS)
     assert 5 < len(few[0]) == len(few[1]) < 30
     assert principal_steps(cameras, POINTS, 1e3)[0].shape == (0, 15)

@@ -118,13 +118,8 @@ def test_marks_that_touch_are_distinguished() -> None:
     for apart in (20.0, 16.0, 12.0):
         places = [np.array([60.0 - apart / 2.0, 40.3]), np.array([60.0 + apart / 2.0, 39.6])]
         image = draw_frame((120, 80), [Disc(p, (11.0, 11.0), 0.0) for p in places], Lighting(), rng)
-        found = detect_marks(
-            image,
-            [MarkHue(0.0)],
-            min_area_px=60.0,
-            outlines=[Outline(11.0 * np.eye(2), 0.05)],
-            expected_px=[p + rng.normal(0.0, 1.0, 2) for p in places],
-        )
+        near, outlines = [p + rng.normal(0.0, 1.0, 2) for p in places], [Outline(11.0 * np.eye(2), 0.05)]
+        found = detect_marks(image, [MarkHue(0.0)], min_area_px=60.0, outlines=outlines, expected_px=near)
         centers = sorted((d.center_px for d in found), key=lambda c: c[0])
         assert len(centers) == 2
         np.testing.assert_allclose(centers, places, atol=0.5)

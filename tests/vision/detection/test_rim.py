@@ -30,15 +30,12 @@ def test_a_ball_is_found_by_its_rim_within_its_covariance() -> None:
     for _ in range(20):
         center, radius = rng.uniform(46.0, 50.0, 2), rng.uniform(18.0, 26.0)
         image = ball(center, radius, rng)
-        (found,) = detect_marks(
-            image,
-            [MarkHue(115.0, 30.0, 0.3, 0.1)],
-            min_area_px=200.0,
-            outlines=[Outline(radius * np.exp(rng.normal(0.0, 0.03)) * np.eye(2), 0.05, even=False)],
-        )[:1]
+        hues = [MarkHue(115.0, 30.0, 0.3, 0.1)]
+        outlines = [Outline(radius * np.exp(rng.normal(0.0, 0.03)) * np.eye(2), 0.05, even=False)]
+        found = detect_marks(image, hues, min_area_px=200.0, outlines=outlines)[0]
         errors.append(found.center_px - center)
         covs.append(found.cov_px2)
-        by_color.append(detect_marks(image, [MarkHue(115.0, 30.0, 0.3, 0.1)], min_area_px=200.0)[0].center_px - center)
+        by_color.append(detect_marks(image, hues, min_area_px=200.0)[0].center_px - center)
     off = np.array(errors)
     assert np.sqrt((off**2).mean()) < 0.25  # measured 0.1
     assert np.sqrt((np.array(by_color) ** 2).mean()) > 1.0  # its colour lies where the light does

@@ -95,11 +95,9 @@ def test_a_bad_film_gives_one_line_and_no_noise(tmp_path: Path) -> None:
     done = subprocess.run(
         command, cwd=tmp_path, env={"PYTHONPATH": str(root)}, capture_output=True, text=True, check=True
     )
-    assert done.stdout.splitlines() == [
-        "none.avi: expected a video file, found no such file",
-        "text.avi: expected a video that OpenCV can decode, found none",
-        "text.mp4: expected a video that OpenCV can decode, found none",
-    ]
+    none, *others = done.stdout.splitlines()
+    assert none == "none.avi: expected a video file, found no such file"
+    assert others == [f"{name}: expected a video that OpenCV can decode, found none" for name in contents]
     assert done.stderr == ""
 
 

@@ -294,11 +294,8 @@ class Stated(Scripted):
 
 
 DUE_S = 100.0 + 0.1 * np.arange(60)
-STUCK = {
-    "stand still": np.where(np.arange(60) < 40, DUE_S, DUE_S[39]),
-    "go back": np.where(np.arange(60) < 40, DUE_S, DUE_S - 30.0),
-    "no numbers": np.where(np.arange(60) < 40, DUE_S, np.nan),
-}
+LATER = {"stand still": DUE_S[39], "go back": DUE_S - 30.0, "no numbers": np.nan}
+STUCK = {name: np.where(np.arange(60) < 40, DUE_S, later) for name, later in LATER.items()}
 
 
 @pytest.mark.parametrize("own", [True, False], ids=["stated", "device"])

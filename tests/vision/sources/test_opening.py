@@ -179,9 +179,7 @@ class FakeCapture:
         ("udp://0.0.0.0:5000", ("udp://0.0.0.0:5000", cv2.CAP_FFMPEG)),
     ],
 )
-def test_devices_and_streams_are_watched_and_opened_by_the_right_interface(
-    monkeypatch: pytest.MonkeyPatch, spec: str, how: tuple[object, ...]
-) -> None:
+def test_devices_and_streams_are_watched_and_opened_by_the_right_interface(monkeypatch, spec, how):
     monkeypatch.setattr(cv2, "VideoCapture", FakeCapture)
     with open_source(spec, live=False) as source:
         assert isinstance(source, LiveFrames)

@@ -78,9 +78,7 @@ def test_a_missed_mark_must_look_like_it(change: dict[str, float], distance: flo
         ({"score": 1.06, "around": -0.91}, 1.2, False),
     ],
 )
-def test_in_other_light_a_mark_must_be_even_and_apart(
-    change: dict[str, float], distance: float, accepted: bool
-) -> None:
+def test_in_other_light_a_mark_must_be_even_and_apart(change, distance, accepted):
     assert is_mark_in_other_light(replace(PLACE, **change), distance) is accepted
 
 

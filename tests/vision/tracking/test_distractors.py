@@ -54,9 +54,7 @@ FIRST = SETTLED + 5
 
 
 @pytest.mark.parametrize(("colour", "like", "hue_deg"), [(RED, "M4", 0.0), (BLUE, "M3", 240.0)])
-def test_something_of_a_marks_size_and_colour_that_comes_is_reported_in_the_third_frame_and_once(
-    colour: tuple[int, int, int], like: str, hue_deg: float
-) -> None:
+def test_something_of_a_marks_size_and_colour_that_comes_is_reported_in_the_third_frame_and_once(colour, like, hue_deg):
     rng = np.random.default_rng(0)
     before = [picture(rng, CLOTH) for _ in range(FIRST)]
     after = [picture(rng, CLOTH, ((380.0, 300.0), RADIUS, colour)) for _ in range(40)]

@@ -23,12 +23,9 @@ def estimate(time_s: float, status: Status, cov: np.ndarray | None) -> TargetEst
 def test_estimates_as_a_live_run_writes_them(tmp_path: Path) -> None:
     """In space: means and covariances in metres; a row between frames is of none."""
     cov = 1e-6 * np.array([[4.0, 1.0, 0.5], [1.0, 9.0, -2.0], [0.5, -2.0, 16.0]])
-    written = [
-        estimate(EXPOSURES_S[0], Status.INITIALISING, cov),
-        estimate(EXPOSURES_S[1], Status.TRACKING, cov),
-        estimate(EXPOSURES_S[1] + 0.01, Status.COASTING, 2.0 * cov),
-        estimate(EXPOSURES_S[3], Status.TRACKING, None),
-    ]
+    times_s, covs = EXPOSURES_S[[0, 1, 1, 3]] + [0.0, 0.0, 0.01, 0.0], (cov, cov, 2.0 * cov, None)
+    statuses = Status.INITIALISING, Status.TRACKING, Status.COASTING, Status.TRACKING
+    written = [estimate(*one) for one in zip(times_s, statuses, covs, strict=True)]
     rows = [["" if value is None else str(value) for value in row(one)] for one in written]
     write_table(tmp_path / "estimates.csv", header(3), rows)
     found = read_estimates(tmp_path, 3, EXPOSURES_S)
@@ -69,14 +66,11 @@ def test_times_since_1970_keep_their_frames(tmp_path: Path) -> None:
 
 def test_a_line_that_was_being_written_is_left_out(tmp_path: Path) -> None:
     text = 'time_s,advice,reason\n33763.61,GO,"there, now"\n33763.64,NO_GUI'
+    assert read_advice(tmp_path, EXPOSURES_S) is None
     (tmp_path / "advice.csv").write_text(text)
     found = read_advice(tmp_path, EXPOSURES_S)
     assert found is not None
     assert found.table.texts == {"advice": ["GO"], "reason": ["there, now"]}
-
-
-def test_no_advice_is_none(tmp_path: Path) -> None:
-    assert read_advice(tmp_path, EXPOSURES_S) is None
 
 
 def test_a_row_must_say_when(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Films of several cameras in a recording: their names, times and faults."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -44,17 +45,10 @@ def recording(folder: Path, **n_pictures: int) -> Path:
 def test_pictures_of_two_folders_come_in_order_of_time(tmp_path: Path) -> None:
     opened = read_recording(recording(tmp_path, left=3, right=2))
     assert (opened.source, opened.marks) == (None, None)
-    seen = [
-        (round(one.exposure_s, 6), {k: int(v[0, 0, 0]) for k, v in one.images.items()})
-        for one in exposures_of(opened.films)
-    ]
-    assert seen == [
-        (0.0, {"left": 0}),
-        (0.01, {"right": 10}),
-        (0.1, {"left": 1}),
-        (0.11, {"right": 11}),
-        (0.2, {"left": 2}),
-    ]
+    exposures = list(exposures_of(opened.films))
+    assert [round(one.exposure_s, 6) for one in exposures] == [0.0, 0.01, 0.1, 0.11, 0.2]
+    seen = [{name: int(image[0, 0, 0]) for name, image in one.images.items()} for one in exposures]
+    assert seen == [{"left": 0}, {"right": 10}, {"left": 1}, {"right": 11}, {"left": 2}]
     with pytest.raises(InputError, match="expected a video or frames, found films of cameras in space"):
         opened.open_frames()
 
@@ -63,41 +57,33 @@ def test_one_camera_of_two_is_enough(tmp_path: Path) -> None:
     assert [one.camera for one in read_recording(recording(tmp_path, right=3)).films] == ["right"]
 
 
-def test_a_film_needs_its_camera(tmp_path: Path) -> None:
-    message = r'frames\.top: expected the name of a camera with lens and pose in the scene \(left, right\), found "top"'
-    with pytest.raises(InputError, match=message):
-        read_recording(recording(tmp_path, left=2, top=2))
-
-
-@pytest.mark.parametrize("name", ["video.avi", "marks.csv"])
-def test_films_of_cameras_are_the_only_source(tmp_path: Path, name: str) -> None:
-    folder = recording(tmp_path, left=2)
-    (folder / name).touch()
-    with pytest.raises(InputError, match=f"expected no other source beside films of named cameras, found {name}"):
-        read_recording(folder)
-
-
-def test_pictures_and_rows_agree(tmp_path: Path) -> None:
-    folder = recording(tmp_path, left=3, right=2)
-    write_frames_csv(folder / "frames.right.csv", np.array([0.0, 0.1, 0.2]))
-    message = r"frames\.right\.csv: expected a row for each of the 2 pictures frames\.right/\*\.png, found 3 rows"
-    with pytest.raises(InputError, match=message):
-        read_recording(folder)
-
-
-def test_pictures_have_the_size_of_their_camera(tmp_path: Path) -> None:
-    folder = recording(tmp_path, left=2, right=2)
+def larger(folder: Path) -> None:
     for path in (folder / "frames.right").iterdir():
         cv2.imwrite(str(path), np.zeros((240, 320, 3), np.uint8))
-    message = r"camera\[1\]\.size_px: expected \[320, 240\], as the pictures of frames\.right have, found \[640, 480\]"
-    with pytest.raises(InputError, match=message):
-        read_recording(folder)
 
 
-def test_times_are_a_file_of_each_camera(tmp_path: Path) -> None:
+ALONE = "expected no other source beside films of named cameras, found"
+FAULTS = [
+    (
+        lambda f: (f / "frames.right").rename(f / "frames.top"),
+        r'frames\.top: expected the name of a camera with lens and pose in the scene \(left, right\), found "top"',
+    ),
+    (lambda f: (f / "video.avi").touch(), f"{ALONE} video.avi"),
+    (lambda f: (f / "marks.csv").touch(), f"{ALONE} marks.csv"),
+    (
+        lambda f: write_frames_csv(f / "frames.right.csv", np.array([0.0, 0.1, 0.2])),
+        r"frames\.right\.csv: expected a row for each of the 2 pictures frames\.right/\*\.png, found 3 rows",
+    ),
+    (larger, r"camera\[1\]\.size_px: expected \[320, 240\], as the pictures of frames\.right have, found \[640, 480\]"),
+    (lambda f: (f / "frames.right.csv").unlink(), r"frames\.right\.csv: expected a file, found none"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "message"), FAULTS)
+def test_a_fault_is_named(tmp_path: Path, spoil: Callable[[Path], object], message: str) -> None:
     folder = recording(tmp_path, left=2, right=2)
-    (folder / "frames.right.csv").unlink()
-    with pytest.raises(InputError, match=r"frames\.right\.csv: expected a file, found none"):
+    spoil(folder)
+    with pytest.raises(InputError, match=message):
         read_recording(folder)
 
 

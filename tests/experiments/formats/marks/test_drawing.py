@@ -50,20 +50,6 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("words", OTHERS)
-def test_another_reading_that_fits_is_named(words) -> None:
-    line = said(FLAT, OTHERS[words](places(FLAT, 0.0)))
-    assert line is not None
-    assert f" mm with {words}; positions are in mm" in line
-
-
-@pytest.mark.parametrize("words", [words for words in OTHERS if "moved" not in words])
-def test_so_it_is_of_noisy_marks(words) -> None:
-    line = said(FLAT, OTHERS[words](places(FLAT, 4e-3)))
-    assert line is not None
-    assert f" mm with {words}; positions are in mm" in line
-
-
 IN_SPACE_OTHERS = {
     "z mirrored: (x, y, -z) for (x, y, z)": lambda p: p * [1, 1, -1],
     "y and z exchanged: (x, z, y) for (x, y, z)": lambda p: p[:, [0, 2, 1]],
@@ -71,11 +57,16 @@ IN_SPACE_OTHERS = {
     "turned axes: (y, z, x) for (x, y, z)": lambda p: p[:, [2, 0, 1]],
     "lengths in m for mm": lambda p: 1e-3 * p,
 }
+READINGS = [
+    *((FLAT, 0.0, words, change) for words, change in OTHERS.items()),
+    *((FLAT, 4e-3, words, change) for words, change in OTHERS.items() if "moved" not in words),
+    *((IN_SPACE, 1e-3, words, change) for words, change in IN_SPACE_OTHERS.items()),
+]
 
 
-@pytest.mark.parametrize("words", IN_SPACE_OTHERS)
-def test_so_it_is_in_space(words) -> None:
-    line = said(IN_SPACE, IN_SPACE_OTHERS[words](places(IN_SPACE, 1e-3)))
+@pytest.mark.parametrize(("scene", "sd_m", "words", "change"), READINGS)
+def test_another_reading_that_fits_is_named(scene, sd_m, words, change) -> None:
+    line = said(scene, change(places(scene, sd_m)))
     assert line is not None
     assert f" mm with {words}; positions are in mm" in line
 

@@ -9,7 +9,6 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
 from experiments.simulation.simulate import scene_of
-from tests.experiments.command import softaim
 from tests.experiments.rows import complaint
 
 SCENE = scene_of(read_scenario("webcam"))
@@ -109,15 +108,3 @@ def test_truth_and_fixes_of_another_time_than_the_frames_are_refused(tmp_path, n
     said = complaint(read_recording, folder)
     assert f"{name}.csv: row 2: time_s: expected seconds, as those of the frames, 0 to 0.366667, found none" in said
     assert said.endswith(f"it seems to be {unit}" if unit else "none after -1000")
-
-
-@pytest.mark.parametrize("factor", [1e9, 1e3])
-def test_the_command_ends_with_one_line(tmp_path, capsys, factor) -> None:
-    """Nothing is written, and nothing is stepped through for ever."""
-    folder = tmp_path / "rec"
-    folder.mkdir()
-    recording(folder, texts(factor * FRAMES, 3), with_frames=True)
-    assert softaim("track", folder, "--out", tmp_path / "out") == 2
-    (line,) = capsys.readouterr().err.strip().splitlines()
-    assert "frames.csv: row 3: exposure_s: expected seconds" in line
-    assert not (tmp_path / "out").exists()

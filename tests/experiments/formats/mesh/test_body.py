@@ -83,28 +83,28 @@ def flat() -> np.ndarray:
     return nodes
 
 
+INFINITE = np.where(np.arange(45)[:, None] == 8, np.inf, NODES)
+QUADRATIC = np.concatenate([ELEMENTS, ELEMENTS, ELEMENTS[:, :2]], axis=1)
 TWO = (np.vstack([NODES, NODES + np.array([60.0, 0.0, 0.0])]), np.vstack([ELEMENTS, ELEMENTS + len(NODES)]))
 
 
-@pytest.mark.parametrize(
-    ("nodes", "elements", "expected"),
-    [
-        (NODES, flipped(), "elements: expected no flipped elements, whose volume is negative, found 1 of 96"),
-        (flat(), ELEMENTS, "elements: expected no flat elements, found"),
-        (*TWO, r"elements: expected one connected body, found 2 parts of \[45, 45\] nodes"),
-        (1e-3 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 0.04 mm by --unit mm"),
-        (1500.0 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 60 m by --unit mm"),
-        (
-            np.where(np.arange(45)[:, None] == 8, np.inf, NODES),
-            ELEMENTS,
-            "finite coordinates, found 1 without, the first node 8",
-        ),
-        (NODES, ELEMENTS + 1, "expected nodes 0 to 44 in cells, found 1 to 45"),
-    ],
-)
+FAULTS_OF_A_VOLUME = [
+    (NODES, flipped(), "elements: expected no flipped elements, whose volume is negative, found 1 of 96"),
+    (flat(), ELEMENTS, "elements: expected no flat elements, found"),
+    (*TWO, r"elements: expected one connected body, found 2 parts of \[45, 45\] nodes"),
+    (1e-3 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 0.04 mm by --unit mm"),
+    (1500.0 * NODES, ELEMENTS, "expected a body of 20 mm to 1 m, found 60 m by --unit mm"),
+    (INFINITE, ELEMENTS, "finite coordinates, found 1 without, the first node 8"),
+    (NODES, ELEMENTS + 1, "expected nodes 0 to 44 in cells, found 1 to 45"),
+    (NODES, QUADRATIC, "expected linear tetrahedra, or triangles of a surface, found 96 tetra10$"),
+]
+
+
+@pytest.mark.parametrize(("nodes", "elements", "expected"), FAULTS_OF_A_VOLUME)
 def test_faults_of_a_volume_are_one_line(tmp_path: Path, nodes, elements, expected: str) -> None:
+    kind = "tetra" if elements.shape[1] == 4 else "tetra10"
     with pytest.raises(InputError, match=rf"^{tmp_path / 'body.vtu'}: .*{expected}[^\n]*$"):
-        read(tmp_path / "body.vtu", nodes, {"tetra": elements})
+        read(tmp_path / "body.vtu", nodes, {kind: elements})
 
 
 def test_without_a_unit_it_asks_with_the_extent_in_each(tmp_path: Path) -> None:
@@ -114,10 +114,7 @@ def test_without_a_unit_it_asks_with_the_extent_in_each(tmp_path: Path) -> None:
         read_body(path, None)
 
 
-def test_other_cells_are_one_line(tmp_path: Path) -> None:
-    middles = np.concatenate([ELEMENTS, ELEMENTS, ELEMENTS[:, :2]], axis=1)
-    with pytest.raises(InputError, match=r"expected linear tetrahedra, or triangles of a surface, found 96 tetra10$"):
-        read(tmp_path / "body.vtu", NODES, {"tetra10": middles})
+POLYDATA = "# vtk DataFile Version 5.1\nx\nASCII\nDATASET POLYDATA\n"
 
 
 @pytest.mark.parametrize(
@@ -126,11 +123,7 @@ def test_other_cells_are_one_line(tmp_path: Path) -> None:
         ("body.stp", "", "expected one of .vtk, .vtu, .msh, .stl, .obj, .ply, found .stp"),
         ("none.vtk", None, "expected a file, found none"),
         ("body.vtk", "no mesh\n", "expected a mesh of VTK, found "),
-        (
-            "body.vtk",
-            "# vtk DataFile Version 5.1\nx\nASCII\nDATASET POLYDATA\n",
-            "expected an unstructured grid; a surface",
-        ),
+        ("body.vtk", POLYDATA, "expected an unstructured grid; a surface"),
         ("body.vtu", "<VTKFile", "expected a mesh of VTU, found "),
         ("body.msh", "", "expected a mesh of GMSH, found "),
         ("body.obj", "v 0 0 0\n", "expected tetrahedra, or triangles of a closed surface, found none"),
@@ -173,15 +166,12 @@ def test_a_coarser_mesh_keeps_fields_and_labels(tmp_path: Path) -> None:
     np.testing.assert_array_equal(body.cell_fields["half"][away], np.where(centres < 20.0, 1, 2)[away])
 
 
-def without_face(faces: np.ndarray) -> np.ndarray:
-    return faces[1:]
-
-
 def turned(faces: np.ndarray) -> np.ndarray:
     return np.vstack([faces[:1, ::-1], faces[1:]])
 
 
 BALL, SHELL = sphere(30.0)
+BALLS = (np.vstack([BALL, BALL + np.array([80.0, 0.0, 0.0])]), np.vstack([SHELL, SHELL + len(BALL)]))
 
 
 @pytest.mark.parametrize(
@@ -191,11 +181,7 @@ BALL, SHELL = sphere(30.0)
         (BALL, turned(SHELL), "expected triangles that all face outward, found flipped ones at 3 edges, the first at"),
         (BALL, np.vstack([SHELL, SHELL[:1]]), "expected two triangles at each edge, found more at 3 edges"),
         (BALL, np.vstack([SHELL, [[0, 1, 0]]]), "expected no flat triangles, found 1 of 129, the first 128"),
-        (
-            np.vstack([BALL, BALL + np.array([80.0, 0.0, 0.0])]),
-            np.vstack([SHELL, SHELL + len(BALL)]),
-            r"expected one connected surface, found 2 parts of \[66, 66\] nodes",
-        ),
+        (*BALLS, r"expected one connected surface, found 2 parts of \[66, 66\] nodes"),
     ],
 )
 def test_faults_of_a_surface_are_one_line(tmp_path: Path, nodes, faces, expected: str) -> None:

@@ -112,18 +112,15 @@ def test_a_lens_without_a_name_is_written_with_one(tmp_path: Path) -> None:
     assert read_scene(tmp_path / "again.toml").lenses[0].name == "camera"
 
 
+FRONT = 'file = "front.yaml"'
+
+
 @pytest.mark.parametrize(
     ("camera", "message"),
     [
-        (
-            f'file = "front.yaml"\n{POSED.splitlines()[0]}',
-            "camera[0]: translation_mm: expected this key beside file, found",
-        ),
+        (f"{FRONT}\n{POSED.splitlines()[0]}", "camera[0]: translation_mm: expected this key beside file, found"),
         (f'file = "camera.toml"\n{POSED}', "camera[0].rotation: expected no such key beside camera.toml, which has"),
-        (
-            'file = "front.yaml"\nmatrix = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]',
-            "camera[0]: expected one of plane_to_px, matrix",
-        ),
+        (f"{FRONT}\nmatrix = [[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]", "camera[0]: expected one of plane_to_px, matrix"),
         ('file = "none.yaml"', "none.yaml: expected a file, found none"),
     ],
 )

@@ -45,15 +45,10 @@ def test_kinds_are_every_constant_of_the_kind_by_itself(path):
 
 
 def test_directions_are_distinguished_by_name(path):
-    scene = scene_with(
-        path,
-        '[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n'
-        "directions = [[0.1, 0.2], [0.0, 0.3], [1.0, 0.0]]\n",
-    )
-    assert [parameter_label(scene.network, one) for one in scene.uncertainty.parameters] == [
-        "drag M2",
-        "stiffness M1-M2",
-    ]
+    directions = "directions = [[0.1, 0.2], [0.0, 0.3], [1.0, 0.0]]"
+    scene = scene_with(path, f'[uncertainty]\nparameters = ["drag M2", "stiffness M1-M2"]\n{directions}\n')
+    labels = [parameter_label(scene.network, one) for one in scene.uncertainty.parameters]
+    assert labels == ["drag M2", "stiffness M1-M2"]
     np.testing.assert_allclose(scene.uncertainty.cov, [[1.01, 0.02], [0.02, 0.13]], rtol=0, atol=1e-15)
 
 
@@ -75,11 +70,8 @@ def test_the_key_of_an_older_scene_is_read(path):
 
 @pytest.mark.parametrize("level", ["poke_m_s2 = 2.0", "poke_lasting_s = 0.3", "strain = 0.0"])
 def test_what_is_read_is_written_and_read_again(path, level):
-    scene = scene_with(
-        path,
-        '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
-        f"[filter]\n{level}\nfix_bias_mm = 2.5\n",
-    )
+    uncertainty = '[uncertainty]\nparameters = ["drag M2", "damping M1-M2"]\ndirections = [[0.1, -0.2]]\n'
+    scene = scene_with(path, f"{uncertainty}[filter]\n{level}\nfix_bias_mm = 2.5\n")
     write_scene(scene, path)
     again = read_scene(path)
     assert again.settings == scene.settings

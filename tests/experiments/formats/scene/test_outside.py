@@ -13,10 +13,7 @@ from tests.dynamics.blocks import block as solid
 from tests.experiments.formats.scene.test_mesh import folder
 from tests.experiments.plots.tracks import block
 
-
-@pytest.fixture(autouse=True)
-def _own_cache(monkeypatch: pytest.MonkeyPatch, tmp_path_factory) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+pytestmark = pytest.mark.usefixtures("mesh_cache")
 
 
 def volume(of: Outside) -> float:

@@ -86,16 +86,10 @@ def scenes(draw: st.DrawFn) -> Scene:
         damping=column(n - 1, 0.0, 10.0),
         gravity=column(dim, -100.0, 100.0),
     )
-    marks = [
-        Mark(
-            name,
-            draw(numbers(0.0, 359.0)),
-            draw(numbers(1e-6, 1.0)),
-            i == 0 or draw(st.booleans()),
-            ball=draw(st.booleans()),
-        )
-        for i, name in enumerate(free)
-    ]
+    marks = []
+    for name in free:
+        look = draw(numbers(0.0, 359.0)), draw(numbers(1e-6, 1.0))
+        marks.append(Mark(name, *look, not marks or draw(st.booleans()), ball=draw(st.booleans())))
     cameras = []
     if dim == 2 and draw(st.booleans()):
         affine = column(6, 0.0, 200.0).reshape(2, 3) + 300.0 * np.eye(2, 3)

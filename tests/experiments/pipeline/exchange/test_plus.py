@@ -116,9 +116,7 @@ def test_without_pictures_each_frame_is_one_pixel(files: Path) -> None:
     assert "Seq_Frame0001_ImageToReferenceTransform" not in fields
 
 
-def test_it_is_said_where_plus_cannot_read_so_many(
-    files: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_it_is_said_where_plus_cannot_read_so_many(files, monkeypatch, caplog):
     n_bytes = 3 * 3 * SIZE_PX[0] * SIZE_PX[1]
     monkeypatch.setattr(plus, "WHOLE_READ_BYTES", n_bytes + 1)
     sequence(files, "filmed")

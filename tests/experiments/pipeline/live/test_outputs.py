@@ -1,8 +1,6 @@
 """What a live run writes, when nobody reads it, nothing can be written any more, or it ends in the middle."""
 
-import csv
 import io
-import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +12,12 @@ from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.outputs import FINEST_MS, Latencies, LiveTable, StatusLine
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of
+from tests.experiments.pipeline.live.test_recording import rows
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
+from tests.experiments.test_log import Unread
 from tests.experiments.webcam import coarse_webcam
 
 __all__ = ["image"]
-
-
-def rows_of(path):
-    with path.open(encoding="utf-8") as file:
-        return list(csv.DictReader(file))
 
 
 def test_rows_are_there_when_the_run_ends_in_the_middle(tmp_path):
@@ -32,13 +27,13 @@ def test_rows_are_there_when_the_run_ends_in_the_middle(tmp_path):
             assert not (folder / "rows.csv").exists()
             table.write([1, 2])
             # as it is found by somebody who looks, or after a kill
-            assert rows_of(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
+            assert rows(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
             table.close()
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         run()
-    assert rows_of(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
+    assert rows(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
 
 
 def test_a_folder_that_was_made_and_got_nothing_goes_and_one_that_was_there_stays(tmp_path):
@@ -58,18 +53,6 @@ def test_a_table_that_cannot_be_written_is_said_once_and_the_rest_left_out(caplo
     assert str(full.fault) == "/dev/full: expected a table that can be written, found no space left on device"
     assert full.n_left_out == 3
     assert [record.message for record in caplog.records] == [f"{full.fault}; the run continues without it"]
-
-
-class Unread(io.StringIO):
-    """Standard output whose reader has stopped: a write waits until the test ends."""
-
-    def __init__(self):
-        super().__init__()
-        self.goes_on = threading.Event()
-
-    def write(self, text):
-        self.goes_on.wait(60.0)
-        return super().write(text)
 
 
 def test_a_status_line_that_nobody_reads_stops_nothing():
@@ -143,7 +126,6 @@ def test_marks_under_which_there_is_no_covariance_are_left_out_and_said(tmp_path
     session.close()
     assert session.counters.frames == 17
     assert session.counters.not_used == 3
-    assert [r.message for r in caplog.records if "not used" in r.message] == [
-        "100.27 s: marks not used: no likelihood that is finite"
-    ]
-    assert rows_of(tmp_path / "estimates.csv")[-1]["status"] == "TRACKING"
+    (said,) = [record.message for record in caplog.records if "not used" in record.message]
+    assert said == "100.27 s: marks not used: no likelihood that is finite"
+    assert rows(tmp_path / "estimates.csv")[-1]["status"] == "TRACKING"

@@ -1,6 +1,7 @@
 """A live run is recorded while it goes on, and replayed: the same estimates, bit for bit."""
 
 import csv
+import shutil
 from collections import deque
 from pathlib import Path
 
@@ -122,8 +123,14 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     assert {row["advice"] for row in rows(tmp_path / "advice.csv")} > {"ABORT"}
 
 
-def test_a_replay_that_differs_says_where(tmp_path):
-    folder = recorded(tmp_path, Swinging(12))
+@pytest.fixture(scope="module")
+def twelve(tmp_path_factory):
+    """A recording of twelve frames, to be read only."""
+    return recorded(tmp_path_factory.mktemp("twelve"), Swinging(12))
+
+
+def test_a_replay_that_differs_says_where(twelve, tmp_path):
+    folder = shutil.copytree(twelve, tmp_path / "rec")
     table = folder / "estimates.csv"
     lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
     lines[5] = lines[5].replace("0", "1", 1)
@@ -131,20 +138,18 @@ def test_a_replay_that_differs_says_where(tmp_path):
     assert again(folder).different == {"estimates.csv": 5}
 
 
-def test_what_was_recorded_is_a_recording_whose_pictures_are_the_frames(tmp_path):
-    folder = recorded(tmp_path, Swinging(8))
-    recording = read_recording(folder)
-    np.testing.assert_allclose(recording.exposures_s, 100.0 + INTERVAL_S * np.arange(8), atol=1e-9)
-    source = Swinging(8)
+def test_what_was_recorded_is_a_recording_whose_pictures_are_the_frames(twelve):
+    recording, source = read_recording(twelve), Swinging(12)
+    np.testing.assert_allclose(recording.exposures_s, 100.0 + INTERVAL_S * np.arange(12), atol=1e-9)
     with recording.open_frames() as frames:
         for k, frame in enumerate(frames):
             source.now = 200.0
             np.testing.assert_array_equal(frame.image, source.next().image, err_msg=f"frame {k}")
 
 
-def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(tmp_path):
+def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(twelve, tmp_path):
     """A journal that is ahead of the film, and a last row without an end."""
-    folder = recorded(tmp_path, Swinging(12))
+    folder = shutil.copytree(twelve, tmp_path / "rec")
     journal = folder / JOURNAL
     with journal.open("a", encoding="utf-8", newline="") as file:
         file.write("frame,101.0,101.02,[]\r\nframe,101.0333,101.05,[]\r\nfra")

@@ -13,13 +13,8 @@ NAMES = ["phantom", "space"]
 @pytest.mark.slow
 def test_a_run_calls_no_kernel_that_the_rehearsal_did_not():
     """In processes of their own, since what an earlier test called would not be missed."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.experiments.pipeline.live.warmed", *NAMES],
-        cwd=Path(__file__).parents[4],
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = [sys.executable, "-m", "tests.experiments.pipeline.live.warmed", *NAMES]
+    where = {"cwd": Path(__file__).parents[4], "env": os.environ | {"OPENBLAS_NUM_THREADS": "1"}}
+    done = subprocess.run(words, capture_output=True, text=True, check=False, **where)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [f"{name}: over" for name in NAMES], done.stderr

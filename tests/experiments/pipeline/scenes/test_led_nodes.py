@@ -46,17 +46,6 @@ def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filte
         np.testing.assert_allclose(found, np.stack([short] * 4 + [led] * 2, axis=1))
 
 
-def test_a_led_node_without_a_measured_mark_ends_commands_with_one_line(recording, capsys, tmp_path):
-    state_led(recording, "M1", "M2")
-    for word in ("track", "tune"):
-        out = tmp_path / f"out-{word}"
-        assert softaim(word, recording, "--out", out) == 2
-        message = capsys.readouterr().err
-        assert 'scene.toml: filter.led_nodes[1]: expected a node with a measured mark, found "M2" without' in message
-        assert len(message.splitlines()) == 1
-        assert not out.exists()
-
-
 def test_identify_and_tune_keep_led_nodes_in_the_scenes_they_write(recording, tmp_path):
     state_led(recording, "M1")
     assert softaim("identify", recording, "--at-rest", "--out", tmp_path / "rest.toml") == 0

@@ -13,7 +13,6 @@ import vision
 from dynamics import HIDDEN, OUTER, MassSpringNetwork, four_mass_phantom
 from estimators.baselines.registry import METHODS
 from estimators.process.target import TargetMap, TargetPoint, target_map
-from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import Mark, Scene, Target, read_scene
@@ -150,7 +149,3 @@ def test_a_scene_keeps_it_and_one_without_names_none(tmp_path: Path) -> None:
     point = recording(tmp_path / "point", OFFSET_M)
     assert read_scene(point / "scene.toml").target.offset_m == pytest.approx(OFFSET_M, abs=1e-15)
     assert "offset_mm" not in (recording(tmp_path / "node", ()) / "scene.toml").read_text()
-    path = point / "scene.toml"
-    path.write_text(path.read_text().replace("offset_mm = [12.0, -7.0]", "offset_mm = [12.0, -7.0, 0.0]"))
-    with pytest.raises(InputError, match=r"target\.offset_mm: expected 2 numbers, .* found 3"):
-        read_scene(path)

@@ -42,11 +42,8 @@ def test_consistent_innovations_are_in_the_band_19_times_of_20():
 def test_starts_and_frames_without_marks_do_not_count():
     """Nor does a NIS that is no number; a diverged frame does."""
     tracked = estimates([6.0] * 10)
-    others = [
-        *estimates([1e6] * 5, status=Status.INITIALISING),
-        *estimates([None] * 5, status=Status.COASTING),
-        *estimates([np.nan, np.inf]),
-    ]
+    others = estimates([1e6] * 5, status=Status.INITIALISING) + estimates([None] * 5, status=Status.COASTING)
+    others += estimates([np.nan, np.inf])
     assert fit_of([*tracked, *others]).mean_nis == 6.0
     assert fit_of([*tracked, *estimates([17.0], status=Status.DIVERGED)]).mean_nis == pytest.approx(7.0)
     assert fit_of(others) is None
@@ -112,12 +109,8 @@ def test_a_verdict_names_a_test_of_the_target_unless_it_was_made():
 
 
 def test_a_verdict_counts_what_was_missed():
-    frames = [
-        *estimates([6.0] * 590),
-        *estimates([None] * 2, status=Status.COASTING),
-        *estimates([None] * 7, status=Status.LOST),
-        *estimates([6.0], status=Status.DIVERGED),
-    ]
+    frames = estimates([6.0] * 590) + estimates([None] * 2, status=Status.COASTING)
+    frames += estimates([None] * 7, status=Status.LOST) + estimates([6.0], status=Status.DIVERGED)
     by_status = frames_by_status(frames)
     assert by_status == {"INITIALISING": 0, "TRACKING": 590, "COASTING": 2, "LOST": 7, "DIVERGED": 1}
     reported = verdict(fit_of(frames), by_status, refused=5)

@@ -44,14 +44,9 @@ def pictures(
 ) -> Exposure:
     """What the named cameras of a scene see of the body, moved from its drawing."""
     positions, light = scene.network.positions + moved_m, vision.Lighting()
-    return Exposure(
-        0.0,
-        {
-            camera.name: draw_in_space(scene, camera, positions, light, rng, covered=covered)
-            for camera in scene.space_cameras
-            if camera.name in by
-        },
-    )
+    cameras = [camera for camera in scene.space_cameras if camera.name in by]
+    drawn = {one.name: draw_in_space(scene, one, positions, light, rng, covered=covered) for one in cameras}
+    return Exposure(0.0, drawn)
 
 
 def expected_in(scene: Scene, sd_m: float = 0.003) -> tuple[PredictAll, Predict]:
@@ -236,9 +231,7 @@ def test_a_hidden_target_is_followed_by_films_of_two_cameras(tmp_path: Path, sta
     assert np.sqrt(np.mean(errors**2)) < 0.001
 
 
-def test_constants_are_not_identified_from_films_that_do_not_show_the_target(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_constants_are_not_identified_from_films_that_do_not_show_the_target(tmp_path, capsys):
     """Refused before the films are searched, with the way to a recording that shows it."""
     folder = recorded(tmp_path, breast(), duration_s=0.1)
     assert softaim("identify", folder, "--out", tmp_path / "found.toml") == 2

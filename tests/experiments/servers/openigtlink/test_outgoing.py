@@ -51,11 +51,8 @@ def said(**other) -> dict:
 
 def test_a_moment_is_two_or_three_transforms_a_status_and_a_string_of_its_exposure_time():
     found = messages(packet_of(state()))
-    assert {name: message.type for name, message in found.items()} == {
-        **dict.fromkeys(TRANSFORMS, "TRANSFORM"),
-        "Softaim": "STATUS",
-        "SoftaimState": "STRING",
-    }
+    others = {"Softaim": "STATUS", "SoftaimState": "STRING"}
+    assert {name: message.type for name, message in found.items()} == dict.fromkeys(TRANSFORMS, "TRANSFORM") | others
     assert {message.utc_s for message in found.values()} == {UTC_S}
     assert set(messages(packet_of(state(needle=None)))) == set(found) - {"NeedleTipToReference"}
     assert set(messages(packet_of(state(cov_mm2=None)))) == set(found) - {"SpreadToReference"}

@@ -118,13 +118,8 @@ def trial(n: int, seed: int = 0) -> dict[str, float]:
             waits.append(time.monotonic() - asked)
             works.append(time.process_time() - worked)
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        return {
-            "sent": sent,
-            "s": time.monotonic() - began,
-            "longest_wait_ms": 1e3 * max(waits),
-            "longest_work_ms": 1e3 * max(works),
-            "grown_mb": grown / 1024,
-        }
+        longest = {"longest_wait_ms": 1e3 * max(waits), "longest_work_ms": 1e3 * max(works)}
+        return {"sent": sent, "s": time.monotonic() - began, "grown_mb": grown / 1024, **longest}
 
 
 if __name__ == "__main__":

@@ -35,18 +35,9 @@ def state(
     frames: int = 1, *, status: Status = Status.TRACKING, advice: Advice = Advice.GO, **changed: Any
 ) -> dict[str, Any]:
     """A state's message, known now; changed: keys that are to be other than they were made."""
-    estimate = TargetEstimate(
-        time_s=frames / 30,
-        mean=np.array([0.0, 0.2]),
-        cov=np.diag([1e-6, 4e-6]),
-        status=status,
-        marks_used=1,
-        nis=2.0,
-        poked=0.1,
-    )
-    guidance = Guidance(
-        advice, "a hit is 92 % probable", arrival_s=frames / 30 + 0.5, probability=0.925, aim=np.array([0.0, 0.2])
-    )
+    time_s, place = frames / 30, np.array([0.0, 0.2])
+    estimate = TargetEstimate(time_s, place, np.diag([1e-6, 4e-6]), status, marks_used=1, nis=2.0, poked=0.1)
+    guidance = Guidance(advice, "a hit is 92 % probable", arrival_s=time_s + 0.5, probability=0.925, aim=place)
     counters = counters_message(Counters(frames=frames, latency_ms=5.0), 1.0 / 30.0, 300.0)
     made = state_message(
         estimate,

@@ -12,17 +12,12 @@ from experiments.studies.dense_lungs.methods import METHODS, Found
 from experiments.studies.dense_lungs.table import COUNTS, WORDS, Run, markdown, summary
 from tests.experiments.studies.dense_lungs.displaced import exhaled, landmarks, write_case
 
+SOLVED = [method for method in WORDS if method != "open_loop"]
+
 
 def test_a_row_has_means_over_all_lungs_and_nothing_of_a_method_that_failed():
     runs = [
-        Run(
-            name,
-            where,
-            marks,
-            {m: np.array(e) for m in WORDS if m != "open_loop"},
-            {"filter": np.array(nees)},
-            {"open_loop": "why"},
-        )
+        Run(name, where, marks, dict.fromkeys(SOLVED, np.array(e)), {"filter": np.array(nees)}, {"open_loop": "why"})
         for where in ("all", "front")
         for marks in COUNTS
         for name, e, nees in (("right", [1e-3, 2e-3, 3e-3], [1.0, 1.0, 1.0]), ("left", [4e-3], [9.0]))
@@ -39,7 +34,7 @@ def test_a_row_has_means_over_all_lungs_and_nothing_of_a_method_that_failed():
 
 
 @pytest.fixture
-def tables(tmp_path, monkeypatch):
+def tables(tmp_path, monkeypatch, without_pictures):
     """A folder of one person; methods that leave every landmark where it was, the first with 2 mm an axis."""
 
     def still(task):
@@ -92,14 +87,6 @@ def test_faults_are_one_line_and_nothing_is_written(tables, tmp_path, capsys, mo
     monkeypatch.chdir(tmp_path)
     assert main([*arguments, "--out", "out"]) == 2
     assert capsys.readouterr().err == f"{message}\n"
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_fault_in_a_table_is_one_line(tables, tmp_path, capsys):
-    path = tables / "case1.csv"
-    path.write_text(path.read_text().replace("\n4,", "\n3,", 1))
-    assert main([str(tables), "--out", str(tmp_path / "out")]) == 2
-    assert capsys.readouterr().err == f"{path}: row 6: landmark: expected each landmark once, found 3\n"
     assert not (tmp_path / "out").exists()
 
 

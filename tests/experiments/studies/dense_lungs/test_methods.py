@@ -66,7 +66,6 @@ def test_the_filter_follows_a_displacement_that_it_does_not_know(tmp_path):
     assert 1e3 * np.linalg.norm(given.wanted - truth, axis=1).mean() > 2.0
     assert errors(given, found).mean() < 0.3
     assert found.covs is not None
-    nees = np.einsum(
-        "ij,ij->i", found.means - truth, np.linalg.solve(found.covs, (found.means - truth)[..., None])[..., 0]
-    )
+    off = found.means - truth
+    nees = np.einsum("ij,ij->i", off, np.linalg.solve(found.covs, off[..., None])[..., 0])
     assert (nees <= 7.81).mean() >= 0.9

@@ -11,14 +11,12 @@ import numpy as np
 import pytest
 
 from experiments.errors import InputError
-from experiments.formats.scenario import read_scenario
 from experiments.pipeline.recorder import PIECE_S
 from experiments.servers.faces import PAGE_PORT
 from experiments.studies.faults import process, system
 from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
-from tests.experiments.webcam import coarse_webcam
 
 pytestmark = [
     pytest.mark.slow,
@@ -32,12 +30,6 @@ PACES = [(6, 1.5), (24, 6.0), (60, 12.0)]
 
 Where that is too little, on a busy machine, a longer film is begun.
 """
-
-
-@pytest.fixture(autouse=True)
-def _of_a_coarse_webcam(monkeypatch):
-    scenarios = {"webcam": coarse_webcam(), "breathing": read_scenario("breathing")}
-    monkeypatch.setattr("experiments.studies.faults.world.read_scenario", scenarios.__getitem__)
 
 
 @pytest.fixture(autouse=True)
@@ -105,15 +97,8 @@ def test_unread_and_watched_by_many_it_notifies_those_beyond_goes_on_and_lacks_n
 
 def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, monkeypatch):
     """A busy machine may show STALE for longer than that: asked for is what was said."""
-    said = []
-    new = Viewer._new
-
-    def kept(viewer, events):
-        text = new(viewer, events)
-        said.append(text)
-        return text
-
-    monkeypatch.setattr(Viewer, "_new", kept)
+    said, new = [], Viewer._new
+    monkeypatch.setattr(Viewer, "_new", lambda *given: said.append(new(*given)) or said[-1])
     found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in said))
     assert any(FULL in text for text in said)
     assert str(tmp_path) not in found.shown
@@ -123,11 +108,8 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     assert found.ended == "exit 2"
 
 
-def test_the_usual_port_is_the_pages():
-    assert system.USUAL_PORT == PAGE_PORT
-
-
 def test_a_port_that_is_taken_is_one_line_and_the_end(tmp_path, monkeypatch):
+    assert system.USUAL_PORT == PAGE_PORT
     found = judged("port taken", tmp_path, monkeypatch)
     assert found.ended == "exit 2"
     assert found.shown.startswith("ENDED: softaim: --page 127.0.0.1:")
@@ -139,18 +121,9 @@ def test_a_viewer_shows_stale_where_nothing_comes_and_where_what_comes_was_long_
     """Served are a state, one that is a second old, then none."""
     from websockets.sync.server import serve
 
-    state = {
-        "type": "state",
-        "from_frame": True,
-        "status": "TRACKING",
-        "fault": None,
-        "target_mm": [0.0, 0.0],
-        "cov_mm2": [[1.0, 0.0], [0.0, 1.0]],
-        "sigma_mm": 1.0,
-        "marks_used": 3,
-        "advice": {"advice": "GO", "reason": ""},
-        "events": [],
-    }
+    state = {"type": "state", "from_frame": True, "status": "TRACKING", "fault": None, "marks_used": 3, "events": []}
+    state |= {"target_mm": [0.0, 0.0], "cov_mm2": [[1.0, 0.0], [0.0, 1.0]], "sigma_mm": 1.0}
+    state |= {"advice": {"advice": "GO", "reason": ""}}
 
     def talk(stream):
         for time_s, late_s in ((0.0, 0.0), (0.1, 1.0)):

@@ -182,21 +182,12 @@ def moment(**changes) -> Moment:
 
 
 def test_moments_are_counted():
-    moments = [
-        *[moment()] * 5,
-        moment(wrong=True, covered=False, error_m=9e-3),
-        moment(of_frame=False, wrong=True),
-        *[moment(advice="NO_GUIDANCE", status="LOST", why="no mark for 1.5 s")] * 2,
-    ]
+    wrong, between = moment(wrong=True, covered=False, error_m=9e-3), moment(of_frame=False, wrong=True)
+    moments = [moment()] * 5 + [wrong, between]
+    moments += [moment(advice="NO_GUIDANCE", status="LOST", why="no mark for 1.5 s")] * 2
     found = counted(moments)
-    assert {key: found[key] for key in ("frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong")} == {
-        "frames": 8,
-        "tracking": 6,
-        "tracking_wrong": 1,
-        "covered": 5,
-        "go": 7,
-        "go_wrong": 2,
-    }
+    expected = {"frames": 8, "tracking": 6, "tracking_wrong": 1, "covered": 5, "go": 7, "go_wrong": 2}
+    assert {key: found[key] for key in expected} == expected
     assert found["error_mm"] == pytest.approx(1.0)
     assert (found["shown"], moments[-1].words) == ("GO", "LOST: no mark for … s")
 

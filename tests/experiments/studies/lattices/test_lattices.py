@@ -45,16 +45,12 @@ def test_errors_are_of_the_mean_over_boxes_and_of_any_box():
     assert found[YOUNG[1]] == pytest.approx(1.5e3)
 
 
-@pytest.mark.parametrize("cells", ["-3", "0", "1", "5"])
-def test_too_few_cells_are_one_line(out, capsys, cells):
-    assert main(["--out", str(out), f"--cells={cells}"]) == 2
-    assert capsys.readouterr().err == f"--cells: expected 6 or more, found {cells}\n"
-    assert not out.exists()
+CELLS = [(f"--cells={n}", f"--cells: expected 6 or more, found {n}") for n in ("-3", "0", "1", "5")]
+BONE = "--structures: expected one of plain, sheet, foam, lobules, fibres, found bone"
 
 
-def test_an_unknown_structure_is_one_line(out, capsys):
-    assert main(["--out", str(out), "--structures", "sheet,bone"]) == 2
-    assert capsys.readouterr().err == (
-        "--structures: expected one of plain, sheet, foam, lobules, fibres, found bone\n"
-    )
+@pytest.mark.parametrize(("option", "said"), [*CELLS, ("--structures=sheet,bone", BONE)])
+def test_wrong_options_are_one_line(out, capsys, option, said):
+    assert main(["--out", str(out), option]) == 2
+    assert capsys.readouterr().err == f"{said}\n"
     assert not out.exists()

@@ -80,10 +80,12 @@ def test_a_folder_without_landmarks_is_one_line(tmp_path, capsys):
     assert capsys.readouterr().err == f"{tmp_path}: expected case1.csv and others, found none\n"
 
 
+real = pytest.mark.skipif(not LUNGS.is_dir(), reason="no landmarks of real lungs: set SOFTAIM_DATA to their folder")
+
+
+@real
 def test_the_spline_on_real_lungs():
     """The figures of docs/zoo.md: 1.51, 1.51 and 1.72 mm at the end of exhaling; nothing done, 5.19 mm."""
-    if not LUNGS.is_dir():
-        pytest.skip("landmarks of real lungs are not part of the repository: set SOFTAIM_DATA to their folder")
     lungs = read_lungs(LUNGS)
     spline = {}
     for seen in SEEN:
@@ -95,8 +97,6 @@ def test_the_spline_on_real_lungs():
 
 def test_the_filter_on_real_lungs():
     """The left lung of a person, ten landmarks seen: as near as the spline within a twentieth, nine in ten covered."""
-    if not LUNGS.is_dir():
-        pytest.skip("landmarks of real lungs are not part of the repository: set SOFTAIM_DATA to their folder")
     (lung,) = (lung for lung in read_lungs(LUNGS) if lung.name == "case1 left")
     found = inner_landmarks(lung, "ten", LungConstants())
     assert found.filtered[-1].mean() < 1.05 * found.spline[-1].mean()

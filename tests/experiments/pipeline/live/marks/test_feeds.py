@@ -99,22 +99,11 @@ def test_a_port_that_is_taken_is_an_error_at_once(udp) -> None:
 
 
 @pytest.mark.parametrize(
-    "address",
-    [
-        "udp://",
-        "udp://:0",
-        "udp://:70000",
-        "udp://:x",
-        "udp://127.0.0.1",
-        "udp://:5000/x",
-        "udp://[::1",
-        "udp://127..1:5000",
-        f"udp://{64 * 'a'}:5000",
-    ],
+    "address", ["", ":0", ":70000", ":x", "127.0.0.1", ":5000/x", "[::1", "127..1:5000", f"{64 * 'a'}:5000"]
 )
 def test_an_address_without_a_port_is_an_error(address) -> None:
     with pytest.raises(SourceError, match="expected udp://:PORT or udp://HOST:PORT"):
-        udp_feed(address)
+        udp_feed(f"udp://{address}")
 
 
 @pytest.fixture

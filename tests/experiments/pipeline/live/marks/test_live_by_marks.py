@@ -194,23 +194,3 @@ def test_datagrams_are_followed_for_a_while(tmp_path, folder, recording, capsys)
     assert counted["statuses"]["TRACKING"] > 0
     assert counted["refused"]["out of order"] > 3
     assert "REFUSED: 1 out of order: time_s: expected more than" in printed.err
-
-
-FAULTS = [
-    (["--source", "-"], "--source -: expected --scene scene.toml beside it, found none"),
-    (["--source", "udp://:0", "--scene", "{scene}"], "--source udp://:0: expected udp://:PORT or udp://HOST:PORT"),
-    (["--source", "udp://192.0.2.1:5005", "--scene", "{scene}"], "expected a free port and an address of this machine"),
-    (["--source", "{folder}/gone.csv", "--scene", "{scene}"], "gone.csv: expected a file, found none"),
-    (["--source", "{folder}/rec/truth.csv", "--scene", "{scene}"], "truth.csv"),
-]
-
-
-@pytest.mark.parametrize(("words", "message"), FAULTS, ids=[" ".join(words[:2]) for words, _ in FAULTS])
-def test_what_cannot_be_opened_is_one_line(tmp_path, folder, words, message, capsys) -> None:
-    scene = folder / "hanging.toml"
-    given = [word.format(folder=folder, scene=scene) for word in words]
-    assert softaim("live", *given, "--no-page", "--out", tmp_path / "out") == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert message in lines[0]
-    assert not (tmp_path / "out").exists()

@@ -120,21 +120,17 @@ def test_a_sender_that_falls_silent_is_blocked_and_resumes(bench) -> None:
     bench.marks.next(0.0)
     bench.now = 103.0
     bench.send(4.0)
-    kinds = [(event.kind, event.text) for event in bench.marks.take_events()]
-    assert kinds == [
-        (EventKind.BLOCKED, "no answer for 0.60 s"),
-        (EventKind.RESUMED, "after 3.00 s without a frame"),
-    ]
+    blocked, resumed = ((event.kind, event.text) for event in bench.marks.take_events())
+    assert blocked == (EventKind.BLOCKED, "no answer for 0.60 s")
+    assert resumed == (EventKind.RESUMED, "after 3.00 s without a frame")
 
 
 def test_another_clock_of_the_sender_is_reported(bench) -> None:
     for k in range(20):
         bench.now = 100.0 + 0.1 * k
         bench.send((500.0 if k < 10 else 0.0) + 0.1 * k)
-    events = bench.marks.take_events()
-    assert [event.text for event in events if event.kind is EventKind.RESUMED] == [
-        "the sender's clock was set to 1.500 s"
-    ]
+    (text,) = [event.text for event in bench.marks.take_events() if event.kind is EventKind.RESUMED]
+    assert text == "the sender's clock was set to 1.500 s"
     assert bench.marks.refused == {"out of order": 5}
     assert bench.marks.next(0.0).exposure_s == pytest.approx(101.9)
 
