@@ -6,9 +6,4 @@ Springs and marks do not belong here.
 from estimators.filters.adaptation import VarianceScale
 from estimators.filters.unscented import CovarianceError, UnscentedKalmanFilter, positive_points
 
-__all__ = [
-    "CovarianceError",
-    "UnscentedKalmanFilter",
-    "VarianceScale",
-    "positive_points",
-]
+__all__ = ["CovarianceError", "UnscentedKalmanFilter", "VarianceScale", "positive_points"]
