@@ -5,9 +5,9 @@
 
 Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s, stated exactly, ten times as large
 and three times as small; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or
-both. Frames count after the first second. Last figures, four masses, three seeds of 20 s: at rest or with pokes 91
-to 100 % are covered; with a breath, marks of 1 mm 98 to 100 %, 4.14 mm 84 to 94, 10 mm 56 to 90, 30 mm 33 to 83: too
-few.
+both. Frames count after the first second. Last figures, both phantoms, seeds 500 and 501: with noise as stated 97
+to 100 % are covered in 59 of 60 cells, 81 % for the light phantom, a breath of 4 m/s² and marks of 0.3 mm; stated ten
+times as coarse 88 to 100 %; three times as fine 88 to 100 % up to 4.14 mm, 56 to 93 % above.
 """
 
 from __future__ import annotations
