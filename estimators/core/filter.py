@@ -24,6 +24,7 @@ from estimators.core.innovations import (
 from estimators.core.kernels import has_outlier, without_outliers
 from estimators.core.moments import Move, Prior, add_noise, mixed, mixed_each, moved, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
+from estimators.filters.unscented import CovarianceError
 
 DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
@@ -194,7 +195,10 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Innovations of each hypothesis, linearised at these states, (k, n), or at the hypotheses' means."""
+        """Innovations of each hypothesis, linearised at these states, (k, n), or at the hypotheses' means.
+
+        Raises CovarianceError if they are not finite, or their covariance is not positive definite.
+        """
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
@@ -213,6 +217,8 @@ class HypothesisFilter:
             logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
         root = inverse_roots(S)
         white = of_each(root, y)
+        if not np.isfinite(white).all():
+            raise CovarianceError("innovation: expected finite, found otherwise")
         if self._outliers is not None:
             names, blocks = named(observations)
             ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)

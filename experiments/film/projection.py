@@ -19,12 +19,18 @@ from experiments.formats.scene.space_marks import across, facing, mark_shapes_px
 from experiments.pipeline.sight.space import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
+ON_LINE = 500
+"""Number of points of a line that are tested for the view; numerical: its end is within some pixels of the edge."""
+
 
 class View(Protocol):
     """The view of a camera."""
 
     def places(self, points_m: Floats) -> Floats:
         """Projection of points [m], (n, dim), to the picture [px], (n, 2)."""
+
+    def line(self, ends_m: Floats) -> Floats:
+        """Projection of the visible part of a line between two points [m], (2, dim): its ends [px], (2, 2)."""
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
         """Projection of a position, (dim,), and its covariance, (dim, dim): (2,), (2, 2)."""
@@ -73,6 +79,10 @@ class PlaneView:
         except ValueError:
             return np.full(2, np.nan)
 
+    def line(self, ends_m: Floats) -> Floats:
+        """See `View`: all of it."""
+        return self.places(ends_m)
+
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
         """See `View`."""
         place_px = self._place(mean_m)
@@ -105,6 +115,12 @@ class SpaceView:
         """See `View`."""
         inside, places_px, _ = self.camera.viewed(points_m)
         return np.where(inside[:, None], places_px, np.nan)
+
+    def line(self, ends_m: Floats) -> Floats:
+        """See `View`."""
+        places_px = self.places(np.linspace(ends_m[0], ends_m[1], ON_LINE))
+        inside = np.flatnonzero(np.isfinite(places_px).all(axis=1))
+        return places_px[inside[[0, -1]]] if len(inside) else places_px[[0, -1]]
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
         """See `View`."""

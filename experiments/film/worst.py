@@ -66,8 +66,8 @@ class WorstFrames:
 
     def _captioned(self, kind: tuple[str, str]) -> Image:
         still = self._stills[kind]
-        frames = "frame" if still.count == 1 else "frames"
-        return captioned(still.picture, f"{still.count} {frames}: {', '.join(word for word in kind if word)}")
+        pictures = "picture" if still.count == 1 else "pictures"
+        return captioned(still.picture, f"{still.count} {pictures}: {', '.join(word for word in kind if word)}")
 
 
 def captioned(picture: Image, text: str) -> Image:
@@ -80,8 +80,9 @@ def captioned(picture: Image, text: str) -> Image:
 
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
-    """Pictures of one size on a sheet in rows of two, the first MOST_TILES of them."""
-    shown = list(tiles[:MOST_TILES])
+    """Pictures on a sheet in rows of two, the first MOST_TILES of them; smaller ones get a black edge."""
+    height, width = np.max([one.shape[:2] for one in tiles[:MOST_TILES]], axis=0)
+    shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles[:MOST_TILES]]
     across = min(2, len(shown))
     shown += [np.zeros_like(shown[0])] * (-len(shown) % across)
     return np.vstack([np.hstack(shown[k : k + across]) for k in range(0, len(shown), across)])
@@ -93,7 +94,9 @@ def _fault(mark: MarkDrawn) -> str:
 
 
 def _spread(overlay: Overlay) -> float:
-    """Standard deviation of the target in the picture [px], infinite if it is not known."""
+    """Standard deviation of the target in the picture [px], infinite if it is not known, 0 outside the view."""
+    if not np.isfinite(overlay.target_px).all():
+        return 0.0
     cov = overlay.target_cov_px2
     return float("inf") if cov is None or not np.isfinite(cov).all() else float(np.sqrt(np.trace(cov)))
 

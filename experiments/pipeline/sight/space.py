@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,7 +121,8 @@ class SpaceSight:
                 expected,
                 lambda node, camera=sight.camera: self._one(camera, node, *after_impulse(node)),  # type: ignore[misc]
             )
-            self.lost |= {node: one for node, one in sight.lost.items() if node not in away}
+            # a candidate would be a place in the picture of one camera
+            self.lost |= {node: replace(one, candidate_px=None) for node, one in sight.lost.items() if node not in away}
             self.came += sight.finder.came
             if found:
                 own_px2 = sight.camera.calibration_sd_px**2 * np.eye(2)

@@ -196,6 +196,18 @@ def test_a_state_of_which_one_mode_has_no_covariance_is_an_error_of_its_own(seen
     assert digest(tissue.snapshot()) == before
 
 
+@pytest.mark.parametrize("n", [0, 10])
+@pytest.mark.parametrize("moment", ["means", "covs"])
+def test_a_state_that_is_not_finite_is_an_error_of_its_own(phantom, seen_for, frames, n, moment):
+    """At a start, and later."""
+    tissue = seen_for(n) if n else TissueFilter(phantom, HIDDEN, OUTER)
+    if not n:
+        tissue.predict(0.0)
+    getattr(tissue.filter, moment)[0] = np.nan
+    with pytest.raises(CovarianceError, match="finite"):
+        tissue.update(frames[n][1])
+
+
 def test_far_ahead_nothing_is_known_but_the_prior(seen_for, phantom):
     """And it takes no steps to get there: a gap of a day costs what one of six seconds does."""
     tissue, new = seen_for(20), TissueFilter(phantom, HIDDEN, OUTER)

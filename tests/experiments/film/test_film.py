@@ -9,8 +9,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from estimators import Advice, Guidance
 from experiments.film.overlay import Fate
 from experiments.film.views import ground_camera, overlay_of
+from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, Line
@@ -197,3 +199,22 @@ def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:
     behind = overlay_of(line, step, replace(camera, pose=turned))
     assert behind.marks == ()
     assert behind.target_cov_px2 is None
+
+
+def test_in_space_a_needle_from_outside_the_picture_is_drawn_up_to_its_edge(in_space, tmp_path) -> None:
+    """A needle above the target that begins 0.5 m away, behind the cameras: its tip, and the edge of the picture."""
+    opened = read_recording(in_space)
+    line = Line(opened.scene, explain=True)
+    *_, (_, step) = each_frame(line, opened)
+    entry = step.estimates[FILTER].mean + np.array([0.0, 0.0, 0.03])
+    words = f"version = 1\nentry_mm = {(1e3 * entry).tolist()}\ndirection = [0.0, -0.6, -0.8]\nspeed_mm_s = 100.0\n"
+    (tmp_path / "needle.toml").write_text(words)
+    plan = read_needle(tmp_path / "needle.toml", opened.scene.target.radius_m, 3)
+    guidance = Guidance(Advice.GO, "hit", depth_m=1.0)
+    for camera in opened.scene.space_cameras:
+        needle = overlay_of(line, step, camera, guidance, plan).needle
+        tip = camera.project(entry)[0]
+        assert needle.shaft_px[1] == pytest.approx(tip)
+        assert needle.ahead_px[0] == pytest.approx(tip)
+        to_edge = np.minimum(needle.shaft_px[0], np.array(camera.size_px) - 1.0 - needle.shaft_px[0]).min()
+        assert -0.5 <= to_edge < 10.0

@@ -1,5 +1,7 @@
 """The sheet of the worst frames: which frame of a kind is kept, which kinds stand on it and in which order."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -98,3 +100,23 @@ def test_a_sheet_has_two_stills_a_row_no_wider_than_a_tile_and_no_more_than_can_
     assert sheet.shape[1] == 2 * TILE_PX
     n_rows = -(-min(n, MOST_TILES) // 2)
     assert HEIGHT * TILE_PX // WIDTH < sheet.shape[0] / n_rows < HEIGHT * TILE_PX // WIDTH + 60
+
+
+def test_pictures_of_cameras_of_different_sizes_stand_on_one_sheet() -> None:
+    worst = WorstFrames()
+    for status, grey, width in (("LOST", 40, WIDTH), ("COASTING", 50, WIDTH // 2)):
+        worst.take(overlay(status), picture(grey, width))
+    sheet = worst.sheet()
+    assert sheet is not None
+    assert sheet.shape[1] == 2 * WIDTH
+    assert [int(sheet[-1, column, 0]) for column in (0, WIDTH, 2 * WIDTH - 1)] == [40, 50, 0]
+
+
+def test_a_camera_that_does_not_see_the_target_is_not_the_least_certain() -> None:
+    worst = WorstFrames()
+    worst.take(overlay("TRACKING"), picture(10))
+    outside = replace(overlay("TRACKING"), target_px=np.full(2, np.nan), target_cov_px2=None)
+    worst.take(outside, picture(20))
+    sheet = worst.sheet()
+    assert sheet is not None
+    assert greys(sheet, 1) == [10]

@@ -127,6 +127,15 @@ def test_a_covered_mark_is_missing_until_it_is_seen_again() -> None:
     assert "S1" not in sight.lost
 
 
+def test_a_rejected_detection_of_one_camera_has_no_place_in_the_pictures_of_others() -> None:
+    scene, large = breast(), breast(diameter_m=0.012)
+    sight = SpaceSight(scene, explain=True)
+    sight.find(pictures(large, np.random.default_rng(5)), *expected_in(scene))
+    assert {Reason.SIZE} <= {one.reason for one in sight.lost.values()}
+    assert any(one.candidate_px is not None for own in sight.cameras.values() for one in own.lost.values())
+    assert all(one.candidate_px is None for one in sight.lost.values())
+
+
 def test_a_camera_that_looks_away_sees_nothing() -> None:
     away = camera_at(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.05, 1.0]), breast().space_cameras[0].lens)
     scene = replace(breast(), space_cameras=(breast().space_cameras[0], replace(away, name="away")))
