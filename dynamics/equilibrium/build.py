@@ -38,12 +38,12 @@ def build_network(
     names: unique names of the n_nodes nodes
     positions: of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
     edges: the two ends of each spring, by name or by index among the names; n_springs of them, each pair once
-    stiffness, damping: of the springs [N/m], and of the dashpots along them [N s/m]
-    masses, drag, friction: of the nodes [kg], their viscous drag [N s/m] and Coulomb friction [N] against the ground
+    stiffness, damping: stiffness of the springs [N/m]; damping of the dashpots along them [N s/m]
+    masses, drag, friction: masses of the nodes [kg], their viscous drag [N s/m], their Coulomb friction [N]
     gravity: acceleration [m/s²], (dim,); zeros for a body that lies flat
     fixed: names of the anchors
-    rest_lengths: "at rest": the network rests where it is drawn, under gravity, by the smallest relative
-        changes of the drawn lengths; "as drawn": the drawn lengths, so that it sags under gravity; or numbers [m]
+    rest_lengths: "at rest": the drawn lengths, with the smallest relative changes that let the network rest as
+        drawn under gravity; "as drawn": the drawn lengths, so that it sags under gravity; or numbers [m]
 
     Values of springs and nodes are one number for all, or one for each in order, (n_springs,) or (n_nodes,).
 

@@ -21,7 +21,7 @@ class Oscillations:
     """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
 
     frequencies_hz: abs(z) / 2 pi of the oscillating motions, ascending: natural, not damped ones [Hz], (n,)
-    damping_ratios: of these, -Re z / abs(z) [1], (n,)
+    damping_ratios: of these motions, -Re z / abs(z) [1], (n,)
     decays_s: time to 1/e of motions that do not oscillate, longest first [s], (m,)
     """
 

@@ -148,11 +148,11 @@ def fit_rest_lengths(
     positions: of all nodes [m], (n_nodes, dim), each coordinate measured with noise of sd_m [m]; known: prior relative
     standard deviation of the rest lengths.
 
-    Gauss-Newton on the forces f at the shape x, so that force laws need not be linear in the rest lengths: for
-    relative changes c and G = df/dc, the next c solves G (c - c_now) + f = 0. It is the smallest solution; with noise,
-    the most probable one, since f then has an error of K times the noise of x. With linear laws the first pass is
-    exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a rest
-    length would have to change by half, if passes do not converge, or if there is no stable rest near x.
+    Gauss-Newton on the forces f at the shape x. For relative changes c of the rest lengths and G = df/dc, the next c is
+    the smallest solution of G (c - c_now) + f = 0; with noise the most probable one, since f has an error of the
+    stiffness times the noise of x. Force laws may be nonlinear in the rest lengths; with linear laws the first pass is
+    exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a
+    rest length would have to change by half, if passes do not converge, or if there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

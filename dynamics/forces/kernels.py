@@ -32,7 +32,7 @@ Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0; integrators and filters
-need a derivative. `tests/dynamics/forces/test_laws.py`: half and twice move the phantom by less than 1 %."""
+need a derivative. `tests/dynamics/forces/test_laws.py`: half or twice it moves the phantom by less than 1 %."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""

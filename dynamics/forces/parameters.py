@@ -103,11 +103,11 @@ def strain_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
-    A symmetric strain tensor E(X), its components independent Gaussian fields, changes the length of a spring along n
-    by the share n' E n, so that two springs have the covariance sd² exp(-d² / 2 l²) (n · n')², d between their middles.
+    The strain tensor E(X) is symmetric; its components are independent Gaussian fields. A spring along n changes by the
+    share n' E n. Springs along n and m have the covariance sd² exp(-d² / 2 l²) (n · m)², d between their middles.
     sd: of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
-    the spring that the earlier ones leave most uncertain
+    the spring that the earlier directions leave most uncertain
 
     Source: [harbrecht2012].
     """

@@ -43,7 +43,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """Derivative of resisting forces with respect to free velocities, at rest [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: above 0, nodes have the secant resistance at this speed, force by speed, in place of the derivative
+    speed_m_s: if above 0, the resistance of nodes is the secant, force divided by this speed, not the derivative
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))

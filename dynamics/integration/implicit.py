@@ -21,7 +21,7 @@ ROUNDING = 1e-9
 """Relative stiffness below which it is rounding."""
 
 DRIVEN = 1e12
-"""Factor on the mass of a node whose velocity forces must not change [1]; numerical."""
+"""Factor on the mass of a driven node, so that forces do not change its velocity [1]; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ class ImplicitStepper:
         driven: as for `advance`
 
         Where the tissue would buckle, springs under compression get no transverse stiffness: a linear motion
-        would grow without limit, but the tissue stops at the next rest.
+        would grow without limit, but the tissue stops at the next rest shape.
         """
         n = self.n_steps(dt)
         h, masses = dt / n, self._masses_with(driven)

@@ -42,7 +42,7 @@ OF_STABLE = 0.25
 class NeedleMotion:
     """Straight motion of a needle until the next command.
 
-    tip: present position [m], (dim,); velocity: of the needle, along and across itself [m/s], (dim,)
+    tip: present position [m], (dim,); velocity: of the needle, axial and lateral [m/s], (dim,)
     direction: of length 1, (dim,); inserted_m: present depth of the tip in the tissue, negative before the skin [m]
     """
 
@@ -71,7 +71,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State of free nodes at rest at these places [m], (n_free, dim): (n_state,), then modes for a continuum."""
+    """State with free nodes at rest at these places [m], (n_free, dim): (n_state,); a continuum's modes follow."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -234,7 +234,7 @@ def _residual(network: MassSpringNetwork) -> Floats:
 def sliding_friction(
     network: MassSpringNetwork, needle: NeedleMechanics, tips: ArrayLike, direction: Floats, depths: Floats
 ) -> Floats:
-    """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides on with its tip at these places.
+    """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides forward with its tip at these places.
 
     tips: [m], (n, dim), punctured; depths: of the tip in the tissue [m], (n,). Full cutting and friction, whatever the
     tissue's own velocity.

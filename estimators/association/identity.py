@@ -64,13 +64,13 @@ class AssociationFilter:
     its marks' likelihoods and of the odds against each exchange. A clearly worse alternative is dropped. If one is
     clearly better and TRACKING, its names and its filter replace the present ones.
 
-    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are refused.
+    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are rejected.
     Then the filter restarts with each of the names that best fit the rest shape. Since the tissue may be turned or
     displaced, that fit contributes at most `settings.decisive`. One filter restarts with the present names, and the
-    others have to beat it: otherwise a filter could win only by a large covariance.
+    others have to beat it: otherwise a filter could win merely because its covariance is large.
 
     tissue: the filter; predict it first, then call `update` here
-    groups: of nodes whose marks are interchangeable; names are never exchanged between groups
+    groups: groups of nodes with interchangeable marks; names are never exchanged between groups
     State: node_of, the node of each named mark, where it differs from the name; alternatives, and same_names, the
     restart with the present names; corrected swaps; next time for trying names from a start, and the pause after it.
     """
@@ -94,7 +94,7 @@ class AssociationFilter:
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Update with a direct measurement of the target [m], (dim,), its covariance [m²], (dim, dim).
 
-        It is used as by `TissueFilter.fix`, for all names.
+        Every alternative is updated, as by `TissueFilter.fix`.
         """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)

@@ -91,7 +91,7 @@ class Baseline(ABC):
         Raises ValueError for a mark that is not on a free node or has another dimension.
         """
         if self.time_s is None:
-            raise ValueError("update: expected predict(time_s) before, found no time")
+            raise ValueError("update: expected predict(time_s) first, found no time")
         nis = None
         if marks:
             nis = self._take(*self._stacked(marks))

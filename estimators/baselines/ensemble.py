@@ -20,8 +20,8 @@ N_MEMBERS = 200
 class EnsembleKalmanFilter(Baseline):
     """Ensemble transform Kalman filter with the poked mode only, and noise drawn at each step of at most 1/120 s.
 
-    The update moves the ensemble to the Kalman update of its own mean and covariance, without perturbed marks,
-    inflation or localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part
+    The update gives the ensemble the mean and covariance of the Kalman update, without perturbed marks, inflation or
+    localisation. Source: [hunt2007], section 2.3, with a singular value decomposition of the marks' part
     in place of an eigenvalue problem of the ensemble's size.
 
     State: members (n_members, dim_x), besides the state of `Baseline`.

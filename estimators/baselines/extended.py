@@ -50,7 +50,7 @@ class ExtendedKalmanFilter(Baseline):
         H = np.eye(self.model.dim_x)[rows]
         x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another")
         self.x, self.P = x, P
         return float(nis)
 

@@ -19,7 +19,7 @@ class OpenLoop:
     """The paper's method: open-loop simulation of the target, driven by the marks.
 
     Source: [paper], section III and Fig. 5. Between frames a measured mass moves straight at constant speed: the paper
-    leaves that open, and this is best for the method without later frames. A marked mass that was not visible is
+    leaves that open, and this is the method's best choice without later frames. A marked mass that was not visible is
     integrated like the hidden ones, as in the paper ("additional second-order integration ... in case of losing of
     data"). The integrator is the classical Runge-Kutta method.
 
@@ -41,7 +41,7 @@ class OpenLoop:
         if not np.isfinite(time_s) or (self.time_s is not None and time_s < self.time_s):
             raise ValueError(f"time_s: expected {self.time_s} or later, found {time_s}")
         if not set(seen) <= self._free:
-            raise ValueError(f"marks: expected them on free nodes, found {[mark.node for mark in marks]}")
+            raise ValueError(f"marks: expected names of free nodes, found {[mark.node for mark in marks]}")
         dt = 0.0 if self.time_s is None else min(time_s - self.time_s, LONGEST_S)
         positions, velocities, free = self.positions.copy(), self.velocities.copy(), self.network.free
         if dt > 0.0:

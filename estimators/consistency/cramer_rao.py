@@ -31,10 +31,10 @@ def posterior_bound(
 
     states: true states, (n_times, n_state), at times_s [s], so dense that the motion between two is nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if none is visible
-    mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
+    mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, as noise in only some states requires: a
+    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, because only some states have noise: a
     Kalman filter with the transition matrices of the true states. This is the bound for one trajectory. The bound for
     many takes the mean of their information matrices; the mean of their covariances is an upper limit of it (Jensen).
     Here the matrices differ so little that both agree.

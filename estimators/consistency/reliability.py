@@ -49,9 +49,9 @@ def reliability_bins(
     """
     p, came = np.asarray(predicted, dtype=float), np.asarray(hit, dtype=bool)
     if p.ndim != 1 or p.shape != came.shape:
-        raise ValueError(f"calibration: expected as many hits as predictions, found {came.shape} and {p.shape}")
+        raise ValueError(f"reliability_bins: expected as many hits as predictions, found {came.shape} and {p.shape}")
     if not np.all((p >= 0.0) & (p <= 1.0)):
-        raise ValueError("calibration: expected probabilities from 0 to 1, found others")
+        raise ValueError("predicted: expected probabilities from 0 to 1, found others")
     edges = np.linspace(0.0, 1.0, 11).round(1)
     which = np.minimum(np.searchsorted(edges, p, side="right") - 1, 9)
     rows = []

@@ -34,10 +34,10 @@ def resting_bound(
     *,
     poked: Sequence[str] = (),
 ) -> Floats:
-    """Lower bound on the covariance of any unbiased estimate of a body about its rest after marks, (dim_x, dim_x).
+    """Lower bound on the covariance of any unbiased estimate of a body near rest after many frames, (dim_x, dim_x).
 
     marks: covariance of each mark [m²], (dim, dim), for the nodes visible in every frame; interval_s: of the frames [s]
-    mode: the force that acts, white on all free nodes and as pokes on the nodes `poked`
+    mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
 
     The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
     exact; dry friction becomes drag, by `friction_as_drag`. Raises NetworkError if the body has no rest.

@@ -44,10 +44,10 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance: the time over which the force is averaged.
 
-    mean_s: the time [s]; choice: pokes do not average out in half of it, and twice it would be the longest delay for a
-    fault that no frame shows
+    mean_s: the time [s]; choice: pokes do not average out in half of it; twice it would delay the report of a fault
+    that single frames do not show
     least_share: least share of that time with frames, and of its frames with a given mark [1]; choice
-    often: share of the time during which a poke acts where there are pokes [1]; choice: 0.3 s of every 1.8 s
+    often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
     """
 
     mean_s: float = 1.0
@@ -82,7 +82,7 @@ Calibration = Callable[[Floats], Floats]
 
 
 class StaticBalance:
-    """Test of a body's static balance from its marks, frame by frame; None for a body that may be led.
+    """Test of a body's static balance from its marks, frame by frame; no result for a body that may be led.
 
     uncertainty: of the constants; None: exact; calibration: of the camera; None: exact
     State: the marks of the last frames; cached factors for each set of visible nodes.

@@ -85,7 +85,7 @@ def inverse_roots(S: Floats) -> Floats:
     try:
         roots = np.asarray(np.linalg.cholesky(S), dtype=float)
     except np.linalg.LinAlgError:
-        raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+        raise CovarianceError("innovation covariance: expected a positive definite matrix, found another") from None
     for root in roots:
         root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is a Fortran array: nothing is copied
     return roots

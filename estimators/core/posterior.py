@@ -183,7 +183,7 @@ class TissuePosterior:
         """Raise ValueError for a repeated mark, and for a wrong node, dimension or number of shared errors."""
         for node, n in Counter(mark.node for mark in marks).items():
             if n > 1:
-                raise ValueError(f"mark {node}: expected it once, found it {n} times")
+                raise ValueError(f"mark {node}: expected one measurement, found {n}")
         for mark in marks:
             if mark.node not in self.marked:
                 names = ", ".join(self.marked)

@@ -64,7 +64,7 @@ class FilterSnapshot:
 class TissueFilter(TissuePosterior):
     """Filter that estimates a hidden target from marks on the tissue.
 
-    It is the same for every body: only the strength of forces depends on stiffness and size.
+    The filter is the same for every body: only the strength of forces depends on stiffness and size.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ class TissueFilter(TissuePosterior):
         updated state is not finite.
         """
         if self.time_s is None:
-            raise ValueError("update: expected predict(time_s) before, found no time")
+            raise ValueError("update: expected predict(time_s) first, found no time")
         self.check(marks)
         dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
         self._updated_s = self.time_s
@@ -278,9 +278,9 @@ class TissueFilter(TissuePosterior):
         try:
             nis = self.filter.update([places])
         except np.linalg.LinAlgError:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another") from None
         if not self.is_finite:
-            raise CovarianceError("mean and covariance of the tissue: expected finite, found otherwise")
+            raise CovarianceError("mean and covariance of the tissue: expected finite numbers, found others")
         return nis
 
     def _inliers(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
@@ -294,7 +294,7 @@ class TissueFilter(TissuePosterior):
         numbers that are not finite, and for a matrix that is no covariance.
         """
         if self.time_s is None:
-            raise ValueError("fix: expected predict(time_s) before, found no time")
+            raise ValueError("fix: expected predict(time_s) first, found no time")
         dim = self.network.dim
         if np.shape(position) != (dim,) or np.shape(cov) != (dim, dim):
             found = f"{np.shape(position)}, {np.shape(cov)}"

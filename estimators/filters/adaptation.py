@@ -10,7 +10,7 @@ from estimators.arrays import Floats
 class VarianceScale:
     """Maximum-likelihood estimate, with forgetting, of the factor by which a variance exceeds its stated value.
 
-    Innovations have the covariance S = rest + scale part. Each innovation changes log scale by its score, divided by
+    Innovations have the covariance S = rest + scale * part. Each innovation changes log scale by its score, divided by
     the Fisher information of the last forget_s. An innovation that does not depend on the part changes nothing.
     Source: [titterington1984].
 

@@ -69,7 +69,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         try:
             C = np.linalg.cholesky(S)
         except np.linalg.LinAlgError:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise") from None
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another") from None
         K = np.linalg.solve(C.T, np.linalg.solve(C, cross.T)).T
         updated = self.P - K @ S @ K.T
         w = np.linalg.solve(C, y)
@@ -83,14 +83,14 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         """
         x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R)
         if not definite:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another")
         self._accept(x, P, (y, S, K))
         self._judge(nis, log_det)
 
     def _drawn(self) -> Floats:
         points, definite = symmetric_points(self.x, self.P, self._scale)
         if not definite:
-            raise CovarianceError("state covariance: expected positive definite, found otherwise")
+            raise CovarianceError("state covariance: expected a positive definite matrix, found another")
         return points
 
     def _accept(self, x: Floats, P: Floats, solved: tuple[Floats, Floats, Floats]) -> None:

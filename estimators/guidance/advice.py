@@ -61,16 +61,16 @@ class Guidance:
     """Advice at one time with the numbers behind it; missing numbers are None.
 
     advice, reason: what to do, and why in words. If a needle inserted now never arrives, the numbers up to
-    turned_probability are None; if it arrives from no start, so is the best time
+    turned_probability are None; if no start time leads to an arrival, the best time is None, too
     arrival_s: time at which the notch (or the tip, for a hit by the tip) is beside the target, for an insertion now [s]
     probability: of a hit, for an insertion now along the present direction
-    aim: predicted position of the target then [m], (dim,): where to bring the notch's middle
-    cov: covariance of the target then [m²], (dim, dim)
+    aim: predicted position of the target at arrival_s [m], (dim,): where to bring the notch's middle
+    cov: covariance of the target at arrival_s [m²], (dim, dim)
     lateral_m: distance of the aim from the needle's line
     depth_m: distance by which the tip has to advance [m]; if negative, to retract
     turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
         that (dim,), and the probability of a hit along that direction
-    best_in_s, best_probability: the best time to begin along the present direction, from now [s]
+    best_in_s, best_probability: best time to begin along the present direction, from now [s], and its hit probability
     outlook: results for all start times
     """
 
@@ -252,12 +252,12 @@ def advise(
     now_s = float(path.times_s[0]) if now_s is None else now_s
     if not path.means.shape[1] == len(insertion.entry) == lesion.dim:
         found = (path.means.shape[1], len(insertion.entry), lesion.dim)
-        raise ValueError(f"dimensions: expected path, insertion and lesion to agree, found {found}")
+        raise ValueError(f"dimensions: expected the same for path, insertion and lesion, found {found}")
     n_starts = int(settings.horizon_s / settings.step_s + 1e-9) + 1
     starts = now_s + settings.step_s * np.arange(n_starts, dtype=np.float64)
     if not path.times_s[0] <= now_s <= starts[-1] <= path.times_s[-1]:
         raise ValueError(
-            f"path: expected to reach from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
+            f"path: expected times from {now_s} to {starts[-1]} s, found {path.times_s[0]} to {path.times_s[-1]} s"
         )
     predicted = (path.times_s, path.means, *path.parts)
     line = (insertion.entry, insertion.axis, insertion.speed_m_s, insertion.depth_m, needle.reach_m)

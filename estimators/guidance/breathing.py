@@ -33,10 +33,10 @@ class BreathingSettings:
     harmonics: number of harmonics of each period; choice
     memory_s: time constant of the exponential forgetting [s]; choice
     alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
-    cycles: number of periods in the track before a breath is reported; choice
+    cycles: least number of periods in the track for a breath to be reported; choice
     explained: least share of the track's variance that a breath has to explain; choice
     lasting_s: mean time until a target leaves its breath [s]; choice
-    forgotten: probability that the breath holds below which a new track begins; choice
+    forgotten: a new track begins if the probability that the breath holds is below this; choice
     """
 
     shortest_s: float = 2.8
@@ -66,7 +66,7 @@ class BreathingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Breath:
-    """Breath fitted to a track: period with standard deviation [s], and scatter of the target about it [m].
+    """Breath fitted to a track: period with standard deviation [s], and scatter of the target about the fit [m].
 
     explained: share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
     """
@@ -83,7 +83,7 @@ class Breathing:
 
     State: sums over the track with exponential forgetting: information (n_periods, n, n), products with the track
     (n_periods, n, dim), squares, weight, mean and variances; time of the first and the last estimate; the last fit;
-    the probability that the model holds; the target's departure from it [m], (dim,), and its covariance.
+    the probability that the model holds; the target's deviation from the model [m], (dim,), with covariance.
     """
 
     def __init__(self, dim: int, settings: BreathingSettings | None = None) -> None:
@@ -147,7 +147,7 @@ class Breathing:
         Raises ValueError if `breath` returns None.
         """
         if self.breath() is None:
-            raise ValueError("predict: expected a track that breathes, found none")
+            raise ValueError("predict: expected a track with a breath, found none")
         found, coefficient_covs, breath = self._fitted()
         times = np.asarray(times_s, dtype=float)
         angle = 2.0 * np.pi * times / self.periods_s[:, None]

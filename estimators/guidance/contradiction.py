@@ -21,7 +21,7 @@ class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
     away_s: time without use after which a mark must return to where it is expected [s]; choice
-    improbable: p-value of that frame's innovations below which it did not [1]; choice
+    improbable: p-value of the innovations in the frame of its return, below which it was elsewhere [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
     together: likelihood ratio of omitting one mark against shifting all, below which all marks moved together;
     0: not tested [1]; measured: at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
@@ -38,7 +38,7 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Test for contradictions between marks and model since `forget`, with their reason, from successive estimates.
+    """Test whether marks contradict the model, with the reason, from the successive estimates since `forget`.
 
     State: the reason, None while there is none; time of the last use of each mark [s].
     """

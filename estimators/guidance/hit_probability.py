@@ -35,7 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
 
-    target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim and too much off it
+    target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim, too much far from it
     axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
@@ -90,15 +90,15 @@ def _checked_axis(target: GaussianMixture, tip: GaussianMixture, axis: Floats, l
     """The axis as a unit vector, (dim,)."""
     for name, one in (("target", target), ("tip", tip)):
         if not isinstance(one, GaussianMixture):
-            raise TypeError(f"{name}: expected a GaussianMixture, such as of predict_modes, found {type(one).__name__}")
+            raise TypeError(f"{name}: expected a GaussianMixture, as from predict_modes, found {type(one).__name__}")
         variances = np.einsum("kii->ki", one.covs)
         if not (np.isfinite(one.means).all() and np.isfinite(one.covs).all() and (variances >= 0.0).all()):
-            raise ValueError(f"{name}: expected finite means, and covariances, found {one.means}, {one.covs}")
+            raise ValueError(f"{name}: expected finite means and valid covariances, found {one.means}, {one.covs}")
     dims = (target.means.shape[1], tip.means.shape[1], len(axis))
     if dims != (lesion.dim,) * 3:
         raise ValueError(f"dimensions: expected target, tip and axis of the lesion's {lesion.dim}, found {dims}")
     along = np.asarray(axis, dtype=float)
     length = float(np.linalg.norm(along))
     if not 0.0 < length < np.inf:
-        raise ValueError(f"axis: expected a direction, found {along}")
+        raise ValueError(f"axis: expected a finite non-zero vector, found {along}")
     return along / length

@@ -101,7 +101,7 @@ class Insertion:
         entry, axis = np.array(self.entry, dtype=float), np.array(self.axis, dtype=float)
         size = float(np.linalg.norm(axis))
         if entry.shape not in ((2,), (3,)) or axis.shape != entry.shape:
-            raise ValueError(f"insertion: expected entry and axis of 2 or 3 each, found {entry.shape}, {axis.shape}")
+            raise ValueError(f"insertion: expected entry and axis of length 2 or 3, found {entry.shape}, {axis.shape}")
         if not (np.isfinite(entry).all() and 0.0 < size < np.inf):
             raise ValueError(f"insertion: expected a finite entry and direction, found {entry} and {axis}")
         if not 0.0 < self.speed_m_s < np.inf:
@@ -115,12 +115,12 @@ class Insertion:
         """The insertion with a tracker's position of the tip [m], (dim,), and direction, (dim,), of any length.
 
         The skin is the plane through this insertion's entry, perpendicular to its axis; a tip in front of it is
-        outside. For a needle at a flat angle to the skin the depth along its own line is limited by STEEP. Raises
+        outside. Beyond 60 degrees from that axis (`STEEP`), the needle's depth is computed as at 60 degrees. Raises
         ValueError for a direction without length.
         """
         length = float(np.linalg.norm(axis))
         if not 0.0 < length < np.inf:
-            raise ValueError(f"insertion: expected a direction, found {axis}")
+            raise ValueError(f"insertion: expected a finite non-zero direction, found {axis}")
         along = np.array(axis, dtype=float) / length
         below_m = float((np.asarray(tip) - self.entry) @ self.axis)
         depth_m = max(below_m, 0.0) / max(float(along @ self.axis), STEEP)

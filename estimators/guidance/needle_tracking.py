@@ -54,7 +54,7 @@ class NeedleTracker:
         along = np.array(direction, dtype=float)
         length = float(np.linalg.norm(along))
         if along.shape != self.entry.shape or not 0.0 < length < np.inf:
-            raise ValueError(f"direction: expected {self.entry.shape} numbers, not all 0, found {along}")
+            raise ValueError(f"direction: expected shape {self.entry.shape} and not all 0, found {along}")
         self.direction = along / length
         self.noise = NeedleNoise() if noise is None else noise
         self.time_s: float | None = None
@@ -84,15 +84,15 @@ class NeedleTracker:
         Raises ValueError before the first measurement, and for a time that is past or not finite.
         """
         if self.time_s is None:
-            raise ValueError("tip_at: expected a measurement before, found none")
+            raise ValueError("tip_at: expected a measurement first, found none")
         x, P = self._ahead(time_s)
         return x[:-1], P[:-1, :-1]
 
     def update(self, position: ArrayLike, cov: ArrayLike) -> None:
         """Update with a position of the tip at the present time [m], (dim,), with its covariance [m²], (dim, dim).
 
-        The position comes from a tracker or from a mark with its own hue. The first one starts the estimate. Raises
-        ValueError for other shapes, or without a time, and CovarianceError.
+        The position comes from a tracker or from a mark with its own hue. The first position starts the estimate.
+        Raises ValueError for other shapes and before `predict`, and CovarianceError.
         """
         z, R = np.asarray(position, dtype=float), np.asarray(cov, dtype=float)
         dim = len(self.entry)
@@ -101,18 +101,18 @@ class NeedleTracker:
                 f"tip: expected finite numbers of shapes {(dim,)}, {(dim, dim)}, found {z.shape}, {R.shape}"
             )
         if self.time_s is None:
-            raise ValueError("update: expected predict(time_s) before, found no time")
+            raise ValueError("update: expected predict(time_s) first, found no time")
         if not self.P.any():
             self.x = np.r_[z, 0.0]
             self.P[:-1, :-1], self.P[-1, -1] = R, self.noise.speed_sd**2
             return
         x, P, _y, _S, _K, nis, _log_det, definite = joseph_update(self.x, self.P, z, np.eye(dim, dim + 1), R)
         if not definite:
-            raise CovarianceError("innovation covariance: expected positive definite, found otherwise")
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another")
         self.x, self.P, self.nis = x, P, float(nis)
 
     def arrival(self, depth_m: float) -> Arrival | None:
-        """Time at which the tip reaches this depth [m]; None if it does not, or is already deeper.
+        """Time at which the tip reaches this depth [m]; None if it never does, or is already deeper.
 
         t = (depth - l) / s and sd t = sd l(t) / s, with the speed s, the present depth l and l(t) predicted for time t.
         """

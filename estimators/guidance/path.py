@@ -66,7 +66,7 @@ class TargetPath:
                 f"found {self.times_s.shape}, {self.means.shape}, {self.covs.shape}"
             )
         if not (np.diff(self.times_s) > 0.0).all():
-            raise ValueError(f"path times_s: expected times that rise, found {self.times_s}")
+            raise ValueError(f"path times_s: expected increasing times, found {self.times_s}")
         if self.mixture is not None:
             weights, means, covs = self.mixture.weights, self.mixture.means, self.mixture.covs
             c = weights.shape[-1]
@@ -97,14 +97,14 @@ class TargetPath:
 
 
 def breathing_track(tissue: TissueFilter, mean: Floats) -> tuple[Floats, Floats]:
-    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the motion alone, from the estimate's mean, for `Breathing`."""
+    """Mean [m] (dim,) and covariance [m²] (dim, dim) of the target without its offset's error, for `Breathing`."""
     return mean - tissue.offset_mean, tissue.tissue_cov
 
 
 def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats) -> tuple[Floats, Floats]:
     """Means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target, predicted by the breathing model.
 
-    Its input was `breathing_track`; the error of the target's offset is added.
+    The model was updated with `breathing_track`; the error of the target's offset is added here.
     """
     means, covs = breathing.predict(times_s)
     return means + tissue.offset_mean, covs + tissue.offset_cov

@@ -40,12 +40,12 @@ class PlannedTarget:
 
 @dataclass(frozen=True, slots=True)
 class PlannedNeedle:
-    """Needle to plan for; forces as in `dynamics.NeedleMechanics`.
+    """Needle of a plan; `dynamics.NeedleMechanics` defines its forces.
 
     radius_m: of the shaft [m]; source: 16 gauge, the usual core needle
     cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N of bovine liver, rounded, [okamura2004]
-    friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between the 11 of sliding and the
-        18 of sticking in bovine liver, [okamura2004]
+    friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between 11 N/m for sliding
+        and 18 N/m for sticking in bovine liver, [okamura2004]
     reach_m: width of the kernel that distributes a force over nodes [m]; choice
     force_sd: relative standard deviation of the forces; choice
     tip_sd_m: standard deviation of the tip from its path per axis [m]; source: plan.toml, by default 0.9 mm at 45 mm,
@@ -64,7 +64,7 @@ class PlannedNeedle:
 class Skin:
     """Region where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
 
-    normal: out of the tissue, normalised, (dim,); max_angle_rad: of the needle to it; max_length_m: in the tissue
+    normal: out of the tissue, normalised, (dim,); max_angle_rad: from normal to needle; max_length_m: in the tissue
     """
 
     start: Floats
@@ -78,7 +78,7 @@ class Skin:
             object.__setattr__(self, key, np.array(getattr(self, key), dtype=float))
         length = float(np.linalg.norm(self.normal))
         if not length > 0.0:
-            raise ValueError("skin normal: expected a direction, found 0")
+            raise ValueError("skin normal: expected a non-zero vector, found 0")
         object.__setattr__(self, "normal", self.normal / length)
 
     def entries(self, n: int) -> Floats:
@@ -99,7 +99,7 @@ class Plan:
 
     entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
     pushed: shift of the target by the insertion [m], (n, dim)
-    means, covs: of the target then [m], (n, dim), covs including the tip's error [m²], (n, dim, dim)
+    means, covs: of the target at arrival [m], (n, dim); covs include the tip's error [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,); clearance: least distance to an obstacle's margin [m], (n,)
     angles: to the skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
     order: rows of the allowed paths from the best to the worst, then of the rejected ones by hits, (n,)
@@ -161,7 +161,7 @@ def candidate_paths(
 ) -> tuple[Floats, Floats]:
     """Entries and tips [m], (n n_aims, dim): from each entry to the predicted target, and to points beside it.
 
-    n_aims: odd; all but one aim up to 0.6 radii beside the centre: to both sides in the plane, all around in space
+    n_aims: odd; one aim at the centre, the others up to 0.6 radii off: on both sides in the plane, all around in space
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)

@@ -70,7 +70,7 @@ class Budget:
         return {**self.__dict__, "_on_check": None}
 
     def watched(self, on_check: Callable[[], None]) -> Budget:
-        """The same budget, which also calls this at each check, except in other processes."""
+        """A budget with the same limit, which also calls `on_check` at each check in this process."""
         some = self.part(1.0)
         some._on_check = on_check
         return some

@@ -65,12 +65,12 @@ class IdentificationResult:
     uncertainty: the few directions of the covariance that matter for the target
     passes: number of filter passes; converged: whether the last one changed the constants by less than noise
     residuals: test of the residuals
-    log_likelihood: of the recording's hidden marks; before: the same with the given constants
-    target_error_m: median error of the target against its unused mark [m]; before: the same; None: not measured
+    log_likelihood: of the recording's hidden marks; log_likelihood_before: with the given constants
+    target_error_m, target_error_before_m: median error of the target against its unused mark [m]; None: not measured
     n_starts, n_agreeing: number of starts, and how many of them led to these constants
     n_frames: number of frames that were used
     in_time: False if the time was too short for all frames, starts and passes
-    n_limited: number of directions in which the prior limits the covariance, since residuals would exceed the prior
+    n_limited: number of directions in which the covariance would exceed the prior and was limited to it
     """
 
     network: MassSpringNetwork
@@ -141,7 +141,7 @@ def identify_constants(
     marked node, if the time is too short for any result, and if no constants give a finite filter.
     """
     if not any(mark.node == target for _, marks in frames for mark in marks):
-        raise IdentificationError(f"expected the mark of {target} to be seen, found it in none of {len(frames)} frames")
+        raise IdentificationError(f"expected the mark of {target} in a frame, found it in none of {len(frames)} frames")
     if not set(marked) - {target}:
         raise IdentificationError(f"expected a marked node besides {target}, which is predicted from it, found none")
     limit = Budget() if budget is None else budget

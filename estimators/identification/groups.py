@@ -50,7 +50,7 @@ def constant_groups(
 ) -> tuple[ConstantGroup, ...]:
     """The groups in which positive constants of these kinds are estimated, kind by kind.
 
-    spring_groups: name of each spring's group, empty for a spring of its own, (n_springs,), or no names
+    spring_groups: name of each spring's group, (n_springs,), empty for a spring without group; or no names at all
     Without names, springs of equal constants form a group if the network has more than `MOST_SINGLE` springs, and all
     springs form one group if there would be more groups than that. Nodes of equal drag or friction likewise.
     """

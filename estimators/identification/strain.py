@@ -31,10 +31,10 @@ REFUTED = 3.0
 class TuningResult:
     """Estimated level of the discrepancy.
 
-    settings: with that level
+    settings: the settings with that level
     names, values, log_sd: the tuned setting, its value in its unit, and the standard error of the value's logarithm
     [1], each (1,)
-    log_likelihood: sum over each mark given the others of its frame, at that level, and at the earlier level
+    log_likelihood: of each mark given the others of its frame, summed; log_likelihood_before: at the earlier level
     n_frames: number of frames that were used; in_time: False if the time was too short for all frames and passes
     """
 

@@ -51,8 +51,8 @@ class PoseEstimate:
     """Estimate of the pose error at one time.
 
     motion: rigid motion from the true positions of points to the measured ones
-    cov: covariance of the motion's error, rotation [rad] and translation [m], (n, n)
-    columns: change of the motion by one standard deviation of each calibration error [rad, m], (n, n_calibration)
+    cov: covariance of the motion's error, first the translation [m], then the rotation [rad], (n, n)
+    columns: change of the motion by one standard deviation of each calibration error [m, rad], (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -164,7 +164,7 @@ class PoseFilter:
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
         """Update with the reference marks at the state's time; returns a move to report, or None."""
         if self.time_s is None:
-            raise ValueError("update: expected predict(time_s) before, found no time")
+            raise ValueError("update: expected predict(time_s) first, found no time")
         self.wrong = frozenset()
         if not marks:
             return None

@@ -139,7 +139,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
     """For each point [m], (k, dim), the registration by all others, (k,), with covariances [m²], (k, dim, dim).
 
-    None where the others do not determine one.
+    None where the other points do not determine a motion.
     """
     found: list[Registration | None] = []
     for k in range(len(drawn)):

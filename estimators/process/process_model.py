@@ -113,7 +113,7 @@ class TissueModel:
         """Covariance of the noise of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
 
         Springs and dashpots are ignored: over a step of 1/240 s they change the phantom's noise by about 10 %, and the
-        predicted covariance by 2 %. This holds at every frame rate, since the step is the same.
+        predicted covariance by 2 %. This holds at every frame rate, because the step does not depend on it.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))

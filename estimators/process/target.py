@@ -28,7 +28,7 @@ class TargetPoint:
         if not 0.0 <= self.sd_m < np.inf:
             raise ValueError(f"target sd_m: expected 0 or more, finite, found {self.sd_m}")
         if not self.nodes or len(self.nodes) != len(self.weights) or len(set(self.nodes)) != len(self.nodes):
-            raise ValueError(f"target: expected different nodes, a weight each, found {self.nodes}, {self.weights}")
+            raise ValueError(f"target: expected different nodes, one weight each, found {self.nodes}, {self.weights}")
         if not isclose(sum(self.weights), 1.0, abs_tol=1e-9):
             raise ValueError(f"target weights: expected a sum of 1, found {self.weights}")
 
@@ -39,8 +39,8 @@ class TargetMap:
 
     point: the mapped point; matrix [1], (dim, n_free dim); constant [m], (dim,): offset plus the anchors' share
     error_rows: states that estimate the error of the offset; None where the offset is exact
-    reached_m2: variance of each coordinate [m²] if only the reach of the target's nodes is known, from their anchors
-        or, without anchors, from the farthest node; held: whether the body has anchors
+    reached_m2: variance of each coordinate [m²] if only the largest distance of the target's nodes from their anchors
+        is known (without anchors: from the farthest node); held: whether the body has anchors
     Every state begins with the free coordinates; any other states may follow. A state of the network alone has no error
     of the offset.
     """

@@ -22,7 +22,7 @@ class Health:
     """Health of the filter after a frame.
 
     status: see `Status`
-    since_s: time since which marks arrive without a gap that lost the target [s]; None before the first
+    since_s: time of the first mark since the start, the last loss or divergence [s]; None before the first
     seen_s: time of the last mark that was used [s], -inf before the first
     innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) of the frames in the test
     """
@@ -44,7 +44,7 @@ def after_frame(
 ) -> Health:
     """Update a filter's health with a frame, whose marks have this NIS and number of coordinates; None: no marks.
 
-    disturbance: probability that one has just moved the tissue
+    disturbance: probability that a disturbance has just moved the tissue
 
     INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then TRACKING in each frame
     with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead to INITIALISING. Frames

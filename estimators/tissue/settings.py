@@ -20,9 +20,9 @@ class FilterSettings:
     outlier_odds: prior odds that a mark is an outlier, anywhere in the tissue's reach [1]; choice
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
     impulse_m_s: largest sudden change of a node's velocity [m/s]; choice
-    impulse_s: time for which the node moves at this speed before the springs pull it back; bounds the search region of
+    impulse_s: time for which the node moves at impulse_m_s before the springs pull it back; bounds the search region of
     marks [s]; choice
-    confirm_s: time after which marks of a start, or beyond the gate, count [s]; choice
+    confirm_s: time from the first marks of a start until the filter is TRACKING [s]; choice
     lost_s: time without marks after which the target is LOST [s]; choice
     forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
     test_s: time over which innovations are tested together for divergence [s]; choice

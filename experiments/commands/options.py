@@ -37,7 +37,7 @@ Fps = Annotated[
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file to use in place of the recording's.")]
 WithFilm = Annotated[
-    bool, typer.Option("--film", help="Annotated film.avi, in space film.NAME.avi, and worst frames, worst.png.")
+    bool, typer.Option("--film", help="Write annotated film.avi (in space film.NAME.avi); worst frames in worst.png.")
 ]
 SceneOut = Annotated[Path, typer.Option("--out", help="Scene file to write.", show_default=False)]
 AsJson = Annotated[

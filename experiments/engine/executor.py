@@ -149,7 +149,7 @@ class _Sending:
             return []
         except (CancelledError, OSError) as fault:
             raise InputError.at(
-                "--scheduler", "a scheduler until the last run", f"{last_line(fault)}; run again to go on"
+                "--scheduler", "a scheduler until the last run", f"{last_line(fault)}; run again to continue"
             ) from fault
         except Exception as fault:  # such as a module that the worker does not have
             return [Run(index, math.nan, failure=last_line(fault)) for index in indices]

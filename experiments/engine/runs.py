@@ -72,7 +72,7 @@ def importable(work: Work) -> Work:
         spec = getattr(sys.modules["__main__"], "__spec__", None)
         module = "" if spec is None else spec.name
     if not name.isidentifier() or not module:
-        raise ValueError(f"{work}: expected a function at the top of a module that can be imported")
+        raise ValueError(f"{work}: expected a function at the top level of an importable module")
     found: Work = getattr(importlib.import_module(module), name)
     return found
 

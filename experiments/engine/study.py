@@ -113,7 +113,7 @@ def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
     taken = {*columns_of(case), *OWN}
     for name in (name for row in rows for name in row):
         if name in taken:
-            raise ValueError(f"result: expected columns that the case does not have, found {name}")
+            raise ValueError(f"result: expected columns other than the case's keys, found {name}")
     return rows
 
 

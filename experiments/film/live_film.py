@@ -40,9 +40,7 @@ class LiveFilm:
         self.fault: Exception | None = None
         self._last_s = -float("inf")
         if growing.exists():
-            raise InputError.at(
-                growing, "no such folder, for the film to grow in", "one; softaim record --recover joins it"
-            )
+            raise InputError.at(growing, "no folder of an unfinished film", "one; softaim record --recover joins it")
         self._thread = RecorderThread(
             growing,
             "MJPG",

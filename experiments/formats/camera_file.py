@@ -136,7 +136,7 @@ def read_camera_toml(path: Path) -> CalibratedCamera:
     if len(file.reprojection_rms_px_each) != len(file.images_used):
         raise InputError.at(
             f"{path}: reprojection_rms_px_each",
-            f"{len(file.images_used)} entries, one an image used",
+            f"{len(file.images_used)} entries, one for each image used",
             str(len(file.reprojection_rms_px_each)),
         )
     return CalibratedCamera(

@@ -108,7 +108,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
     finals = {path: _final(path) for path in paths}
     for path, final in finals.items():
         if list(finals.values()).count(final) > 1:
-            raise InputError.at(path, "a file of its own", "one for several outputs")
+            raise InputError.at(path, "a different file for each output", "the same")
     parts = {path: _part_of(final, final.parent) for path, final in finals.items()} | dict(written or {})
     old: dict[Path, bytes | None] = {}
     path = Path()

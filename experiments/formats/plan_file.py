@@ -114,7 +114,7 @@ def read_task(path: Path, dim: int) -> Task:
     for i, one in enumerate(file.obstacle):
         places |= {f"obstacle[{i}].{key}": getattr(one, key) for key in ("centre_mm", "from_mm", "to_mm")}
         if (first := names.index(one.name)) < i:
-            raise InputError.at(f"{path}: obstacle[{i}].name", "a name of its own", f"that of obstacle[{first}]")
+            raise InputError.at(f"{path}: obstacle[{i}].name", "a unique name", f"that of obstacle[{first}]")
     for key, place in places.items():
         if place is not None:
             check_axes(f"{path}: {key}", place, dim)

@@ -94,8 +94,8 @@ class Recording:
 
     folder: its path
     exposures_s: one for each frame, increasing [s], (n_frames,)
-    source: the video file, or the folder of pictures or of a film's pieces; None with marks.csv instead,
-        and in space
+    source: the video file, or the folder of pictures or of a film's pieces; None for marks.csv
+        and for films in space
     films: of the cameras in space; exposures_s are then the times at which any of them exposed
     marks: for each frame the marks by another tracker; None with pictures
     truth: true positions of nodes, if known

@@ -126,7 +126,7 @@ class Scenario(Strict):
         for key in keys:
             if key in table.model_fields_set:
                 name, own = ("video", "camera") if other == "phantom" else ("marks", "mark")
-                raise ValueError(f"{name}.{key}: expected no such key beside {other}, but in {own}, found one")
+                raise ValueError(f"{name}.{key}: expected this key in {own} with {other}, found it here")
         return self
 
     @model_validator(mode="after")
@@ -140,7 +140,7 @@ class Scenario(Strict):
             intervals["pokes.pause_s"] = self.pokes.pause_s
         for key, interval_s in intervals.items():
             if self.duration_s / interval_s > MOST_STEPS:
-                raise ValueError(f"{key}: expected at most {MOST_STEPS} of them in duration_s, found {interval_s}")
+                raise ValueError(f"{key}: expected duration_s / {MOST_STEPS} or more, found {interval_s}")
         return self
 
     @property
@@ -207,7 +207,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
                 _check_free(network, node, f"{place}: {key}.nodes[{i}]")
             everywhere = key == "breathing" and network.continuum is not None and table.nodes is None
             if everywhere and not network.fixed.any():
-                raise InputError.at(f"{place}: breathing.nodes", "nodes, for nothing holds the mesh", "none")
+                raise InputError.at(f"{place}: breathing.nodes", "nodes, as the mesh has no anchors", "none")
             if table.nodes is None and not everywhere:
                 change[key] = table.model_copy(update={"nodes": list(marked)})
     if scenario.release is not None:
@@ -230,13 +230,13 @@ def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Postu
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)
         if not any(gravity):
-            raise InputError.at(f"{place}.{key}", "gravity [m/s²]", "none")
+            raise InputError.at(f"{place}.{key}", "a non-zero vector [m/s²]", "zero")
     if np.dot(start, posture.to_m_s2) < OPPOSITE * np.linalg.norm(start) * np.linalg.norm(posture.to_m_s2):
         raise InputError.at(
             f"{place}.to_m_s2", "less than half a turn, whose axis is defined", "the opposite direction"
         )
     if network.continuum is not None and not network.fixed.any():
-        raise InputError.at(place, "a mesh that is held", "one that nothing holds")
+        raise InputError.at(place, "a mesh with anchors", "one without")
     return posture.model_copy(update={"from_m_s2": start})
 
 

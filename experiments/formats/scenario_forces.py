@@ -105,9 +105,9 @@ class Press(Strict):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         if not any(self.force_n):
-            raise ValueError("force_n: expected a force, found zero")
+            raise ValueError("force_n: expected a non-zero vector, found zero")
         if 2.0 * self.rises_s > self.lasts_s:
             raise ValueError(f"rises_s: expected at most half of lasts_s ({self.lasts_s}), found {self.rises_s}")
         if len(set(self.nodes)) < len(self.nodes):
-            raise ValueError("nodes: expected each once, found one again")
+            raise ValueError("nodes: expected different nodes, found one twice")
         return self

@@ -151,7 +151,7 @@ def _check_header(path: Path, header: list[str], columns: list[str], rejected: M
             raise InputError.at(f"{path}: row 1", f"one column {column}", f"{found} in {shown(','.join(header))}")
     for column in header:
         if column not in columns:
-            raise InputError.at(f"{path}: row 1", f"columns {', '.join(columns)}", f"column {shown(column)} too")
+            raise InputError.at(f"{path}: row 1", f"only columns {', '.join(columns)}", f"also {shown(column)}")
 
 
 def _numbers(entries: Sequence[str]) -> Floats | None:

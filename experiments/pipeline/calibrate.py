@@ -178,7 +178,7 @@ def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
         if not (equals and folder and re.fullmatch(r"\w[\w .-]*", name)):
             raise InputError.at("--camera", "NAME=FOLDER", shown(text))
         if name in folders:
-            raise InputError.at("--camera", "a name of its own for each camera", f"{shown(name)} twice")
+            raise InputError.at("--camera", "a unique name for each camera", f"{shown(name)} twice")
         if not Path(folder).is_dir():
             raise InputError.at(f"--camera {name}", "a folder of pictures", shown(folder))
         folders[name] = Path(folder)

@@ -103,7 +103,7 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
         match = None if Path(spec).exists() else re.fullmatch(r"(\w[\w .-]*)=(.+)", spec)
         name, source = ("", spec) if match is None else match.groups()
         if name in named or (not name and len(specs) > 1):
-            expected = "NAME=SOURCE of each camera, once" if name else "NAME=SOURCE where there are several"
+            expected = "NAME=SOURCE with a unique name" if name else "NAME=SOURCE for each of several cameras"
             raise InputError.at("source", expected, vision.shown_source(spec))
         named[name] = source
     return named

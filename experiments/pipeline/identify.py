@@ -131,7 +131,7 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
         raise InputError.at(
             recording.folder,
             f"constants that predict {recording.scene.target.node} without its mark as well as the scene's",
-            f"{1e3 * found.target_error_m:.2f} mm, with the scene's {1e3 * found.target_error_before_m:.2f} mm",
+            f"an error of {1e3 * found.target_error_m:.2f} mm in place of {1e3 * found.target_error_before_m:.2f} mm",
         )
 
 

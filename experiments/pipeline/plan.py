@@ -65,7 +65,7 @@ def planned(
         trusted = ahead.status in (Status.TRACKING, Status.COASTING)
         unfit = integrity.contradiction.reason or (None if trusted else str(ahead.status))
         if unfit is not None or ahead.cov is None:
-            expected = "an estimate at its end that is TRACKING or COASTING and that nothing contradicts"
+            expected = "a last estimate that is TRACKING or COASTING, without a contradiction"
             raise InputError.at(source, expected, str(unfit))
         mean, cov, estimate, time_s = ahead.mean, ahead.cov + integrity.unstated, str(ahead.status), ahead.time_s
     else:

@@ -55,7 +55,7 @@ def sigma_figure(done: Track) -> Figure:
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
-        raise ValueError("sigma_figure: expected frames of known error and covariance, found none")
+        raise ValueError("sigma_figure: expected frames with known error and covariance, found none")
     figure, axes = grid_figure(COLUMN_MM, COLUMN_MM + 12.0)
     ax, dim = axes[0, 0], done.recording.scene.network.dim
     groups = grouped(sigma)
@@ -108,7 +108,7 @@ def consistency_figure(done: Track) -> Figure:
     freedom = {"nees": np.full(len(ours), dim), "nis": dim * ours["marks_used"].to_numpy()}
     keys = [key for key in freedom if ours[key].notna().any()]
     if not keys:
-        raise ValueError("consistency_figure: expected frames of known NEES or NIS, found none")
+        raise ValueError("consistency_figure: expected frames with known NEES or NIS, found none")
     figure, axes = grid_figure(PAGE_MM, 12.0 + 42.0 * len(keys), nrows=len(keys), sharex=True)
     for ax, key in zip(axes[:, 0], keys, strict=True):
         _against_bounds(done, ax, key, ours[key].to_numpy(), freedom[key])

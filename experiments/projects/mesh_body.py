@@ -224,7 +224,7 @@ def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Flo
         return _listed(Path(marks), mesh, faces)
     nodes, count = np.unique(faces), int(marks)
     if count > len(nodes):
-        raise InputError.at("--marks", f"1 to {len(nodes)}, by nodes of the free surface, or a file of marks", marks)
+        raise InputError.at("--marks", f"1 to {len(nodes)}, the nodes of the free surface, or a file of marks", marks)
     places = mesh.nodes[nodes]
     outermost = int(np.linalg.norm(places - places.mean(axis=0), axis=1).argmax())
     chosen = far_apart(places, count, [outermost])
@@ -236,7 +236,7 @@ def _table(path: Path) -> Table:
     table = read_table(path, ["x_mm", "y_mm", "z_mm"], ["name"])
     names = table.texts["name"]
     table.check("name", np.array([is_node_name(name) and name != TARGET for name in names]), "a name for a mark")
-    table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a name of its own")
+    table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a unique name")
     if not names:
         raise InputError.at(path, "a row for each mark", "none")
     return table
@@ -287,7 +287,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
         raise _outside(of, mesh.nodes) from None
     if weight < LEAST_FREE:
         found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
-        raise InputError.at("--target", "a place that moves", found)
+        raise InputError.at("--target", "a place that can move", found)
     return place
 
 

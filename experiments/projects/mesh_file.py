@@ -46,7 +46,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
     table = read_table(nodes, [*axes, *(["mass_kg"] if "mass_kg" in has else [])], texts)
     names = table.texts["name"]
-    table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a name of its own")
+    table.check("name", np.array([names.index(name) == i for i, name in enumerate(names)]), "a unique name")
     table.check("name", np.array([bool(name) for name in names]), "a name")
     table.check("name", np.array([is_node_name(name) for name in names]), "a name that prints on one line")
     fixed, target = _yes(table, "fixed"), _yes(table, "target")

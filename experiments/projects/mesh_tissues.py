@@ -35,7 +35,7 @@ class Tissues:
 def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | None) -> None:
     """Raise InputError for options of tissues that fit no body."""
     if young_pa is not None and (regions or field is not None):
-        raise InputError.at("--young-kpa", "one tissue, without --region and --field", "them")
+        raise InputError.at("--young-kpa", "no --region and no --field with it", "one of them")
     for text in regions:
         if text.partition("=")[2] not in TISSUES:
             raise InputError.at("--region", f"LABEL=TISSUE with one of {', '.join(TISSUES)}", shown(text))
@@ -110,5 +110,5 @@ def _share(body: Body, path: Path, field: str) -> Floats:
         has = ", ".join([*body.fields, *body.cell_fields]) or "none"
         raise InputError.at("--field", f"a field of {path.name}, {has}", shown(field))
     if not (np.isfinite(share).all() and share.min() >= -1e-6 and share.max() <= 1.0 + 1e-6):
-        raise InputError.at("--field", f"{field} from 0, fat, to 1, gland", f"{share.min():g} to {share.max():g}")
+        raise InputError.at("--field", f"{field} from 0 (fat) to 1 (gland)", f"{share.min():g} to {share.max():g}")
     return np.clip(share, 0.0, 1.0)

@@ -282,5 +282,5 @@ def warmed(world: World) -> tuple[Floats, Paper, Warm]:
             breathing.update(world.frame_s(k), *breathing_track(tissue, estimate.mean))
         state, _ = world.moved(state, outside, (world.frame_s(k), world.frame_s(k + 1)), punctured=False)
     if estimate is None:
-        raise ValueError(f"warm_s: expected a frame or more, found {case.warm_s} s")
+        raise ValueError(f"warm_s: expected one frame interval or more, found {case.warm_s} s")
     return state, paper, Warm(tissue, tissue.snapshot(), estimate, tables, of_advice, breathing)

@@ -154,7 +154,7 @@ def simulate(
     """
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
-        raise InputError.at(f"{scenario.scene}: camera", "one at most for a film (--no-film)", str(len(scene.cameras)))
+        raise InputError.at(f"{scenario.scene}: camera", "one for a film, or --no-film", str(len(scene.cameras)))
     films = filmed and bool(scene.cameras or scene.space_cameras)
     times = times_of(scenario, exposures(scenario), len(scene.space_cameras) if films else 0)
     times_s = all_times(times) if times else exposures(scenario)

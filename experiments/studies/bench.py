@@ -278,7 +278,7 @@ def detect(n_frames: int = 60) -> dict[str, float]:
 
     def tracked(k: int) -> None:
         if len(finder.find(frames[k], where[k])) < len(names):
-            raise RuntimeError(f"detect: expected four marks found, missed {sorted(finder.missed or ())}")
+            raise RuntimeError(f"detect: expected four marks, missed {sorted(finder.missed or ())}")
 
     work: dict[str, Callable[[int], object]] = {
         "full_1280x720_ms": full,

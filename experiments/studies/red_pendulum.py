@@ -308,7 +308,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
         seen = track(recording)
         found = sum(bool(step.marks) for step in seen.steps)
         if found < len(seen.steps):
-            raise InputError(f"{film}: expected the ball found in all {len(seen.steps)} frames, found it in {found}")
+            raise InputError(f"{film}: expected the ball in all {len(seen.steps)} frames, found it in {found}")
         withheld, runs = compared(seen, folder, swing.strikes)
         figures: dict[str, object] = {
             "frames": len(seen.steps),

@@ -53,7 +53,7 @@ class Lens:
         object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
-        """The lens with (9,) added to fx fy cx cy k1 k2 p1 p2 k3; the other distortion coefficients stay."""
+        """The lens with a change, (9,), of fx fy cx cy k1 k2 p1 p2 k3; other distortion coefficients stay."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()

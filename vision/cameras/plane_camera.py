@@ -131,7 +131,7 @@ class PlaneCamera:
         """Offset of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
 
         points_m: centres of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
-        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion adds to it.
+        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion adds an offset.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))

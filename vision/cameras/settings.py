@@ -15,7 +15,7 @@ class CalibrationSettings:
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
         the camera matrix, and one more shows whether they agree
     outlier_ratio: a picture is omitted if its rms exceeds this many times the median picture's [1]; choice
-    least_tilt_deg: least angle between some two boards, because parallel boards determine no more than one does
+    least_tilt_deg: at least two boards must differ by this angle; parallel boards determine no more than one does
     (section 4 there) [degrees]; choice
     largest_focal_sd: relative standard error of a focal length above which pictures are too similar [1]; choice
     together_px: pictures of one name were not simultaneous if a camera's rms, adjusted with the others, exceeds its own

@@ -101,9 +101,9 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
     """Triangulate all points at once by Gauss-Newton.
 
     start_m: initial positions [m], (n, 3)
-    start_sd_m: standard deviation of start_m per axis, used as a further measurement of each point [m]. One as large as
-        the body does not affect points that two cameras see. A point that one camera sees is then a point on its ray,
-        with the pixel's covariance across the ray and this one along it.
+    start_sd_m: standard deviation of start_m per axis, used as a further measurement of each point [m]. If it is as
+        large as the body, it does not affect points that two cameras see. A point that one camera sees is then a point
+        on its ray, with the pixel's covariance across the ray and start_sd_m along the ray.
 
     A point that would move behind one of its cameras has the misfit inf.
     Raises ValueError for points that fewer than two cameras see if start_sd_m is infinite.
@@ -175,7 +175,7 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
     """The directions of `calibration_steps`, sorted by their effect on the projections of points [m], (n, 3).
 
-    They are other independent directions of the same errors, the largest first. The least that together move
+    They are other independent directions of the same errors, the largest first. The smallest that together move
     projections by at most `least_px` [px] in root mean square are omitted.
     """
     steps = calibration_steps(cameras)

@@ -49,8 +49,8 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
-    outlines: shape of a whole mark, one for all or one for each expected mark, of which the nearest is used; with it,
-        the centres of partly covered marks are found
+    outlines: shape of a whole mark, to find the centres of partly covered marks: one for all, or one for each expected
+        mark, of which the nearest to a detection is used
     expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
         to select the outline of a mark
     rejected: receives rejected pixels with the reason; None: not recorded

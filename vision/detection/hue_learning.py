@@ -13,7 +13,7 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """Learn a kind of mark from the pixels of its colour around a position in a picture, bright or dark.
+    """Learn a kind of mark from the pixels of its colour, bright or dark, around a position in a picture.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
 

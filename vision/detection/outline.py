@@ -22,7 +22,7 @@ class Outline:
 
     shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
     size_sd: relative standard deviation of its size
-    area_px: of the whole mark [px], from these
+    area_px: area of the whole mark [px], from shape_px
     even: it has one colour; otherwise, as for a ball with shading, the rim is detected instead of the colour
     """
 

@@ -20,13 +20,13 @@ class Detection:
     """One detected mark.
 
     center_px: its centre [px], shape (2,)
-    cov_px2: covariance of the centre [px²], shape (2, 2), from the noise around the mark and its area
+    cov_px2: covariance of the centre [px²], shape (2, 2), from the mark's area and the noise around it
     area_px: its visible area [px]
     hue_deg: the hue of its class
     clipped: whether it touches the border of the searched part, so that some of it was not visible
     occluded: whether something hides part of it, so that its centre is that of its outline
-    color_bgr: of its core [grey levels]
-    size: relative to the outline of the search
+    color_bgr: colour of its core [grey levels]
+    size: relative to the outline that the search was given
     """
 
     center_px: Floats

@@ -32,7 +32,7 @@ class DeviceTimes:
     """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
 
     A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if that was plausible in
-    settings.settled_frames in a row: increasing, and its difference from the time of grab() constant to clock_error_s.
+    settings.settled_frames in a row: increasing, and its difference from grab()'s time constant within clock_error_s.
     The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
     come late but never early; this follows a drifting clock. A trusted device may deliver settled_frames in a row later
     than that, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used

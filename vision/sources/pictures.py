@@ -41,7 +41,7 @@ def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS
 
 
 def grey_picture(path: FilePath) -> Image:
-    """Grey levels of a picture file, (height, width), without the rotation in its metadata; SourceError."""
+    """Grey levels of a picture file, (height, width), without the rotation in its metadata; raises SourceError."""
     file = Path(path)
     if not file.is_file():
         raise SourceError(f"{file}: expected a picture, found no such file")
@@ -82,7 +82,7 @@ def _files(paths: Sequence[Path]) -> list[Path]:
     files.sort(key=natural_order)
     for one, other in pairwise(files):
         if one.name == other.name:
-            raise SourceError(f"{other}: expected a name of its own, found that of {one}")
+            raise SourceError(f"{other}: expected a unique name, found that of {one}")
     return files
 
 

@@ -23,7 +23,7 @@ class Start:
 class Playback:
     """Capture that delivers each frame of a file when it is due; frame times count from the first grab().
 
-    start: shared by films that play together
+    start: start time, shared by films that play together
     State: the remaining frames, the present one, the start.
     """
 

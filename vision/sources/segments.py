@@ -30,7 +30,7 @@ NOMINAL_FPS = 30.0
 
 
 class SegmentWriter:
-    """Writer of pieces 000000.mkv (FFV1) or 000000.avi (MJPG), 000001 ... in an existing empty folder.
+    """Writer of a film in pieces, 000000.mkv (FFV1) or 000000.avi (MJPG) ..., in an existing empty folder.
 
     After an interruption at any moment, `finish` can be called again.
     State: the present piece, hidden until it is complete, and the number of complete ones.
@@ -84,7 +84,7 @@ def count_segment_frames(folder: FilePath) -> int:
 class SegmentFrames(Closing):
     """Frames of all pieces in order, with these exposure times [s]; further frames are omitted.
 
-    Raises SourceError if pieces are missing, cannot be read, or have fewer frames. State: the open piece.
+    Raises SourceError if pieces are missing, cannot be read, or have too few frames. State: the open piece.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -117,7 +117,7 @@ def join_segments(
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
 
-    Lossless: JPEGs are copied, FFV1 is compressed again. `advance`: called with the completed share. SourceError.
+    Lossless: JPEGs are copied, FFV1 is compressed again. `advance`: gets the completed share. Raises SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

@@ -13,10 +13,10 @@ class SourceSettings:
     device whose reads fail is reopened; `close` waits this long for a reading thread [s]; choice
     hung_s: a read that takes this long has hung: another thread opens the device, FFmpeg drops a packet; also the
     longest pause between two attempts to open a lost device [s]; choice
-    opening_s: the same for opening a device, which takes ten seconds for some cameras [s]; choice
-    stream_opening_s: the same for opening a stream [s]; choice
+    opening_s: an opening of a device that takes this long has hung; some cameras need ten seconds [s]; choice
+    stream_opening_s: an opening of a stream that takes this long has hung [s]; choice
     most_readers: largest number of hung threads, each with the device that it opened [1]; choice
-    slow_intervals: usual frame intervals before which a slow camera is not blocked or frozen [1]; choice
+    slow_intervals: number of usual frame intervals without a picture that a slow camera may have [1]; choice
     settled_frames: number of frames for the usual interval, a median; a device's own times are trusted after this many
     plausible ones [1]; choice
     stuck_frames: after this many frames in a row whose stated times do not increase, arrival times are used; this many
@@ -25,7 +25,7 @@ class SourceSettings:
     clock_error_s: largest drift of a device's times from the arrival times [s]; choice
     uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or as a share of it
     [1], whichever is more, at which arrival times determine exposure times; choice
-    even_s: uneven times end after even ones for this long, sparse pictures after no gap for this long [s]; choice
+    even_s: time without uneven intervals, or without gaps, after which such a fault ends [s]; choice
     remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
     backlog: largest number of waiting frames of a device if every frame is kept [1]; choice
     sharp_frames: number of a film's frames for a calibration, the sharpest of each of this many equal parts [1]; choice

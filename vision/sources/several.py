@@ -35,8 +35,8 @@ POLL_S = 2e-3
 class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras, by name, each once, until all of them end or `close()`.
 
-    Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. If
-    all cameras of an exposure already have a newer one, it is dropped.
+    Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. An
+    exposure is dropped if all its cameras already have a newer picture.
     sources: by camera; clock, nap: the one monotonic clock [s], and a function that pauses
     State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; pictures dropped here.
     """
@@ -90,7 +90,7 @@ class SeveralFrames(Closing):
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The newest exposure not yet delivered; None without one within timeout_s [s], or at the end. SourceError."""
+        """The newest exposure not yet delivered; None if none comes within timeout_s [s], or at the end."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()

@@ -76,7 +76,7 @@ class Lighting:
     blur_sd_px: the lens's point spread [px]
     noise_sd: the sensor's noise in the dark, after the camera's own smoothing [grey levels]
     shot_noise_sd: noise that grows as the square root of light, at level 255 [grey levels]
-    grain_px: spread that this smoothing gives the noise [px], 0 for white noise
+    grain_px: spread of the noise by the camera's smoothing [px], 0 for white noise
     mark_strength: 1 for fresh marks; below 1, the remaining share of a worn mark's colour on the acrylic
     wander_px: error of each mark's drawn position in each frame [px], one standard deviation per axis; for errors that
     no picture shows, such as those of manually marked references

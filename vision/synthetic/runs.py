@@ -46,7 +46,7 @@ FASTEST_PX = 20.0
 class RunFrame:
     """One frame of a run: index, time of mid-exposure [s], the camera at that time, the marks, picture and truth.
 
-    The camera changes from frame to frame if lamps and exposure drift; its view stays the same object.
+    The camera changes from frame to frame if lamps and exposure drift; its view is the same in all frames.
     """
 
     index: int
@@ -112,7 +112,7 @@ def synthetic_run(
     radius_px: float | None = None,
     fps: float = 30.0,
 ) -> Iterator[RunFrame]:
-    """Frames of marks, one for each hue, that move by up to 20 px per frame, each about a home of its own.
+    """Frames of marks, one for each hue, that move by up to 20 px per frame, each about a fixed point.
 
     good light: modest noise, no occluders, mild lamps. whole range: every effect, each drawn from the seed.
     radius_px: the marks' radius at mid-picture; None: drawn from the seed

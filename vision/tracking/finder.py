@@ -53,7 +53,7 @@ class MarkFinder:
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
-        expected_after_impulse: the same for one mark by its name, if an impulse acted since its last detection
+        expected_after_impulse: expected position of a mark, by name, if an impulse acted since its last detection
         """
         search = Search(
             frame_bgr,

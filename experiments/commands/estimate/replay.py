@@ -22,7 +22,7 @@ def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False)
     if done.begun and done.different:
         name, row = next(iter(done.different.items()))
         found = f"another row {row}: was another version used?"
-        fault = InputError.at(recording / name, "the same rows again", found)
+        fault = InputError.at(recording / name, "the rows of the recorded run", found)
 
     def show() -> None:
         print(f"{counted(done.frames, 'frame')} replayed, {done.lacking} of them without a recorded picture")

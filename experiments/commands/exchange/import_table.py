@@ -33,12 +33,12 @@ def import_table(
     ] = 1.0,
     rename: Annotated[
         list[str] | None,
-        typer.Option("--rename", help="PART=NODE, once per body part with another name; PART= leaves it out."),
+        typer.Option("--rename", help="Node of a body part with another name, PART=NODE; PART= omits the part."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
         typer.Option(
-            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px] of a camera square to the plane, not the scene's."
+            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px]; a camera square to the plane replaces the scene's."
         ),
     ] = None,
     origin_px: Annotated[

@@ -19,7 +19,7 @@ def calibrate(
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
-    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER of a camera; repeat.")] = None,
+    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER for each camera.")] = None,
     charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
     plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board in the phantom's plane.")] = None,

@@ -38,7 +38,7 @@ def new(
     mesh: Annotated[
         Path | None,
         typer.Option(
-            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; needs the extra mesh."
+            "--mesh", help="Tetrahedra or a closed surface: VTK, VTU, Gmsh, STL, OBJ, PLY; needs the extra `mesh`."
         ),
     ] = None,
     unit: Annotated[

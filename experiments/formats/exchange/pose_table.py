@@ -102,7 +102,7 @@ def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
     if individual is None and len(names) <= 1:
         return names[0] if names else None
     if individual not in names:
-        expected = f"one of {', '.join(map(shown, names))}" if names else "none of a table of one animal"
+        expected = f"one of {', '.join(map(shown, names))}" if names else "no name for a table of one animal"
         raise InputError.at("--individual", expected, "none" if individual is None else shown(individual))
     return individual
 

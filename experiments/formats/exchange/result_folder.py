@@ -28,7 +28,7 @@ class Result:
 
     estimates: a row for each frame, columns as in estimates.csv: positions in mm, covariances in mm², NaN for missing
         numbers
-    open_loop: the same by the paper's method; None without estimates.open-loop.csv
+    open_loop: estimates by the paper's method; None without estimates.open-loop.csv
     marks: a row for each mark, columns as in marks.csv; None without that file
     summary: the figures of summary.json, by method; empty without that file
     """
@@ -89,5 +89,5 @@ def _figures(path: Path) -> dict[str, Any]:
     except json.JSONDecodeError as error:
         raise InputError.at(f"{path}: line {error.lineno}", "JSON", error.msg) from None
     if not isinstance(found, dict):
-        raise InputError.at(path, "an object", shown(found))
+        raise InputError.at(path, "a JSON object", shown(found))
     return found

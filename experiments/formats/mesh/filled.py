@@ -50,9 +50,9 @@ def filled(
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as alone:
             points, elements = alone.submit(_by_ftetwild, *given).result()
     except BrokenProcessPool:
-        raise InputError.at(path, "a surface that tetrahedra can fill", "one at which fTetWild ended") from None
+        raise InputError.at(path, "a surface that tetrahedra can fill", "one that crashed fTetWild") from None
     if not len(elements):
-        raise InputError.at(path, "a surface that tetrahedra can fill", "none by fTetWild")
+        raise InputError.at(path, "a surface that tetrahedra can fill", "no tetrahedra from fTetWild")
     used, place = np.unique(elements, return_inverse=True)
     return np.asarray(points, dtype=float)[used], place.reshape(-1, 4)
 

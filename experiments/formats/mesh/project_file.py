@@ -50,5 +50,5 @@ def mesh_of(content: bytes, path: Path) -> ProjectMesh:
         raise InputError(f"{path}: {error}") from None
     wall = arrays["wall"].astype(np.int64)
     if wall.ndim != 1 or (len(wall) and not 0 <= wall.min() <= wall.max() < len(mesh.nodes)):
-        raise InputError.at(path, f"wall of nodes 0 to {len(mesh.nodes) - 1}", "others")
+        raise InputError.at(path, f"node numbers 0 to {len(mesh.nodes) - 1} in wall", "others")
     return ProjectMesh(mesh, wall)

@@ -12,7 +12,7 @@ from vision import MarkHue, PlaneCamera
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False for scoring only.
+    """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False if it only scores estimates.
 
     half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
     even: whether it has one colour, unlike a shaded ball
@@ -35,7 +35,7 @@ class Mark:
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """Its image at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Image of the mark at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 

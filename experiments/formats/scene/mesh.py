@@ -84,7 +84,7 @@ class SceneMesh:
 
 def _traces(network: MassSpringNetwork) -> Floats:
     if network.continuum is None:
-        raise SceneError("mesh: expected a network of its points, found one without")
+        raise SceneError("mesh: expected a network of the mesh, found one of springs")
     return np.trace(network.continuum.by_tissue, axis1=1, axis2=2)
 
 
@@ -98,7 +98,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     for i, point in enumerate(table.point):
         check_name(f"mesh.point[{i}].name", point.name)
         if point.name.startswith("wall "):
-            raise SceneError(f"mesh.point[{i}].name: expected another than those of anchors, found {shown(point.name)}")
+            raise SceneError(f"mesh.point[{i}].name: expected a name that no anchor has, found {shown(point.name)}")
     tissues = tuple(
         Tissue(one.name, 1e3 * one.young_kpa, one.poisson, one.density_kg_m3, one.damping_s) for one in table.tissue
     )
@@ -203,7 +203,7 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
     for i, number in enumerate(numbers):
         if numbers.index(number) < i:
             first = f"mesh.tissue[{numbers.index(number)}]"
-            raise SceneError(f"mesh.tissue[{i}].region: expected a region of its own, found that of {first}")
+            raise SceneError(f"mesh.tissue[{i}].region: expected a unique region, found that of {first}")
         if not (of.mesh.regions == number).any():
             has = ", ".join(map(str, np.unique(of.mesh.regions)))
             raise SceneError(f"mesh.tissue[{i}].region: expected a region of the mesh, {has}, found {number}")
@@ -211,7 +211,7 @@ def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
     for i, number in enumerate(numbers):
         found[of.mesh.regions == number] = i
     if (found < 0).any():
-        raise SceneError(f"mesh.tissue: expected one of region {of.mesh.regions[found.argmin()]}, found none")
+        raise SceneError(f"mesh.tissue: expected a tissue for region {of.mesh.regions[found.argmin()]}, found none")
     return replace(of, mesh=replace(of.mesh, regions=found))
 
 
@@ -221,7 +221,7 @@ def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
     between = np.triu(squareform(pdist(points_of(of.mesh, surface(of.mesh), places).places)) < APART_M, 1)
     for first, i in np.argwhere(between)[:1]:
         found = f"{shown(names[i])} at that of {shown(names[first])}"
-        raise SceneError(f"mesh.point[{i}].position_mm: expected a place of its own, found {found}")
+        raise SceneError(f"mesh.point[{i}].position_mm: expected a unique position, found {found}")
 
 
 def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:

@@ -36,7 +36,7 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
         _check_node(table, i, node)
         if node.name in indices:
             raise SceneError(
-                f"network.node[{i}].name: expected a name of its own,"
+                f"network.node[{i}].name: expected a unique name,"
                 f" found {shown(node.name)}, that of network.node[{indices[node.name]}]"
             )
         indices[node.name] = i

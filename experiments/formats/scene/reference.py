@@ -68,7 +68,7 @@ class Reference:
                 try:
                     camera.project(mark.place(network)[None])
                 except ValueError:
-                    raise SceneError(f"{key}: expected it before the horizon of camera[{j}], found it beyond") from None
+                    raise SceneError(f"{key}: expected a place before camera[{j}]'s horizon, found it beyond") from None
 
     def _check_place(self, key: str, mark: ReferenceMark, network: MassSpringNetwork) -> None:
         if mark.node is None:
@@ -85,8 +85,8 @@ class Reference:
             apart = abs((mark.look.hue_deg - other.hue_deg + 180.0) % 360.0 - 180.0)
             if apart < max(mark.look.half_width_deg, other.half_width_deg):
                 raise SceneError(
-                    f"{key}.hue_deg: expected a hue of reference marks alone, found {mark.look.hue_deg:g},"
-                    f" {apart:g} from that of mark[{i}]"
+                    f"{key}.hue_deg: expected another hue than the body's marks, found {mark.look.hue_deg:g},"
+                    f" {apart:g} degrees from mark[{i}]"
                 )
 
 

@@ -100,14 +100,14 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
     except NetworkError as error:
         return NetworkError(f"network: {error}; {NO_REST}")
     except (ValueError, ArithmeticError) as error:  # numbers so large that they overflow
-        return SceneError(f"network: rest shape: expected numbers that can be computed with, found {shown(str(error))}")
+        return SceneError(f"network: rest shape: expected constants without overflow, found {shown(str(error))}")
     off = np.linalg.norm(rest - network.positions, axis=1)
     size_m = np.linalg.norm(np.ptp(network.positions, axis=0))
     stretched = (spring_lengths(rest, network.springs) / network.rest_lengths).max() > LONGEST
     if not (stretched and off.max() > size_m):
         return None
     return SceneError(
-        f"network: expected to rest within its own size of its drawing, {1e3 * size_m:.4g} mm,"
+        f"network: expected rest within its size, {1e3 * size_m:.4g} mm, of its drawing,"
         f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
     )
 

@@ -31,7 +31,7 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit.
+    """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit together.
 
     uncertainty: of the constants of the tissue, None for exact ones
     settings: noise levels, pokes and led nodes in the filter
@@ -39,7 +39,7 @@ class Scene:
     single spring; an empty tuple without groups
     steps: steps that were done on it, in order
     reference: fixed marks that correct the pose of the camera or tracker
-    lenses: cameras without a pose: their pictures cannot be used
+    lenses: cameras without a pose, whose pictures cannot be used
     mesh: the mesh of the network, None for springs
     space_cameras: cameras of a scene in space; `cameras`: those of a flat scene
     """
@@ -121,7 +121,7 @@ class Scene:
     def n_calibration(self) -> int:
         """Number of uncertain directions of the calibration, of the first camera or of all in space.
 
-        Those of the pose from reference marks come last; in space these need given marks, not pictures.
+        Directions of the pose from reference marks come last; in space they need marks.csv, not pictures.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0

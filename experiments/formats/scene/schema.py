@@ -19,7 +19,7 @@ def check_own_names(key: str, names: Sequence[str]) -> None:
     """Raise SceneError if two tables, `key[i]`, have the same name."""
     for i, name in enumerate(names):
         if (first := names.index(name)) < i:
-            raise SceneError(f"{key}[{i}].name: expected a name of its own, found that of {key}[{first}]")
+            raise SceneError(f"{key}[{i}].name: expected a unique name, found that of {key}[{first}]")
 
 
 def check_dim(key: str, place: Sequence[float], dim: int) -> None:
@@ -224,7 +224,7 @@ class UncertaintyTable(Strict):
         if (self.parameters is None) != (self.directions is None):
             raise ValueError("expected parameters and directions together, found one of them")
         if self.parameters is not None and kinds:
-            raise ValueError(f"expected parameters and directions or kinds, found both, {kinds[0]}")
+            raise ValueError(f"expected either parameters and directions, or kinds, found both, {kinds[0]}")
         if self.parameters is None and not kinds:
             raise ValueError(f"expected one or more of {', '.join(KINDS)}, or parameters and directions, found none")
         for row in self.directions or ():

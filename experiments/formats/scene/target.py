@@ -27,7 +27,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators; a position without a stated accuracy is exact here, but widens advice."""
+        """The target for estimators. Without a stated accuracy it is exact here; advice adds a default error."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

@@ -50,7 +50,7 @@ def exported(recording: Recording, folder: Path | None, start: str | None) -> Ex
     times.append(np.array([fix.time_s for fix in recording.fixes]))
     first_s, last_s = (edge(np.concatenate(times)) + 1e-9 * chosen.start_ns for edge in (np.min, np.max))
     if first_s < 0 or last_s >= LATEST_S:
-        raise InputError.at("--start", "times from 1970 to 2038 with it", f"{first_s:.9g} to {last_s:.9g} s from 1970")
+        raise InputError.at("--start", "frames from 1970 to 2038", f"{first_s:.9g} to {last_s:.9g} s from 1970")
     return chosen
 
 

@@ -125,7 +125,7 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
         part, given, node = text.partition("=")
         if not given or part not in poses.parts or part in names:
             parts = ", ".join(poses.parts)
-            raise InputError.at("--rename", f"PART=NODE once, of the parts {parts}", shown(text))
+            raise InputError.at("--rename", f"PART=NODE, once for each part of {parts}", shown(text))
         names[part] = node
     marked = scene.mark_names
     nodes = [names.get(part, part) for part in poses.parts]
@@ -135,7 +135,7 @@ def _nodes(poses: PoseTable, scene: Scene, renamed: Sequence[str]) -> list[str |
         raise InputError.at(f"{poses.path}: {', '.join(unknown)}", expected, ", ".join(map(shown, unknown.values())))
     for part, node in zip(poses.parts, nodes, strict=True):
         if node and nodes.count(node) > 1:
-            raise InputError.at(f"{poses.path}: {part}", "a node of its own", f"{shown(node)} of another part, too")
+            raise InputError.at(f"{poses.path}: {part}", "a node that no other part has", shown(node))
     return [node or None for node in nodes]
 
 

@@ -298,7 +298,7 @@ class Session:
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:
-            raise ValueError("fix: expected an estimate before it, found none")
+            raise ValueError("fix: expected an estimate first, found none")
         if np.shape(place_m) != (dim,):
             raise ValueError(f"fix: expected {dim} coordinates, found {len(place_m)}")
         bias_m = 0.0 if self.line.scene.settings.fix_bias is not None else USUAL_BIAS.sd_m

@@ -151,7 +151,7 @@ WRONG = {
         lambda one: one.update([replace(MARK, node=HIDDEN)]),
         r"mark M2: expected one of the marked nodes \(M1, M3, M4\), found another",
     ),
-    "mark twice": (lambda one: one.update([MARK, MARK]), "mark M1: expected it once, found it 2 times"),
+    "mark twice": (lambda one: one.update([MARK, MARK]), "mark M1: expected one measurement, found 2"),
     "mark in space": (lambda one: one.update([MarkMeasurement("M1", np.zeros(3), np.eye(3))]), "mark M1 position"),
     "shared by some": (
         lambda one: one.update([replace(MARK, node=f"M{k}", shared=np.ones((2, 4 - k))) for k in (1, 3)]),

@@ -333,10 +333,10 @@ def test_a_turned_needle_that_never_arrives_is_turned_to_where_the_straight_one_
         (lambda: replace(DOWN, speed_m_s=0.0), "insertion speed_m_s: expected more than 0"),
         (lambda: replace(DOWN, depth_m=-0.1), "insertion depth_m: expected 0 or more"),
         (lambda: replace(DOWN, axis=np.zeros(2)), "expected a finite entry and direction"),
-        (lambda: replace(DOWN, axis=np.ones(3)), "expected entry and axis of 2 or 3 each"),
+        (lambda: replace(DOWN, axis=np.ones(3)), "expected entry and axis of length 2 or 3"),
         (
             lambda: advise(path_of(at(0.0, 0.0)), DOWN, Lesion.ball(1.0, 3)),
-            r"dimensions: expected path, insertion and lesion to agree, found \(2, 2, 3\)",
+            r"dimensions: expected the same for path, insertion and lesion, found \(2, 2, 3\)",
         ),
     ],
 )

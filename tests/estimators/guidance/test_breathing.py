@@ -239,7 +239,7 @@ def test_nothing_is_said_too_early_or_of_a_track_that_does_not_breathe():
         place = 0.95 * place + 2e-3 * rng.normal(size=2)
         wandering.update(float(t), place, 1e-6 * np.eye(2))
     assert wandering.breath() is None
-    with pytest.raises(ValueError, match=r"^predict: expected a track that breathes, found none$"):
+    with pytest.raises(ValueError, match=r"^predict: expected a track with a breath, found none$"):
         wandering.predict(np.array([21.0]))
     assert Breathing(2).breath() is None
 

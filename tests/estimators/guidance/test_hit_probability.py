@@ -246,10 +246,10 @@ def test_an_axis_may_have_any_length(length):
 @pytest.mark.parametrize(
     ("axis", "mean", "variance", "message"),
     [
-        ([0.0, 0.0, 0.0], 0.0, 1e-6, "axis: expected a direction"),
-        ([0.0, 0.0, np.nan], 0.0, 1e-6, "axis: expected a direction"),
+        ([0.0, 0.0, 0.0], 0.0, 1e-6, "axis: expected a finite non-zero vector"),
+        ([0.0, 0.0, np.nan], 0.0, 1e-6, "axis: expected a finite non-zero vector"),
         ([0.0, 0.0, -1.0], np.nan, 1e-6, "target: expected finite means"),
-        ([0.0, 0.0, -1.0], 0.0, -1e-6, "target: expected finite means, and covariances"),
+        ([0.0, 0.0, -1.0], 0.0, -1e-6, "target: expected finite means and valid covariances"),
     ],
 )
 def test_no_probability_of_what_is_no_direction_or_mixture(axis, mean, variance, message):

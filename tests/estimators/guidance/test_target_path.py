@@ -114,7 +114,7 @@ def test_a_path_may_end_with_the_last_start_and_not_before():
     settings = AdviceSettings(horizon_s=2.0, step_s=0.5)
     found = advise(path_of(resting, seconds=2.0, step=0.5), DOWN, DISC, needle=TIP, settings=settings)
     assert np.isfinite(found.outlook.arrivals_s).tolist() == [True, True, True, False, False]
-    message = r"path: expected to reach from 10.0 to 12.0 s, found 10.0 to 11.5 s"
+    message = r"path: expected times from 10.0 to 12.0 s, found 10.0 to 11.5 s"
     with pytest.raises(ValueError, match=message):
         advise(path_of(resting, seconds=1.5, step=0.5), DOWN, DISC, needle=TIP, settings=settings)
 
@@ -148,9 +148,9 @@ def test_two_times_make_a_path():
         (lambda: path_of(resting, seconds=0.0, step=1.0), "path: expected two or more times"),
         (
             lambda: advise(path_of(resting, seconds=1.0, step=1 / 30), DOWN, DISC),
-            "path: expected to reach from 10.0 to 12.0",
+            "path: expected times from 10.0 to 12.0",
         ),
-        (lambda: uneven(0.0, 1.0, 1.0), r"path times_s: expected times that rise, found \[0\. 1\. 1\.\]"),
+        (lambda: uneven(0.0, 1.0, 1.0), r"path times_s: expected increasing times, found \[0\. 1\. 1\.\]"),
         (lambda: uneven(0.0), r"path: expected two or more times, .* found \(1,\), \(1, 2\), \(1, 2, 2\)"),
     ],
 )

@@ -187,7 +187,7 @@ def test_constants_that_explain_a_part_alone_are_not_gone_on_from():
 
 def test_a_target_that_is_never_seen_is_refused(recorded):
     frames = [(t, marks[:1]) for t, marks in recorded[0][:5]]
-    with pytest.raises(IdentificationError, match="expected the mark of far to be seen, found it in none of 5 frames"):
+    with pytest.raises(IdentificationError, match="expected the mark of far in a frame, found it in none of 5 frames"):
         identify_constants(chain(), frames, ("near",), "far")
 
 

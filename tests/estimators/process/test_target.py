@@ -113,7 +113,7 @@ def test_a_fix_is_of_the_point(phantom, frames):
     ("wrong", "fault", "message"),
     [
         (lambda: TargetPoint(("M1", "M2"), (0.5, 0.6)), ValueError, "a sum of 1"),
-        (lambda: TargetPoint(("M1", "M2")), ValueError, "a weight each"),
+        (lambda: TargetPoint(("M1", "M2")), ValueError, "different nodes, one weight each"),
         (lambda: TargetPoint(("M2",), offset_m=(1.0,)), ValueError, "expected 2 finite numbers"),
         (lambda: "M9", NetworkError, "M9"),
     ],

@@ -124,7 +124,7 @@ def test_a_result_that_is_none_is_a_failure(tmp_path, two):
     failures = run_study(small_runs.wrong, hows, tmp_path / "study", two).table["failure"]
     assert "pickle" in failures[0]
     assert failures[1] == "ValueError: result: expected one or more rows, found none"
-    assert failures[2] == "ValueError: result: expected columns that the case does not have, found seed"
+    assert failures[2] == "ValueError: result: expected columns other than the case's keys, found seed"
 
 
 def test_rows_of_a_run_stay_together_and_whole_numbers_join_real_ones(tmp_path, monkeypatch):

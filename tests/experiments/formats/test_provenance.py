@@ -116,7 +116,7 @@ def test_an_interrupt_leaves_all_files_as_they_were(tmp_path: Path, monkeypatch:
 
 def test_two_outputs_are_two_files(tmp_path: Path):
     (tmp_path / "link").symlink_to(tmp_path / "one")
-    with pytest.raises(InputError, match="one: expected a file of its own, found one for several outputs"):
+    with pytest.raises(InputError, match="one: expected a different file for each output, found the same"):
         write_together({tmp_path / "one": "a", tmp_path / "link": "b"})
     assert not (tmp_path / "one").exists()
 

@@ -36,7 +36,7 @@ BAD = {
     "empty": ("", ": expected columns a, b, node, found an empty file"),
     "blank": ("\n  \n", ": expected columns a, b, node, found an empty file"),
     "missing column": ("a,node\n1,x\n", ': row 1: expected one column b, found none in "a,node"'),
-    "extra column": ("a,b,c,node\n1,2,3,x\n", ': row 1: expected columns a, b, node, found column "c" too'),
+    "extra column": ("a,b,c,node\n1,2,3,x\n", ': row 1: expected only columns a, b, node, found also "c"'),
     "column twice": ("a,b,a,node\n1,2,3,x\n", ': row 1: expected one column a, found 2 in "a,b,a,node"'),
     "refused column": ("a,b,node,camera\n1,2,x,front\n", ": camera: one camera is supported"),
     "semicolons": ("a;b;node\n1;2;x\n", ': row 1: expected one column a, found none in "a;b;node"'),

@@ -192,7 +192,7 @@ def test_nothing_is_planned_by_an_estimate_that_has_just_begun(scene, plan_file,
     phantom = four_mass_phantom()
     rows = [[MarkRow(n, phantom.positions[phantom.index(n)] + 1e-7 * k, 1e-3) for n in OUTER] for k in range(2)]
     write_marks_csv(tmp_path / "marks.csv", np.arange(2) / 30.0, rows, dim=2)
-    with pytest.raises(InputError, match=r"that is TRACKING or COASTING and .* found INITIALISING"):
+    with pytest.raises(InputError, match=r"that is TRACKING or COASTING, .* found INITIALISING"):
         planned(tmp_path, plan_file)
 
 
@@ -239,7 +239,7 @@ def test_the_next_best_are_other_ways(scene, plan_file):
         ("n = 20", "n = 0", "entry.n: expected 1 or more, found 0"),
         ("n = 20", "n_aims = 4", "entry: n_aims: expected an odd number, found 4"),
         ("centre_mm = [3.0, 222.0]", "to_mm = [3.0, 222.0]", "obstacle[1]: expected centre_mm, or from_mm and to_mm"),
-        ('"vessel"\nkind', '"rib 5"\nkind', "obstacle[1].name: expected a name of its own, found that of obstacle[0]"),
+        ('"vessel"\nkind', '"rib 5"\nkind', "obstacle[1].name: expected a unique name, found that of obstacle[0]"),
         ('kind = "rib"', 'kind = "bone"', "obstacle[0].kind: expected 'rib', 'vessel' or 'other'"),
     ],
 )

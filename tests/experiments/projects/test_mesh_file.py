@@ -101,7 +101,7 @@ def test_a_body_of_a_millimetre_has_marks_and_a_camera(tmp_path) -> None:
 
 
 NODE_FAULTS = """
-C,0,60 | A,0,60 | nodes.csv: row 4: name: expected a name of its own, found "A"
+C,0,60 | A,0,60 | nodes.csv: row 4: name: expected a unique name, found "A"
 B,100 | ,100 | nodes.csv: row 3: name: expected a name, found ""
 C,0 | C ,0 | row 4: name: expected a name that prints on one line, found
 0.005,,0, | -1,,0, | nodes.csv: row 4: mass_kg: expected more than 0, found -1

@@ -68,7 +68,7 @@ def test_breathing_without_nodes_accelerates_all_of_a_mesh(gel):
 def test_a_mesh_that_nothing_holds_needs_nodes_to_breathe():
     network = continuum_network(block((2, 2, 2), (0.08, 0.08, 0.06)), (GEL,), np.empty(0, dtype=int), POINTS)
     scenario = Scenario(version=1, title="breath", duration_s=4.0, scene="x.toml", breathing=BREATH)
-    with pytest.raises(InputError, match=r"x: breathing.nodes: expected nodes, for nothing holds the mesh, found none"):
+    with pytest.raises(InputError, match=r"x: breathing.nodes: expected nodes, as the mesh has no anchors, found none"):
         completed(scenario, network, ("M1", "M2"), "x")
 
 
@@ -108,14 +108,14 @@ def test_a_plate_displaces_its_nodes_while_it_presses(gel):
 @pytest.mark.parametrize(
     ("tables", "message"),
     [
-        ({"posture": {"to_m_s2": [0, 9.81, 0]}}, "x: posture.from_m_s2: expected gravity .*found none"),
+        ({"posture": {"to_m_s2": [0, 9.81, 0]}}, "x: posture.from_m_s2: expected a non-zero vector .*found zero"),
         ({"posture": {"from_m_s2": [0, -9.81], "to_m_s2": [0, 9.81, 0]}}, "x: posture.from_m_s2: expected 3 numbers"),
         ({"posture": {"from_m_s2": [0, 0, 1], "to_m_s2": [0, 0, -9.81]}}, "x: posture.to_m_s2: expected less"),
         ({"press": [{"nodes": ["M3"], "force_n": [0, 0, 1]}]}, r"x: press\[0\].nodes\[0\]: no node named"),
         ({"press": [{"nodes": ["M1"], "force_n": [0, 1]}]}, r"x: press\[0\].force_n: expected 3 numbers"),
-        ({"press": [{"nodes": ["M1"], "force_n": [0, 0, 0]}]}, "expected a force, found zero"),
+        ({"press": [{"nodes": ["M1"], "force_n": [0, 0, 0]}]}, "force_n: expected a non-zero vector, found zero"),
         ({"press": [{"nodes": ["M1"], "force_n": [0, 0, 1], "rises_s": 3}]}, "expected at most half of lasts_s"),
-        ({"press": [{"nodes": ["M1", "M1"], "force_n": [0, 0, 1]}]}, "expected each once"),
+        ({"press": [{"nodes": ["M1", "M1"], "force_n": [0, 0, 1]}]}, "expected different nodes, found one twice"),
     ],
 )
 def test_what_does_not_fit_the_tissue_is_an_error(gel, tables, message):

@@ -30,7 +30,7 @@ def test_bad_pictures_are_named(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match=r"empty: expected a folder of pictures, found none in it"):
         list(grey_pictures([tmp_path / "empty"]))
     again = written(tmp_path / "more" / "a.png", 10)
-    with pytest.raises(SourceError, match=r"a\.png: expected a name of its own, found that of"):
+    with pytest.raises(SourceError, match=r"a\.png: expected a unique name, found that of"):
         list(grey_pictures([good, again]))
 
 

@@ -79,7 +79,7 @@ def test_an_animal_that_is_not_named_is_asked_for(tmp_path: Path, individual: st
     found = f'"{individual}"' if individual else "none"
     with pytest.raises(InputError, match=f'--individual: expected one of "rat", "mouse", found {found}'):
         read_poses(path, individual)
-    with pytest.raises(InputError, match='--individual: expected none of a table of one animal, found "rat"'):
+    with pytest.raises(InputError, match='--individual: expected no name for a table of one animal, found "rat"'):
         read_poses(sleap(path, [3, 4, 7], [0, 1, 2]), "rat")
 
 

@@ -103,7 +103,7 @@ estimates.csv | nees | nis | estimates.csv: row 1: expected one column nis, foun
 estimates.open-loop.csv | 1.25 | left | estimates.open-loop.csv: row 2: x_mm: expected a number, found "left"
 marks.csv | node | name | marks.csv: row 1: expected one column node, found none in "time_s,name,x_mm,y_mm,sd_mm"
 summary.json | "filter": | "filter" | summary.json: line 1: expected JSON, found Expecting ':' delimiter
-summary.json | {"filter": {}} | [1] | summary.json: expected an object, found [1]
+summary.json | {"filter": {}} | [1] | summary.json: expected a JSON object, found [1]
 """)
 
 

@@ -124,14 +124,14 @@ FAULTS = r"""
 file = "mesh.npz" | file = "none.npz" | {folder}/none.npz: expected the file of the scene's mesh, found no
 file = "mesh.npz" | file = "mesh.npz"\nsha256 = "0" | {folder}/mesh.npz: expected the mesh of SHA-256 0…, as
 "x < 5" | "x < -5" | mesh.fixed: expected 3 nodes or more, and not all, found 0 of 80; x is 0 to 40 mm
-region = 7 | region = 4 | mesh.tissue[1].region: expected a region of its own, found that of mesh.tissue[0]
+region = 7 | region = 4 | mesh.tissue[1].region: expected a unique region, found that of mesh.tissue[0]
 region = 7 | region = 8 | mesh.tissue[1].region: expected a region of the mesh, 4, 7, found 8
 region = 7 | region = 7.5 | mesh.tissue[1].region: expected a whole number, found 7.5
-name = "gland" | name = "fat" | mesh.tissue[1].name: expected a name of its own
+name = "gland" | name = "fat" | mesh.tissue[1].name: expected a unique name
 poisson = 0.4 | poisson = 0.5 | mesh.tissue[0].poisson: expected 0.495 or less, found 0.5
-name = "M2" | name = "M1" | mesh.point[1].name: expected a name of its own
-name = "M2" | name = "wall 2" | mesh.point[1].name: expected another than those of anchors
-[23.0, 14.0, 12.0] | [40.004, 12.0, 13.0] | mesh.point[2].position_mm: expected a place of its own, found "T" at that of
+name = "M2" | name = "M1" | mesh.point[1].name: expected a unique name
+name = "M2" | name = "wall 2" | mesh.point[1].name: expected a name that no anchor has
+[23.0, 14.0, 12.0] | [40.004, 12.0, 13.0] | mesh.point[2].position_mm: expected a unique position, found "T" at that of
     "M1"
 [23.0, 14.0, 12.0] | [23.0, 44.0, 12.0] | mesh.point[2].position_mm: expected a place inside the mesh
 [target]\nnode = "T" | [target]\nnode = "U" | target.node: no node named "U"
@@ -152,7 +152,7 @@ def test_faults_are_one_line(tmp_path: Path, old: str, new: str, expected: str) 
 
 def test_a_region_without_a_tissue_is_one_line(tmp_path: Path) -> None:
     start, end = SCENE.index('[[mesh.tissue]]\nname = "gland"'), SCENE.index("[[mesh.point]]")
-    with pytest.raises(InputError, match=r"mesh.tissue: expected one of region 7, found none$"):
+    with pytest.raises(InputError, match=r"mesh.tissue: expected a tissue for region 7, found none$"):
         read_scene(folder(tmp_path, SCENE[:start] + SCENE[end:]))
 
 

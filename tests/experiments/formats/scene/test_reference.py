@@ -70,7 +70,7 @@ node = "In1" | node = "In1"\nposition_mm = [0.0, 1.0] | expected node or positio
 node = "In1" | node = "In9" | reference.mark[0].node: no node named
 node = "In1" | node = "M2" | reference.mark[0].node: expected an anchor, which is fixed, found
 [150.0, 20.0] | [1.0, 2.0, 3.0] | reference.mark[1].position_mm: expected 2 numbers
-"R2" | "R1" | reference.mark[1].name: expected a name of its own, found that of
+"R2" | "R1" | reference.mark[1].name: expected a unique name, found that of
 "R2" | "M1" | reference.mark[1].name: expected its own node's name or a new one, found
 "R2" | "In1" | reference.mark[1].name: expected its own node's name or a new one
 hue_deg = 300.0\ndiameter_mm = 30.0 |  | reference.mark[0]: expected hue_deg and diameter_mm, which

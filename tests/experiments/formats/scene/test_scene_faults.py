@@ -51,7 +51,7 @@ damping_N_s_m = 0.6 | damping_N_s_m = -0.6 | network.spring[0].damping_N_s_m: ex
 [-200, 200.0] | [0.0, 200.0] | network.spring[0].between: expected nodes at different places, found both at [0.0,
     200.0] mm
 ["M1", "M2"] | ["M2", "In1"] | network.node[0]: expected one or more springs to "M1", found none
-name = "M2" | name = "M1" | network.node[1].name: expected a name of its own, found "M1", that of network.node[0]
+name = "M2" | name = "M1" | network.node[1].name: expected a unique name, found "M1", that of network.node[0]
 ["M2", "In1"] | ["M2", "M9"] | network.spring[1].between: no node named "M9"
 ["M1", "M2"] | ["M1", "M2", "In1"] | network.spring[0].between: expected 2 entries or fewer, found 3
 ["M1", "M2"] | ["M1"] | network.spring[0].between: expected 2 or more entries, found 1
@@ -97,7 +97,7 @@ OTHERS = [
         GOOD.replace('"In1"', '"In\\n1"'),
         r'network.node[2].name: expected a name that prints on one line, found "In\n1"',
     ),
-    (CAMERA, 2 * CAMERA, "camera[1].name: expected a name of its own, found that of camera[0]"),
+    (CAMERA, 2 * CAMERA, "camera[1].name: expected a unique name, found that of camera[0]"),
 ]
 
 

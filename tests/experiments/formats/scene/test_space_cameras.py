@@ -105,7 +105,7 @@ def test_a_live_run_needs_a_flat_scene(tmp_path: Path) -> None:
 
 def test_two_cameras_have_two_names() -> None:
     camera: SpaceCamera = two_cameras()[0]
-    with pytest.raises(SceneError, match=r"camera\[1\]\.name: expected a name of its own, found that of camera\[0\]"):
+    with pytest.raises(SceneError, match=r"camera\[1\]\.name: expected a unique name, found that of camera\[0\]"):
         replace(breast(), space_cameras=(camera, camera))
 
 

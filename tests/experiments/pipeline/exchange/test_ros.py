@@ -136,7 +136,7 @@ def test_a_run_that_was_elsewhere_is_refused(tmp_path: Path) -> None:
 
 
 def test_times_that_ros_cannot_hold_are_refused(files: Path) -> None:
-    with pytest.raises(InputError, match=r"--start: expected times from 1970 to 2038 with it"):
+    with pytest.raises(InputError, match=r"--start: expected frames from 1970 to 2038"):
         export_of(files, "filmed", start="2038-01-19T03:14:08Z")
 
 
