@@ -195,10 +195,7 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Innovations of each hypothesis, linearised at these states, (k, n), or at the hypotheses' means.
-
-        Raises CovarianceError if they are not finite, or their covariance is not positive definite.
-        """
+        """Innovations of each hypothesis, linearised at these states, (k, n), or its mean; raises CovarianceError."""
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
