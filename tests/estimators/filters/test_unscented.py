@@ -228,7 +228,7 @@ INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
 def test_a_covariance_that_is_not_definite_is_an_error_and_changes_nothing(P, act, message):
     """Style, rule 17: no hidden repair. The state before the error is the state after it."""
     f = started(UnscentedKalmanFilter(2, lambda s, _dt: s, lambda s: s), np.array([1.0, 2.0]), P, np.eye(2))
-    with pytest.raises(CovarianceError, match=f"{message}: expected positive definite"):
+    with pytest.raises(CovarianceError, match=f"{message}: expected a positive definite matrix"):
         act(f)
     np.testing.assert_array_equal(f.x, [1.0, 2.0])
     np.testing.assert_array_equal(f.P, P)

@@ -234,7 +234,7 @@ def test_marks_with_a_full_covariance_are_written_and_read_again(tmp_path: Path,
 DEFINITE = "row 2: cov_mm2: expected a positive definite covariance (xx, xy, yy)"
 COV_FAULTS = [
     ("cov_xx_mm2,cov_xy_mm2", "1,0", "row 1: expected one column cov_yy_mm2, found none"),
-    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2,sd_mm", "1,0,1,1", "row 1: expected columns time_s, cov_xx_mm2"),
+    ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2,sd_mm", "1,0,1,1", "row 1: expected only columns time_s, cov_xx_mm2"),
     ("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", "1,nan,1", 'row 2: cov_xy_mm2: expected a finite number, found "nan"'),
     *(("cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", entries, DEFINITE) for entries in ("1,2,1", "1,1,1", "-1,0,1", "0,0,0")),
 ]

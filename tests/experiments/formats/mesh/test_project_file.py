@@ -46,7 +46,7 @@ GOOD = {"nodes_m": NODES, "elements": ELEMENTS, "regions": np.zeros(1, dtype=int
         (b"no file", "expected the mesh of softaim new, found "),
         (saved(nodes_m=NODES), "expected an array elements of the mesh of softaim new, found none"),
         (saved(**{**GOOD, "regions": np.array(["a"])}), "expected an array regions of the mesh"),
-        (saved(**{**GOOD, "wall": np.array([400])}), "expected wall of nodes 0 to 79, found others"),
+        (saved(**{**GOOD, "wall": np.array([400])}), "expected node numbers 0 to 79 in wall, found others"),
         (saved(**{**GOOD, "elements": ELEMENTS[:, [0, 2, 1, 3]]}), "elements: expected no flipped elements"),
         (saved(**{**GOOD, "nodes_m": np.array([{}], dtype=object)}), "expected the mesh of softaim new, found "),
     ],

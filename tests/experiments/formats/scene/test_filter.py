@@ -112,8 +112,8 @@ FAULTS = r"""
 [uncertainty]\nparameters = ["drag M2"]\n | uncertainty: expected parameters and directions together
 [uncertainty]\nparameters = ["drag M2"]\ndirections = [[0.1, 0.2]]\n | uncertainty: expected directions of 1 numbers
     each, found 2
-[uncertainty]\ndrag = 0.1\nparameters = ["drag M2"]\ndirections = [[0.1]]\n | uncertainty: expected parameters and
-    directions or kinds, found both, drag
+[uncertainty]\ndrag = 0.1\nparameters = ["drag M2"]\ndirections = [[0.1]]\n | uncertainty: expected either
+    parameters and directions, or kinds, found both, drag
 [filter]\nled_nodes = ["M1", "M9"]\n | filter.led_nodes[1]: no node named "M9"
 [filter]\nled_nodes = ["In1"]\n | filter.led_nodes[0]: expected a node with a measured mark, found "In1" without
 [filter]\nled_nodes = "M1"\n | filter.led_nodes: expected a list, found "M1"
