@@ -47,8 +47,8 @@ LEAST_STEP = 0.125
 CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
-MOMENTS = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
-STATE = [*MOMENTS, "_before", "_transition", "_reference", "_dt"]
+STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
+STATE += ["_before", "_transition", "_reference", "_dt"]
 """Attributes of `HypothesisFilter` that each step replaces."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]

@@ -211,10 +211,6 @@ class TissuePosterior:
         found = self.filter.innovations([self.places(marks)])
         return float(np.logaddexp.reduce(found.logs)) - 0.5 * len(found.y[0]) * float(np.log(2.0 * np.pi))
 
-    def innovation(self, places: Places) -> tuple[Floats, Floats]:
-        """Innovation of marks before the update, (m,) [m], and its covariance (m, m) [m²], over all hypotheses."""
-        return self.filter.innovations([places]).overall
-
     def shift(self, y: Floats, S: Floats) -> CommonShift:
         """The part of the marks' innovation that a common shift of all marks explains."""
         dim, root = self.network.dim, inverse_roots(S[None])[0]

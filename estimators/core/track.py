@@ -251,7 +251,7 @@ class TissueFilter(TissuePosterior):
         if not marks or self.time_s is None:
             return [], None, None
         places = self.places(marks)
-        y, S = self.innovation(places)
+        y, S = self.filter.innovations([places]).overall
         shift = None if starting else self.shift(y, S)
         nis = self._observed(places)
         kept = np.repeat(~self.filter.outlying, self.network.dim)

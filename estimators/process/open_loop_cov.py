@@ -66,23 +66,23 @@ class OpenLoopCovariance:
             if len(self._frames) >= KEPT:
                 self._frames.clear()
             self._frames[key] = self._matrices(dt, noise)
-        moved, kept, end, Q = self._frames[key]
+        F, kept, G, Q = self._frames[key]
         n, R = self._n, np.zeros((self._m, self._m))
         for node, cov in noise.items():
             place = self._places[node]
             R[place, place] = cov
-        before, new, shifted = moved @ self.cov, np.empty_like(self.cov), end @ R
-        new[:n, :n] = before @ moved.T + shifted @ end.T + Q
-        new[:n, n:] = before[:, n:] * kept + shifted
+        FP, GR, new = F @ self.cov, G @ R, np.empty_like(self.cov)
+        new[:n, :n] = FP @ F.T + GR @ G.T + Q
+        new[:n, n:] = FP[:, n:] * kept + GR
         new[n:, :n] = new[:n, n:].T
         new[n:, n:] = self.cov[n:, n:] * np.outer(kept, kept) + R
         self.cov = new
 
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
-        """Matrices over dt [s] to a frame with these marks.
+        """F, kept, G and Q over dt [s] to a frame with these marks.
 
-        Transition to the hidden masses, which errors of marks remain, effect of new errors on the hidden masses, and
-        noise of forces.
+        F (n, n + m): transition to the hidden masses; kept (m,): 1 for each error of a mark that remains, else 0;
+        G (n, m): effect of new errors on the hidden masses; Q (n, n): covariance from unknown force
         """
         n = self._n
         if dt > 0.0:

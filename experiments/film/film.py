@@ -16,7 +16,7 @@ from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.outputs import write_whole
 from experiments.formats.recording import Recording
-from experiments.pipeline.line import Line, Seen, Step
+from experiments.pipeline.line import AnyFrame, Line, Step
 from experiments.pipeline.recorder import rate_of
 from vision import Exposure, PlaneCamera, VideoWriter
 from vision.arrays import Image
@@ -35,15 +35,15 @@ class Film:
     """
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:
-        self.folder, self.plan, self._scene = folder, plan, recording.scene
+        self.folder, self.plan, scene = folder, plan, recording.scene
         films = {one.camera: one.exposures_s for one in recording.films} or {"": recording.exposures_s}
         self._fps = {name: rate_of(exposures_s) for name, exposures_s in films.items()}
-        self._cameras = {camera.name: camera for camera in self._scene.space_cameras}
-        self._ground = ground_camera(self._scene) if recording.source is None and not recording.films else None
+        self._cameras = {camera.name: camera for camera in scene.space_cameras}
+        self._ground = ground_camera(scene) if recording.source is None and not recording.films else None
         self.worst = WorstFrames()
         self._writers: dict[str, VideoWriter] = {}
 
-    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+    def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Draw a frame and append it to the film, or the pictures of several cameras to theirs."""
         if isinstance(frame, Exposure):
             for name, image in frame.images.items():
@@ -57,7 +57,7 @@ class Film:
         picture = drawn(image, overlay)
         if name not in self._writers:
             height, width = picture.shape[:2]
-            path = self.folder / (f"{Path(FILM).stem}.{name}{Path(FILM).suffix}" if name else FILM)
+            path = self.folder / (f"film.{name}.avi" if name else FILM)
             self._writers[name] = VideoWriter(path, (width, height), self._fps[name])
         self._writers[name].write(picture)
         self.worst.take(overlay, picture)

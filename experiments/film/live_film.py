@@ -13,7 +13,7 @@ from experiments.film.views import ground_camera, overlay_of
 from experiments.film.worst import WorstFrames
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.line import FILTER, Line, Seen, Step
+from experiments.pipeline.line import FILTER, AnyFrame, Line, Step
 from experiments.pipeline.live.recorder_thread import RecorderThread
 from experiments.pipeline.recorder import join
 from vision import Frame
@@ -55,7 +55,7 @@ class LiveFilm:
         """Number of frames in the film."""
         return self._thread.n_recorded
 
-    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+    def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Pass a frame to the thread; the oldest waiting one is dropped if the thread is too slow."""
         time_s = step.estimates[FILTER].time_s
         if self.fault is not None or not round(time_s, 9) > round(self._last_s, 9):

@@ -33,16 +33,16 @@ class View(Protocol):
         """Projection of the visible part of a line between two points [m], (2, dim): its ends [px], (2, 2)."""
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """Projection of a position, (dim,), and its covariance, (dim, dim): (2,), (2, 2)."""
+        """Projection of a position [m], (dim,), and its covariance [m²], (dim, dim): [px] (2,), [px²] (2, 2)."""
 
     def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
-        """The image of a mark at a position, (2, 2)."""
+        """The image of a mark at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """The image of a ball about a position, (2, 2)."""
+        """The image of a ball of a radius [m] about a position [m], (dim,), alike, (2, 2) [px]."""
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether the mark of a node, at this position if it is known, may be drawn: in space, one that may be seen."""
+        """Whether the mark of a node may be visible at a position [m], (dim,); in space not at an unknown one, None."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -52,7 +52,7 @@ def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
 
 @lru_cache(maxsize=2)
 def _normals(scene: Scene) -> Mapping[str, Floats]:
-    """Outward normals of the marks as drawn."""
+    """Outward unit normals of the marks as drawn, by node, (3,)."""
     nodes = [mark.node for mark in scene.marks]
     return dict(zip(nodes, outward(scene, nodes), strict=True))
 
@@ -106,7 +106,7 @@ class PlaneView:
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """A `View` of a body in space. normals: of its marks, by node, (3,)."""
+    """A `View` of a body in space. normals: outward unit normals of its marks as drawn, by node, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

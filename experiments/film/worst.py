@@ -81,8 +81,9 @@ def captioned(picture: Image, text: str) -> Image:
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
     """Pictures on a sheet in rows of two, the first MOST_TILES of them; smaller ones get a black edge."""
-    height, width = np.max([one.shape[:2] for one in tiles[:MOST_TILES]], axis=0)
-    shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles[:MOST_TILES]]
+    tiles = tiles[:MOST_TILES]
+    height, width = np.max([one.shape[:2] for one in tiles], axis=0)
+    shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles]
     across = min(2, len(shown))
     shown += [np.zeros_like(shown[0])] * (-len(shown) % across)
     return np.vstack([np.hstack(shown[k : k + across]) for k in range(0, len(shown), across)])

@@ -92,14 +92,14 @@ class Step:
         }
 
 
-Seen = vision.Frame | vision.Exposure | None
-"""A frame, the pictures of cameras in space, or None for another tracker's marks."""
+AnyFrame = vision.Frame | vision.Exposure | None
+"""A frame of one camera, pictures of several in space, or None for another tracker's marks."""
 
 
 class Watcher(Protocol):
     """Protocol of an observer of each frame and its step."""
 
-    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+    def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Called with the frame and its step, and the advice, if there is one; the line has the state after them."""
 
 

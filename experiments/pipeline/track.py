@@ -23,7 +23,7 @@ from experiments.formats.outputs import table_text
 from experiments.formats.recording import Recording
 from experiments.pipeline.events import rest_offsets
 from experiments.pipeline.integrity import error_budget, target_variances, variance_shares
-from experiments.pipeline.line import FILTER, OPEN_LOOP, Line, Seen, Step, Watcher
+from experiments.pipeline.line import FILTER, OPEN_LOOP, AnyFrame, Line, Step, Watcher
 from experiments.pipeline.scores.fit import (
     TruthScore,
     Withheld,
@@ -136,7 +136,7 @@ def track(
     )
 
 
-def each_frame(line: Line, recording: Recording) -> Iterator[tuple[Seen, Step]]:
+def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Step]]:
     """The line's step for each frame of a recording, with the frame."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):

@@ -22,7 +22,7 @@ from experiments.formats.outputs import write_whole
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import Camera, Scenario, read_scenario
 from experiments.pipeline.advise import advise
-from experiments.pipeline.line import FILTER, Line, Seen, Step
+from experiments.pipeline.line import FILTER, AnyFrame, Line, Step
 from experiments.simulation.simulate import simulate
 from vision import Frame, PlaneCamera
 from vision.arrays import Image
@@ -51,7 +51,7 @@ class Watched:
         self.shown_s = shown_s
         self.frames: list[Image] = []
 
-    def take(self, frame: Seen, line: Line, step: Step, guidance: Guidance | None = None) -> None:
+    def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Draw a frame of the film, with a close-up of the target beside it."""
         if not isinstance(frame, Frame) or not self.shown_s[0] <= step.estimates[FILTER].time_s <= self.shown_s[1]:
             return
