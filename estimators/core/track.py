@@ -55,10 +55,11 @@ class FilterSnapshot:
     open_loop_cov: Floats
     log_likelihood: float
     residual_m: Floats
+    placed: Floats | None
 
     def without_marks(self) -> FilterSnapshot:
         """A copy of the snapshot without the effect of marks."""
-        return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None)
+        return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None, placed=None)
 
 
 class TissueFilter(TissuePosterior):
@@ -82,11 +83,17 @@ class TissueFilter(TissuePosterior):
         Priors of unknown forces and of the model's error; default: from the settings.
     """
 
-    def _restart(self, repair: str) -> None:
-        """Restart at the prior; keep the target's place in the body if fixes have measured it and nothing diverged."""
+    def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
+        """Restart at the prior; keep the target's place in the body if fixes have measured it and nothing diverged.
+
+        as_drawn: with the body as drawn; else where marks last showed it
+        """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
+        self._placed = None if as_drawn else self._placed
         self.begin()
+        if self._placed is not None:
+            self.filter.means[:, self.process.parts["position"]] = self._placed
         if self.health.status is not Status.DIVERGED:
             self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov
         self._refuted_s = -np.inf
@@ -107,6 +114,7 @@ class TissueFilter(TissuePosterior):
             self.open_loop.cov,
             self.log_likelihood,
             self.residual_m,
+            self._placed,
         )
 
     def restore(self, then: FilterSnapshot) -> None:
@@ -117,7 +125,7 @@ class TissueFilter(TissuePosterior):
         self._seen_s, self._updated_s = then.seen_s.copy(), then.updated_s
         self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
         self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
-        self.residual_m = then.residual_m
+        self.residual_m, self._placed = then.residual_m, then.placed
 
     def run(
         self,
@@ -149,7 +157,7 @@ class TissueFilter(TissuePosterior):
             self.residual_m = np.zeros_like(self.residual_m)
         is_forgotten = dt > max(self.settings.forget_s, self.settings.lost_s)
         if is_forgotten:
-            self._restart("forgotten")
+            self._restart("forgotten", as_drawn=True)
         elif dt > 0.0:
             self._advance(time_s - dt, dt, push, longest_s)
         self.time_s = time_s
@@ -229,17 +237,20 @@ class TissueFilter(TissuePosterior):
         self.check(marks)
         dt = 0.0 if self._updated_s is None else self.time_s - self._updated_s
         self._updated_s = self.time_s
-        starting = self.health.since_s is None or self.health.status is Status.LOST
+        before = self.health.status
+        starting = self.health.since_s is None or before is Status.LOST
         if marks and starting and self.health.since_s is not None:
-            self._restart("restarted")
+            self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # the marks after a restart were refused
         taken, nis, shift = self._taken(marks, starting=starting)
         self.health = after_frame(self.health, self.time_s, nis, len(taken) * self.network.dim, self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
-            taken, nis = self._again(marks)
+            taken, nis = self._again(marks, before)
         self.rejected.update(mark.node for mark in marks if mark not in taken)
         covs = {mark.node: mark.total_cov for mark in taken if mark.node in self._driven}
         self.open_loop.take(min(dt, self.settings.forget_s), covs)
         self._seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
+        if taken:
+            self._placed = self.filter.mean[self.process.parts["position"]]
         estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
         return replace(estimate, information_share=self.shares(marks) if marks else {}, shift=shift)
 
@@ -264,12 +275,15 @@ class TissueFilter(TissuePosterior):
         self._refuted_s = self.time_s if self._refuted_s == -np.inf else self._refuted_s
         if self.time_s - self._refuted_s < REFUTED_S:
             return [], None, shift
-        self.health = Health(Status.DIVERGED, self.time_s, self.time_s)
-        return *self._again(marks), shift
+        before, self.health = self.health.status, Health(Status.DIVERGED, self.time_s, self.time_s)
+        return *self._again(marks, before), shift
 
-    def _again(self, marks: Sequence[MarkMeasurement]) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart and update with these marks; returns those that are no outliers, and their NIS."""
-        self._restart("restarted")
+    def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
+        """Restart and update with these marks; returns those that are no outliers, and their NIS.
+
+        before: status before the divergence; a body that was just restarted begins as drawn
+        """
+        self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
         return taken, nis if taken else None

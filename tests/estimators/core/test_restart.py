@@ -1,0 +1,85 @@
+"""Where the filter restarts: where the body was, and as drawn if that fails too. The truth is a rigid motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from estimators import MarkMeasurement, Status
+from estimators.core import TissueFilter
+from tests.networks import build_network
+
+SD_M, LAST = 5e-4, 75
+"""Noise of the marks [m]; frame of the first trouble."""
+
+
+class Followed:
+    """A square without anchors, its middle hidden, moved by 0.3 m and turned by half in 2 s, or at rest."""
+
+    def __init__(self, moves: float) -> None:
+        places = [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05], [0.0, 0.0]]
+        springs = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]
+        self.network, self.moves = build_network(places, springs, damping=0.3), moves
+        self.rng, self.tissue = np.random.default_rng(1), TissueFilter(self.network, "N4", self.network.names[:4])
+        for k in range(LAST):
+            self.frame(k)
+
+    def frame(self, k: int, *, seen: bool = True) -> tuple[float, Status]:
+        """The next frame: error of the target [m], and status."""
+        done = self.moves * min(k / 60, 1.0)
+        cos, sin = np.cos(np.pi * done), np.sin(np.pi * done)
+        truth = self.network.positions @ np.array([[cos, sin], [-sin, cos]]) + [0.3 * done, 0.0]
+        noisy = truth + SD_M * self.rng.normal(size=truth.shape)
+        names = self.network.names[:4] if seen else ()
+        marks = [MarkMeasurement(name, noisy[i], SD_M**2 * np.eye(2)) for i, name in enumerate(names)]
+        self.tissue.predict(k / 30)
+        found = self.tissue.update(marks)
+        return float(np.linalg.norm(found.mean - truth[4])), found.status
+
+    def misplace(self, by: np.ndarray) -> None:
+        """The filter restarts with its coordinates displaced by this [m]."""
+        then = self.tissue.snapshot()
+        self.tissue.restore(replace(then, placed=then.placed + by))
+
+    def diverge(self, k: int) -> tuple[float, Status]:
+        """The next frame, after frames whose marks contradicted the filter."""
+        self.tissue.health = replace(self.tissue.health, innovations=((k / 30 - 0.01, 1e4, 8, 0.0),))
+        return self.frame(k)
+
+
+def test_after_a_divergence_it_restarts_where_the_body_was():
+    followed = Followed(moves=1.0)
+    found = [followed.diverge(LAST), *(followed.frame(LAST + k) for k in range(1, 15))]
+    assert [found[0][1], found[-1][1]] == [Status.DIVERGED, Status.TRACKING]
+    assert max(error for error, _ in found) < 2e-3
+
+
+@pytest.mark.parametrize("frames", [45, 90])
+def test_after_a_loss_it_restarts_where_the_body_was(frames):
+    followed = Followed(moves=1.0)
+    lost = [followed.frame(LAST + k, seen=False) for k in range(frames)]
+    found = [followed.frame(LAST + frames + k) for k in range(15)]
+    assert [lost[-1][1], found[-1][1]] == [Status.LOST, Status.TRACKING]
+    assert max(error for error, _ in found) < 5e-3
+
+
+def test_after_another_divergence_at_once_it_restarts_as_drawn():
+    """The restart is in a wrong shape: the middle beyond a side."""
+    followed = Followed(moves=0.0)
+    followed.misplace(np.array([0.0] * 8 + [0.15, 0.0]))
+    error, status = followed.diverge(LAST)
+    assert (error > 0.05, status) == (True, Status.DIVERGED)
+    error, status = followed.diverge(LAST + 1)
+    assert (error < 2e-3, status) == (True, Status.DIVERGED)
+    assert followed.tissue.repairs["restarted"] == 2
+
+
+def test_marks_that_a_restart_refuses_lead_to_one_as_drawn():
+    followed = Followed(moves=0.0)
+    for k in range(45):
+        followed.frame(LAST + k, seen=False)
+    followed.misplace(np.full(10, 10.0))
+    found = [followed.frame(LAST + 45 + k) for k in range(15)]
+    assert found[0][1] is Status.LOST
+    assert found[-1][1] is Status.TRACKING
+    assert found[-1][0] < 2e-3
