@@ -90,9 +90,8 @@ class TissueFilter(TissuePosterior):
         """
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
-        self._placed = None if as_drawn else self._placed
         self.begin()
-        if self._placed is not None:
+        if self._placed is not None and not as_drawn:
             self.filter.means[:, self.process.parts["position"]] = self._placed
         if self.health.status is not Status.DIVERGED:
             self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov

@@ -54,10 +54,10 @@ def test_after_a_divergence_it_restarts_where_the_body_was():
     assert max(error for error, _ in found) < 2e-3
 
 
-@pytest.mark.parametrize("frames", [45, 90])
-def test_after_a_loss_it_restarts_where_the_body_was(frames):
-    followed = Followed(moves=1.0)
-    lost = [followed.frame(LAST + k, seen=False) for k in range(frames)]
+@pytest.mark.parametrize("seen", [range(45), range(90), [299]], ids=["1.5 s", "3 s", "10 s without a frame"])
+def test_after_a_loss_it_restarts_where_the_body_was(seen):
+    followed, frames = Followed(moves=1.0), seen[-1] + 1
+    lost = [followed.frame(LAST + k, seen=False) for k in seen]
     found = [followed.frame(LAST + frames + k) for k in range(15)]
     assert [lost[-1][1], found[-1][1]] == [Status.LOST, Status.TRACKING]
     assert max(error for error, _ in found) < 5e-3
