@@ -19,6 +19,7 @@ from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers, add_worker_options
 from experiments.errors import InputError
+from experiments.formats.page import rewrite_page
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -41,7 +42,8 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
     if out:
         parser.add_argument("--out", type=Path, required=True, help="folder; an interrupted study continues")
     if page:
-        parser.add_argument("--page", action="store_true", help=f"rewrite the tables of docs/{page}")
+        own = DOCS / page
+        parser.add_argument("--page", action="store_const", const=own, help=f"rewrite the tables of docs/{page}")
     add_worker_options(parser)
     return parser
 
@@ -104,6 +106,13 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Se
     return "".join(
         "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)
     )
+
+
+def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str]) -> None:
+    """Print a text, and with `--page` rewrite these parts of the study's page, by name."""
+    sys.stdout.write(text)
+    if given.page is not None:
+        rewrite_page(given.page, parts)
 
 
 def print_figures(label: str, figures: Mapping[str, float], digits: int = 3) -> None:

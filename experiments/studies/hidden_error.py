@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators import MarkMeasurement, coverage, normalised_error_squared
+from estimators import coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.scenario import read_scenario
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Line
 from experiments.simulation.simulate import scene_of, true_motion
+from experiments.studies.estimation.trials import frames_of
 from experiments.studies.grid import print_figures, runs_of, study_options
 
 MARK_SD_M = 0.00414
@@ -42,13 +43,10 @@ def run(scenario_name: str, seed: int, mark_sd_m: float = MARK_SD_M, duration_s:
     truth = true_motion(scene.network, scenario, rng)
     names = [scene.network.names[i] for i in scene.network.free]
     hidden = names.index(scene.target.node)
-    cov = mark_sd_m**2 * np.eye(scene.network.dim)
+    noisy = truth.positions + rng.normal(0.0, mark_sd_m, truth.positions.shape)
+    seen = noisy[:, [names.index(node) for node in scene.measured_nodes]]
     line = Line(scene)
-    steps = []
-    for exposure_s, positions in zip(truth.times_s, truth.positions, strict=True):
-        noisy = positions + rng.normal(0.0, mark_sd_m, positions.shape)
-        marks = [MarkMeasurement(node, noisy[names.index(node)], cov) for node in scene.measured_nodes]
-        steps.append(line.take(float(exposure_s), marks))
+    steps = [line.take(*frame) for frame in frames_of(truth.times_s, seen, scene.measured_nodes, mark_sd_m)]
     errors = {
         m: np.array([s.estimates[m].mean for s in steps]) - truth.positions[:, hidden] for m in (OPEN_LOOP, FILTER)
     }

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from dynamics.mesh import MeshError, TetMesh
 from experiments.errors import InputError, shown
 
-ENDING = ".npz"
-
 ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
 """Arrays of the file, and the kinds of their numbers."""
 

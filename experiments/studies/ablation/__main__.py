@@ -20,10 +20,9 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.formats.page import rewrite_page
 from experiments.studies.ablation.recordings import BODIES, LUNG, recording
 from experiments.studies.ablation.switches import SWITCHES, WHOLE
-from experiments.studies.grid import DOCS, chosen, command, grid, kept_runs, markdown_table, study_options
+from experiments.studies.grid import chosen, command, grid, kept_runs, markdown_table, publish, study_options
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
@@ -116,9 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     page = markdown(runs)
     text = f"{whole_filter(runs)}\n{page}"
     write_whole(given.out / "table.md", text)
-    sys.stdout.write(text)
-    if given.page:
-        rewrite_page(DOCS / "ablation.md", {"ablation table": page})
+    publish(given, text, {"ablation table": page})
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     python -m experiments.studies.dense_lungs FOLDER --out DIR    # --page writes the table to docs/zoo.md
 
 FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling and
-of exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv, table.md
-and errors.png, all or none. Last figures: docs/zoo.md.
+of exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv and
+table.md, all or none. Last figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -21,12 +21,10 @@ from estimators import normalised_error_squared
 from experiments.engine.workers import chosen_workers, workers_for
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
-from experiments.formats.page import rewrite_page
-from experiments.plots.style import saved
 from experiments.studies.dense_lungs.data import WHERE, Lung, read_lungs
 from experiments.studies.dense_lungs.methods import METHODS, DenseConstants, Task
-from experiments.studies.dense_lungs.table import COUNTS, Run, flat, markdown, picture, summary
-from experiments.studies.grid import DOCS, command, grid, runs_of, study_options
+from experiments.studies.dense_lungs.table import COUNTS, Run, flat, markdown, summary
+from experiments.studies.grid import command, grid, publish, runs_of, study_options
 
 
 def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
@@ -49,25 +47,17 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
     return Run(lung.name, where, n, errors, nees, failures)
 
 
-def _factor(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not 0.0 < value < np.inf:
-        raise InputError.at("--stiffness-factor", "a finite number above 0", text)
-    return value
-
-
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the results of a folder of tables; returns 1 if a method failed."""
     parser = study_options(__doc__, out=False, page="zoo.md")
     parser.add_argument("folder", type=Path, help="of tables of landmarks, one for each person")
     parser.add_argument("--out", type=Path, required=True, help="folder of the results, new or empty")
-    parser.add_argument("--stiffness-factor", default="1", help="on all springs; default: %(default)s")
+    parser.add_argument("--stiffness-factor", type=float, default=1.0, help="on all springs; default: %(default)s")
     given = parser.parse_args(arguments)
-    constants, factor = DenseConstants(), _factor(given.stiffness_factor)
+    constants, factor = DenseConstants(), given.stiffness_factor
+    if not 0.0 < factor < np.inf:
+        raise InputError.at("--stiffness-factor", "a finite number above 0", f"{factor:g}")
     body = replace(constants.body, strand_n=factor * constants.body.strand_n)
     with output_folder(given.out, inputs=[given.folder]) as folder:
         lungs = read_lungs(given.folder)
@@ -80,10 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         write_whole(folder / "summary.json", json.dumps(content, indent=2) + "\n")
         write_whole(folder / "rows.csv", flat(rows).to_csv(index=False))
         write_whole(folder / "table.md", page)
-        write_whole(folder / "errors.png", saved(picture(rows), "png"))
-    sys.stdout.write(page)
-    if given.page:
-        rewrite_page(DOCS / "zoo.md", {"dense lungs table": page})
+    publish(given, page, {"dense lungs table": page})
     failed = [(one, name, why) for one in runs for name, why in one.failures.items()]
     for one, name, why in failed:
         sys.stderr.write(f"{one.lung}, {one.marks} marks, {one.where}: {name}: {why}\n")

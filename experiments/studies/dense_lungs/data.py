@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
 from dynamics.mesh import far_apart
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.tables import read_table
+from experiments.studies.lungs.landmarks import hull_of, sides
 
 AXES = ("x", "y", "z")
 COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
@@ -70,18 +70,11 @@ def read_person(path: Path) -> list[Lung]:
     first[np.unique(landmark, return_index=True)[1]] = True
     table.check("landmark", first, "each landmark once")
     inhaled, exhaled = (1e-3 * np.column_stack([table.numbers[f"{axis}{time}_mm"] for axis in AXES]) for time in (0, 1))
-    x = np.sort(inhaled[:, 0])
-    gap = int(np.diff(x).argmax())
-    right = inhaled[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
-    return [_lung(path, side, inhaled[own], exhaled[own]) for side, own in (("right", right), ("left", ~right))]
+    return [_lung(path, side, inhaled[own], exhaled[own]) for side, own in sides(inhaled).items()]
 
 
 def _lung(path: Path, side: str, inhaled: Floats, exhaled: Floats) -> Lung:
-    try:
-        planes = ConvexHull(inhaled).equations
-    except (QhullError, ValueError):
-        found = f"{len(inhaled)} that do not"
-        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", found) from None
+    planes = hull_of(path, side, inhaled).equations
     depth = -(inhaled @ planes[:, :3].T + planes[:, 3]).max(axis=1) / np.ptp(inhaled, axis=0).max()
     lung = Lung(f"{path.stem} {side}", inhaled, exhaled, depth)
     if not len(lung.hidden):

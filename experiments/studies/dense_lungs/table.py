@@ -1,4 +1,4 @@
-"""The table of dense lungs: mean errors of each method in each row, shares covered, and their picture."""
+"""The table of dense lungs: mean errors of each method in each row, and shares covered."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from estimators import coverage
 from experiments.arrays import Floats
-from experiments.plots.style import BLACK, GREEN, GREY, OURS, PAGE_MM, PAPERS, PURPLE, grid_figure, legend_below, styled
 from experiments.studies.dense_lungs.data import WHERE
 from experiments.studies.grid import markdown_table
 
@@ -28,12 +26,6 @@ WORDS = {
     "none": "no motion",
 }
 """Methods in words."""
-
-COLORS = {"filter": OURS, "thin_plate": BLACK, "linear": GREEN, "field": PURPLE, "open_loop": PAPERS}
-"""Colours of the lines in the picture."""
-
-BOUNDS = (0.90, 0.98)
-"""Bounds for the share covered in a row of the filter [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,36 +85,3 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _number(value: float | None, form: str) -> str:
     return "" if value is None else form.format(value)
-
-
-@styled
-def picture(rows: Sequence[Mapping[str, Any]]) -> Figure:
-    """Errors by number of marks, all round and on the front; below them the share covered."""
-    figure, axes = grid_figure(PAGE_MM, 90.0, nrows=2, ncols=2, sharex=True, sharey="row", height_ratios=[2.0, 1.0])
-    for column, where in enumerate(WHERE):
-        own = [row for row in rows if row["where"] == where]
-        error, covered = axes[:, column]
-        for name, color in COLORS.items():
-            figures = [row["methods"][name] for row in own]
-            style = {"color": color, "marker": "o", "label": WORDS[name], "ls": "--" if name == "open_loop" else "-"}
-            error.plot(COUNTS, [_or_nan(one["mae_mm"]) for one in figures], **style)
-            shares = [100 * _or_nan(one["coverage95"]) for one in figures]
-            if np.isfinite(shares).any():
-                covered.plot(COUNTS, shares, **style)
-        covered.axhspan(100 * BOUNDS[0], 100 * BOUNDS[1], color="0.9", zorder=0)
-        error.set(
-            xscale="log", title={"all": "marks all round", "front": "marks on one half, y above the median"}[where]
-        )
-        covered.set(xlabel="marks a lung", xticks=COUNTS, xticklabels=[str(n) for n in COUNTS], ylim=(80, 100))
-        covered.minorticks_off()
-        error.minorticks_off()
-        for ax in (error, covered):
-            ax.grid(axis="y", lw=0.3, color=GREY)
-    axes[0, 0].set(ylabel="mean error [mm]", ylim=(0.0, None))
-    axes[1, 0].set(ylabel="covered [%]")
-    legend_below(figure, axes[0, 0], len(COLORS))
-    return figure
-
-
-def _or_nan(value: float | None) -> float:
-    return float("nan") if value is None else value

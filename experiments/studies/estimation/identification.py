@@ -36,11 +36,10 @@ from estimators import IdentificationSettings, identify_constants
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.engine.workers import chosen_workers
-from experiments.formats.page import rewrite_page
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import Frames, frames_of
-from experiments.studies.grid import DOCS, command, grid, kept_runs, markdown_table, study_options
+from experiments.studies.grid import command, grid, kept_runs, markdown_table, publish, study_options
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,
@@ -177,9 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     cases = grid(duration_s=[LONG_S], seed=seeds, phantom=["built-in", "five-mass"])
     table = kept_runs(identified, cases, given.out, chosen_workers(given))
     made = page_table(pulls(table.sort_values("phantom", kind="stable")))
-    sys.stdout.write(made)
-    if given.page:
-        rewrite_page(DOCS / "identification.md", {"pulls": made})
+    publish(given, made, {"pulls": made})
 
 
 if __name__ == "__main__":

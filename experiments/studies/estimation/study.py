@@ -66,7 +66,7 @@ class Study:
 
     @property
     def seeds(self) -> range:
-        """Folder of the runs."""
+        """Seeds of the runs."""
         return range(100, 100 + self.n_runs)
 
     @property

@@ -17,10 +17,8 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from estimators import METHODS
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.pipeline.line import FILTER
 from experiments.studies.faults.wrong_worlds.bodies import BODIES
 from experiments.studies.grid import add_seeds, command, grid, kept_runs, seeds_of, study_options
 from experiments.studies.honesty.run import PUSHES, run
@@ -29,7 +27,7 @@ SD_M = (0.3e-3, 1e-3, 4.14e-3, 10e-3, 30e-3)
 STATED = (1.0, 10.0, 1.0 / 3.0)
 """Ratio of the marks' stated standard deviation to the true one."""
 
-CELL = ["method", "body", "pushes", "sd_m", "stated"]
+CELL = ["body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
@@ -47,9 +45,6 @@ def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the missing runs of the folder, and write cells.csv."""
     parser = study_options(__doc__)
-    parser.add_argument(
-        "--method", default=FILTER, choices=[FILTER, *METHODS], help="%(default)s, or one to compare with"
-    )
     parser.add_argument("--bodies", action="append", choices=list(BODIES), help="again for more")
     parser.add_argument("--pushes", action="append", choices=list(PUSHES), help="again for more")
     parser.add_argument("--seconds", type=float, default=20.0, help="of each run: %(default)s")
@@ -61,7 +56,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         pushes=given.pushes or PUSHES,
         sd_m=SD_M,
         stated=STATED,
-        method=[given.method],
         duration_s=[given.seconds],
     )
     cells = cells_of(kept_runs(run, cases, given.out, chosen_workers(given)))

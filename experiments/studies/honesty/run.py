@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from estimators import (
-    Status,
-    TargetEstimate,
-    TrackingProblem,
-    make_method,
-    normalised_error_squared,
-)
+from estimators import Status, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
@@ -49,15 +43,14 @@ def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Row of a run: a body and its forces, by a seed, with true and stated noise of the marks (`sd_m`, `stated`).
 
-    method: `FILTER` or one of `METHODS`
-
     frames, lost: number of frames, and of those whose status permits no guidance. Among the others: covered, number in
     the 95 % region; wrong, number with a wrong estimate; nees: mean of normalised squared errors per dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
     """
     scene, frames, truth = recorded(case)
-    estimates = zip(truth, _estimates(scene, case["method"], frames), strict=True)
-    counted = [(place, one) for place, one in estimates if one.time_s >= AFTER_S]
+    line = Line(scene, baseline=False)
+    estimates = [line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames]
+    counted = [(place, one) for place, one in zip(truth, estimates, strict=True) if one.time_s >= AFTER_S]
     guiding = [(place, one) for place, one in counted if one.status in (Status.TRACKING, Status.COASTING)]
     found = {"frames": len(counted), "lost": len(counted) - len(guiding)}
     if not guiding:
@@ -88,11 +81,3 @@ def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
     seen = seen + case["sd_m"] * rng.normal(size=seen.shape)
     frames = frames_of(times, seen, scene.measured_nodes, case["sd_m"] * case["stated"])
     return scene, frames, list(places[:, network.index(scene.target.node)])
-
-
-def _estimates(scene: Scene, method: str, frames: Frames) -> Iterator[TargetEstimate]:
-    if method == FILTER:
-        line = Line(scene, baseline=False)
-        return (line.take(time_s, marks).estimates[FILTER] for time_s, marks in frames)
-    problem = TrackingProblem(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
-    return (estimate for block in make_method(method, problem).run(frames) for estimate in block)

@@ -19,9 +19,8 @@ from dynamics.lattices import STRUCTURES
 from experiments.engine.workers import chosen_workers, workers_for
 from experiments.errors import InputError
 from experiments.formats.outputs import output_folder, write_whole
-from experiments.formats.page import rewrite_page
 from experiments.plots.style import saved
-from experiments.studies.grid import DOCS, add_seeds, chosen, command, runs_of, seeds_of, study_options
+from experiments.studies.grid import add_seeds, chosen, command, publish, runs_of, seeds_of, study_options
 from experiments.studies.lattices.boxes import fit, tested
 from experiments.studies.lattices.picture import picture
 from experiments.studies.lattices.table import summary, tables
@@ -68,9 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         write_whole(folder / "rows.csv", rows.to_csv(index=False))
         write_whole(folder / "tables.md", "\n".join(page.values()))
         write_whole(folder / "lattices.png", saved(picture(means, given.cells), "png"))
-    sys.stdout.write("\n".join(page.values()))
-    if given.page:
-        rewrite_page(DOCS / "lattices.md", page)
+    publish(given, "\n".join(page.values()), page)
 
 
 if __name__ == "__main__":

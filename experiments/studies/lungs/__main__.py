@@ -14,8 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.engine.workers import chosen_workers, workers_for
-from experiments.formats.page import rewrite_page
-from experiments.studies.grid import DOCS, command, runs_of, study_options
+from experiments.studies.grid import command, publish, runs_of, study_options
 from experiments.studies.lungs.estimate import SEEN, Inner, errors_table, inner_landmarks
 from experiments.studies.lungs.landmarks import Lung, read_lungs
 from experiments.studies.lungs.model import LungConstants
@@ -37,9 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     jobs = [(lung, seen) for seen in SEEN for lung in read_lungs(given.folder)]
     found: list[Inner] = runs_of(run, jobs, workers_for(len(jobs), chosen_workers(given)))
     page = markdown(errors_table(found), found)
-    sys.stdout.write(page)
-    if given.page:
-        rewrite_page(DOCS / "zoo.md", {"lungs table": page})
+    publish(given, page, {"lungs table": page})
 
 
 if __name__ == "__main__":

@@ -55,12 +55,25 @@ def read_lungs(folder: Path) -> list[Lung]:
 
 def read_person(path: Path) -> list[Lung]:
     """The two lungs of a table, divided at the widest gap along x; raises InputError."""
-    table = read_table(path, COLUMNS)
-    positions = _by_phase(table)
-    x = np.sort(positions[0, :, 0])
+    positions = _by_phase(read_table(path, COLUMNS))
+    return [_lung(path, side, positions[:, own]) for side, own in sides(positions[0]).items()]
+
+
+def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
+    """Which landmarks, (n, 3), are of the right and of the left lung, (n,) each."""
+    x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
-    right = positions[0, :, 0] <= 0.5 * (x[gap] + x[gap + 1])
-    return [_lung(path, side, positions[:, own]) for side, own in (("right", right), ("left", ~right))]
+    right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
+    return {"right": right, "left": ~right}
+
+
+def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
+    """The convex hull of the landmarks of a lung, (n, 3); raises InputError."""
+    try:
+        return ConvexHull(places)
+    except (QhullError, ValueError):
+        found = f"{len(places)} that do not"
+        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", found) from None
 
 
 def _by_phase(table: Table) -> Floats:
@@ -86,13 +99,8 @@ def _by_phase(table: Table) -> Floats:
 
 
 def _lung(path: Path, side: str, positions: Floats) -> Lung:
-    name = f"{path.stem} {side}"
-    n = positions.shape[1]
-    try:
-        hull = np.unique(ConvexHull(positions[0]).simplices).astype(np.int64)
-    except (QhullError, ValueError):
-        raise InputError.at(f"{path}: {side} lung", "landmarks that span a volume", f"{n} that do not") from None
-    inner = np.setdiff1d(np.arange(n), hull)
+    hull = np.unique(hull_of(path, side, positions[0]).simplices).astype(np.int64)
+    inner = np.setdiff1d(np.arange(positions.shape[1]), hull)
     if not len(inner):
         raise InputError.at(f"{path}: {side} lung", "landmarks inside its hull", "none")
-    return Lung(name, positions, hull, inner)
+    return Lung(f"{path.stem} {side}", positions, hull, inner)

@@ -15,6 +15,7 @@ from experiments.formats.page import rewrite_page
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import figures as figures_of
 from experiments.studies.demo import PAPER_MM, SCENARIOS, Figures, demo, heads, tracked
+from experiments.studies.grid import markdown_table
 from experiments.studies.hidden_error import N_RUNS, SEEDS, study
 from experiments.studies.readme.moving_picture import PICTURE, write_moving_picture
 
@@ -35,25 +36,25 @@ def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
     return found
 
 
-def markdown_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
+def demo_table(figures: Figures, spread: Mapping[str, Sequence[float]]) -> str:
     """The demo's table in the README's form; spread: coverage over seeds, by scenario."""
-    published = " | ".join(f"{PAPER_MM[s][0]:.2f} ± {PAPER_MM[s][1]:.2f}" for s in figures)
-    rows = [
-        f"| mean absolute error ± SD of the hidden mass [mm] | {' | '.join(heads())} |",
-        "| --- |" + " ---: |" * len(figures),
-        f"| as published, one frame every 1.09 s | {published} |",
-    ]
-    for method, label in (
-        (OPEN_LOOP, "the paper's method on our frames"),
-        (FILTER, "Softaim's filter on the same frames"),
-    ):
-        cells = " | ".join(f"{figures[s][method]['mae_mm']:.2f} ± {figures[s][method]['sd_mm']:.2f}" for s in figures)
-        rows.append(f"| {label} | {cells} |")
-    cells = " | ".join(f"{100 * (figures[s][FILTER]['coverage95'] or 0.0):.1f} %" for s in figures)
-    rows.append(f"| truth inside the filter's 95 % region | {cells} |")
-    cells = " | ".join(f"{100 * min(spread[s]):.1f} to {100 * max(spread[s]):.1f} %" for s in figures)
-    rows.append(f"| the same over seeds {DEMO_SEEDS[0]} to {DEMO_SEEDS[-1]} | {cells} |")
-    return "\n".join(rows)
+
+    def errors(method: str) -> list[str]:
+        found = [figures[name][method] for name in figures]
+        return [f"{one['mae_mm']:.2f} ± {one['sd_mm']:.2f}" for one in found]
+
+    covered = [100 * (figures[name][FILTER]["coverage95"] or 0.0) for name in figures]
+    rows = {
+        "as published, one frame every 1.09 s": [f"{PAPER_MM[s][0]:.2f} ± {PAPER_MM[s][1]:.2f}" for s in figures],
+        "the paper's method on our frames": errors(OPEN_LOOP),
+        "Softaim's filter on the same frames": errors(FILTER),
+        "truth inside the filter's 95 % region": [f"{share:.1f} %" for share in covered],
+        f"the same over seeds {DEMO_SEEDS[0]} to {DEMO_SEEDS[-1]}": [
+            f"{100 * min(spread[name]):.1f} to {100 * max(spread[name]):.1f} %" for name in figures
+        ],
+    }
+    head = ["mean absolute error ± SD of the hidden mass [mm]", *heads()]
+    return markdown_table(head, [[label, *cells] for label, cells in rows.items()])
 
 
 def figure_rows(studies: dict[str, dict[str, float]]) -> str:
@@ -62,13 +63,8 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"
     what = f"filter error / open-loop error; mark noise 4.14 mm an axis, 30 frames/s, {N_RUNS} runs"
-    rows = [
-        "| figure | value | command |",
-        "| --- | --- | --- |",
-        f"| {what} | {ratios} | {command} |",
-        f"| truth inside the filter's 95 % region | {covered} | the same |",
-    ]
-    return "\n".join(rows)
+    rows = [[what, ratios, command], ["truth inside the filter's 95 % region", covered, "the same"]]
+    return markdown_table(["figure", "value", "command"], rows, left=(0, 1, 2))
 
 
 def main() -> None:
@@ -81,7 +77,7 @@ def main() -> None:
             shutil.copyfile(Path(folder) / "demo" / "poked" / name, images / f"poked-{name}")
     write_moving_picture(PICTURE)
     studies = {name: study(name, SEEDS) for name in SCENARIOS}
-    parts = {"demo table": markdown_table(figures, coverages()), "figures": figure_rows(studies)}
+    parts = {"demo table": demo_table(figures, coverages()), "figures": figure_rows(studies)}
     rewrite_page(ROOT / "README.md", parts)
 
 

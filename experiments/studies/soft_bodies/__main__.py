@@ -18,14 +18,13 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.formats.page import rewrite_page
 from experiments.studies.grid import (
-    DOCS,
     add_seeds,
     command,
     grid,
     kept_runs,
     markdown_table,
+    publish,
     seeds_of,
     study_options,
 )
@@ -45,13 +44,10 @@ FIGURES = {
 
 def summary(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Means over the recordings of each body, in order."""
-    found = []
-    for body in BODIES:
-        own = rows[rows["body"] == body]
-        if len(own):
-            means = {key: float(own[key].mean()) for key in (*FIGURES, "ms")}
-            found.append({"body": body, "n": len(own), **means})
-    return found
+    bodies = rows.groupby("body", sort=False)
+    means = bodies[[*FIGURES, "ms"]].mean()
+    means.insert(0, "n", bodies.size())
+    return means.reset_index().to_dict("records")
 
 
 def markdown(found: Sequence[dict[str, Any]]) -> str:
@@ -75,9 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     page = markdown(found)
     write_whole(given.out / "summary.json", json.dumps({"rows": found}, indent=2) + "\n")
     write_whole(given.out / "table.md", page)
-    sys.stdout.write(page)
-    if given.page:
-        rewrite_page(DOCS / "meshes.md", {"soft bodies table": page})
+    publish(given, page, {"soft bodies table": page})
 
 
 if __name__ == "__main__":

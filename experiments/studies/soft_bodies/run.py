@@ -10,7 +10,7 @@ from dynamics import ParameterUncertainty, parameters
 from estimators import OpenLoop, TissueFilter, coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.engine.runs import Case
-from experiments.studies.estimation.trials import frames_of
+from experiments.studies.estimation.trials import frames_of, passed
 from experiments.studies.soft_bodies.bodies import BODIES, UNCERTAIN, Recording
 from experiments.studies.zoo.references import thin_plate_weights
 
@@ -28,17 +28,12 @@ def run(job: Case) -> dict[str, float]:
     frames = frames_of(case.times_s, seen, case.marked, MARK_SD_M)
     uncertain = parameters(case.network)
     stated = ParameterUncertainty(uncertain, UNCERTAIN**2 * np.eye(len(uncertain)))
-    tissue, loop = (
-        TissueFilter(case.network, "target", case.marked, uncertainty=stated),
-        OpenLoop(case.network, "target"),
-    )
-    ours, loops, began = [], [], time.process_time()
-    for time_s, marks in frames:
-        tissue.predict(time_s)
-        ours.append(tissue.update(marks))
+    tissue = TissueFilter(case.network, "target", case.marked, uncertainty=stated)
+    loop = OpenLoop(case.network, "target")
+    began = time.process_time()
+    ours = passed(tissue, frames)
     ms = 1e3 * (time.process_time() - began) / len(frames)
-    for time_s, marks in frames:
-        loops.append(loop.update(time_s, marks).mean)
+    loops = [loop.update(time_s, marks).mean for time_s, marks in frames]
     truth = case.positions[:, -1]
     errors = np.array([one.mean for one in ours]) - truth
     nees = normalised_error_squared(errors, np.array([one.cov for one in ours]))

@@ -4,7 +4,7 @@
     python -m experiments.studies.zoo --seeds 0-1 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
-writes runs/runs.parquet, runs.csv, cells.csv, table.md and zoo.png, on all cores or with `--scheduler ADDRESS`. Truths
+writes runs/runs.parquet, runs.csv, cells.csv and table.md, on all cores or with `--scheduler ADDRESS`. Truths
 by MuJoCo, in the extra `dev`. Last figures: docs/zoo.md.
 """
 
@@ -22,24 +22,20 @@ from experiments.engine.study import run_study
 from experiments.engine.workers import chosen_workers
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
-from experiments.formats.page import rewrite_page
-from experiments.plots.style import saved
 from experiments.simulation.bodies.zoo import BODIES
-from experiments.studies.grid import DOCS, chosen, command, study_options
+from experiments.studies.grid import chosen, command, publish, study_options
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
-from experiments.studies.zoo.picture import zoo_figure
 from experiments.studies.zoo.run import record_of
 from experiments.studies.zoo.table import cells_of, markdown, page_tables
 
 
 def write_results(table: pd.DataFrame, folder: Path) -> str:
-    """Write runs.csv, cells.csv, table.md and zoo.png; the table as text."""
+    """Write runs.csv, cells.csv, and table.md; the table as text."""
     cells = cells_of(table)
     page = markdown(cells)
     write_whole(folder / "runs.csv", table.to_csv(index=False))
     write_whole(folder / "cells.csv", pd.DataFrame([asdict(cell) for cell in cells]).to_csv(index=False))
     write_whole(folder / "table.md", page)
-    write_whole(folder / "zoo.png", saved(zoo_figure(cells), "png"))
     return page
 
 
@@ -63,9 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with run_bar("zoo") as advance:
         done = run_study(record_of, tables, given.out / "runs", chosen_workers(given), advance)
     page = write_results(done.table, given.out)
-    sys.stdout.write(page)
-    if given.page:
-        rewrite_page(DOCS / "zoo.md", {"zoo table": page_tables(cells_of(done.table))})
+    publish(given, page, {"zoo table": page_tables(cells_of(done.table))})
     for failure in done.failures:
         sys.stderr.write(f"{failure}\n")
     return 1 if done.failures else 0

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from scipy.stats import gmean
 
 from experiments.studies.grid import markdown_table
 from experiments.studies.zoo.case import Case
@@ -96,11 +97,6 @@ def _cell(name: str, runs: Sequence[Mapping[str, Any]]) -> Cell:
     )
 
 
-def geometric_mean(ratios: Sequence[float]) -> float:
-    """Geometric mean of positive numbers."""
-    return float(np.exp(np.mean(np.log(ratios))))
-
-
 def faults(cell: Cell) -> list[str]:
     """The bounds that the cell violates."""
     bounds = BOUNDS[cell.constants]
@@ -117,8 +113,8 @@ def faults(cell: Cell) -> list[str]:
     return found
 
 
-def summary(cells: Sequence[Cell]) -> list[str]:
-    """One line for each kind of constants: geometric mean of the ratios, worst cell, number within all bounds."""
+def summary(cells: Sequence[Cell]) -> str:
+    """A list in Markdown, one entry for each kind of constants: mean and worst ratio, number within all bounds."""
     lines = []
     ordered = sorted(cells, key=lambda cell: list(BOUNDS).index(cell.constants))
     for constants, group in groupby(ordered, key=lambda cell: cell.constants):
@@ -130,11 +126,11 @@ def summary(cells: Sequence[Cell]) -> list[str]:
         if rated:
             worst, name = max(rated)
             text += (
-                f"; ratio: geometric mean {geometric_mean([r for r, _ in rated]):.2f} (bound {bounds.mean_ratio}),"
+                f"; ratio: geometric mean {gmean([ratio for ratio, _ in rated]):.2f} (bound {bounds.mean_ratio}),"
                 f" worst {worst:.2f} (bound {bounds.worst_ratio}), {name}"
             )
-        lines.append(text)
-    return lines
+        lines.append(f"- {text}\n")
+    return "".join(lines)
 
 
 HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage [%]", "NEES", "non-finite"]
@@ -150,7 +146,7 @@ def markdown(cells: Sequence[Cell]) -> str:
         counts = (str(cell.non_finite), str(cell.wrong_tracking), str(cell.repairs), _number(cell.ms_a_frame))
         fault = ", ".join(faults(cell)) + (f" ({cell.failure})" if cell.failure else "")
         rows.append((cell.name, str(cell.runs), *shown, covered, _number(cell.nees, 2), *counts, fault))
-    return markdown_table(HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+    return f"{markdown_table(HEAD, rows)}\n{summary(cells)}"
 
 
 PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ratio", "coverage [%]"]
@@ -179,7 +175,7 @@ def page_tables(cells: Sequence[Cell]) -> str:
             [f"{_percent(min(shares))} to {_percent(max(shares))}"] if shares else [],
         )
         rows.append((body, *(", ".join(column) for column in columns)))
-    return markdown_table(PAGE_HEAD, rows) + "\n" + "\n".join(f"- {line}" for line in summary(cells)) + "\n"
+    return f"{markdown_table(PAGE_HEAD, rows)}\n{summary(cells)}"
 
 
 def _percent(share: float | None) -> str:

@@ -17,7 +17,6 @@ from experiments.studies.grid import (
     seeds_of,
     study_options,
 )
-from experiments.studies.own_phantom.__main__ import main as own_phantom
 from experiments.studies.zoo.__main__ import main as zoo
 
 
@@ -73,7 +72,6 @@ def test_what_a_command_returns_is_its_exit_code_and_wrong_input_is_two(capsys):
         (ablation, "--bodies", "magic", "one of phantom, "),
         (zoo, "--bodies", "chain2,magic", "one of chain2, "),
         (zoo, "--seeds", "3-magic", "A or A-B"),
-        (own_phantom, "--phantoms", "magic", "one of 0, 1, 2"),
         (wrong_worlds, "--only", "magic", "one of nothing, "),
         (wrong_worlds, "--bodies", "magic", "one of four masses, "),
     ],

@@ -11,7 +11,7 @@ from experiments.studies.honesty.run import run
 def test_fine_marks_of_a_poked_phantom_are_covered_and_its_nees_is_by_the_error():
     """Mean square of the error by the variance: NEES, if errors and sigmas are those of the same frames."""
     case = {"body": "four masses", "pushes": "pokes", "seed": 3, "sd_m": 1e-3, "stated": 1.0, "duration_s": 6.0}
-    found = run({"method": "filter", **case})
+    found = run(case)
     assert (found["frames"], found["lost"]) == (150, 0)
     assert found["covered"] > 0.88 * 150
     assert 0.05 < found["error_mm"] < found["sd_mm"] < 0.7
@@ -20,7 +20,7 @@ def test_fine_marks_of_a_poked_phantom_are_covered_and_its_nees_is_by_the_error(
 
 def test_a_cell_is_the_share_of_the_frames_that_may_guide():
     """Two runs of 10 frames, one of them lost in 5: 12 of 15 covered."""
-    same = {"method": "m", "body": "b", "pushes": "p", "sd_m": 1e-3, "stated": 1.0, "frames": 10, "nees": 1.0}
+    same = {"body": "b", "pushes": "p", "sd_m": 1e-3, "stated": 1.0, "frames": 10, "nees": 1.0}
     same |= {"error_mm": 1.0, "sd_mm": 1.0}
     runs = pd.DataFrame([{**same, "lost": 0, "covered": 9, "wrong": 1}, {**same, "lost": 5, "covered": 3, "wrong": 2}])
     cells = cells_of(runs)

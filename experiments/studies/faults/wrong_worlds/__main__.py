@@ -16,12 +16,11 @@ from collections.abc import Sequence
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.formats.page import rewrite_page
 from experiments.studies.faults.wrong_worlds.bodies import BODIES
 from experiments.studies.faults.wrong_worlds.rows import WORLDS
 from experiments.studies.faults.wrong_worlds.run import run
 from experiments.studies.faults.wrong_worlds.table import markdown, rows_of
-from experiments.studies.grid import DOCS, add_seeds, chosen, command, grid, kept_runs, seeds_of, study_options
+from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs, publish, seeds_of, study_options
 
 
 @command
@@ -41,9 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     summary = markdown(rows)
     write_whole(given.out / "wrong_worlds.csv", rows.to_csv(index=False))
     write_whole(given.out / "wrong_worlds.md", summary)
-    if given.page:
-        rewrite_page(DOCS / "faults.md", {"wrong worlds": summary})
-    sys.stdout.write(summary)
+    publish(given, summary, {"wrong worlds": summary})
 
 
 if __name__ == "__main__":

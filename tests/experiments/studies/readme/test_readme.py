@@ -8,7 +8,7 @@ import pytest
 from experiments.formats.scenario import read_scenario
 from experiments.studies import demo as demo_of
 from experiments.studies.demo import PAPER_MM, SCENARIOS, demo
-from experiments.studies.readme.__main__ import markdown_table
+from experiments.studies.readme.__main__ import demo_table
 
 SPREAD = {name: [0.815, 0.98] for name in SCENARIOS}
 """In place of the coverage over seeds, ten minutes of work."""
@@ -34,7 +34,7 @@ def test_the_table_in_the_readme_is_of_the_demo(tmp_path: Path, monkeypatch) -> 
     shown = re.search(r"<!-- demo table -->\n(.*)\n<!-- end of demo table -->", README.read_text("utf-8"), re.DOTALL)
     assert shown is not None
     *errors, coverage, spread = shown[1].splitlines()
-    *new_errors, new_coverage, _ = markdown_table(figures, SPREAD).splitlines()
+    *new_errors, new_coverage, _ = demo_table(figures, SPREAD).splitlines()
     assert errors[:3] == new_errors[:3]  # the seeds and the paper's figures
     for ours, new in zip(errors[3:], new_errors[3:], strict=True):
         means, new_means = numbers(ours)[::2], numbers(new)[::2]

@@ -97,7 +97,7 @@ def test_the_quick_zoo_writes_its_files(tmp_path, capsys):
     assert main(options) == 0
     assert "| chain2, true | 1 |" in capsys.readouterr().out
     written = {path.name for path in (tmp_path / "zoo").iterdir()}
-    assert written == {"runs", "runs.csv", "cells.csv", "table.md", "zoo.png"}
+    assert written == {"runs", "runs.csv", "cells.csv", "table.md"}
     assert len((tmp_path / "zoo" / "runs.csv").read_text().splitlines()) == 4
 
 

@@ -1,1 +1,0 @@
-"""Study of the pace of a live run, measured on the run itself with connected clients."""
