@@ -1,5 +1,6 @@
 """`softaim advise`: from a recording and a needle's file to a table and a picture; faults of the file in one line."""
 
+import shutil
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -38,13 +39,22 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "needle.toml"
 
 
-@pytest.fixture
-def recording(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Marks of the phantom at rest, to a micrometre, for three seconds, 30 frames/s, none from 2.5 to 2.8 s."""
     times, rng = np.arange(90) / 30, np.random.default_rng(0)
     frames = [(t, near(SCENE, OUTER, 1e-6, rng)) for t in times[(times < 2.5) | (times > 2.8)]]
-    folder = write_recording(tmp_path / "rec", SCENE, frames, 1.0)
+    folder = write_recording(tmp_path_factory.mktemp("rest") / "rec", SCENE, frames, 1.0)
     pd.DataFrame({"frame": range(90), "exposure_s": times}).to_csv(folder / "frames.csv", index=False)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def with_truth(recording: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same, with a truth 3 mm beside the resting target."""
+    folder = shutil.copytree(recording, tmp_path_factory.mktemp("truth") / "rec")
+    truth = pd.DataFrame({"time_s": np.arange(91) / 30, "node": "M2", "x_mm": REST_MM[0] + 3.0, "y_mm": REST_MM[1]})
+    truth.to_csv(folder / "truth.csv", index=False)
     return folder
 
 
@@ -94,6 +104,11 @@ def test_a_recording_gets_advice_at_every_frame(recording, path, tmp_path, capsy
     picture = cv2.imread(str(out / "advice.png"))
     assert picture is not None
     assert picture.std() > 10.0
+    # every 0.25 s: the first frame and each eighth after it; nothing is observed without a truth
+    some = advise(read_recording(recording), read_needle(path, 0.005, 2), every_s=0.25)
+    assert reliability(some)["predicted"] is None
+    every = rows.iloc[::8].reset_index(drop=True)
+    pd.testing.assert_frame_equal(table(some), every, check_dtype=False, rtol=0, atol=1e-6)
 
 
 def test_a_needle_that_is_inside_is_to_stop_where_there_is_no_guidance(recording, path):
@@ -110,8 +125,7 @@ def test_a_needle_beside_the_target_is_advised_to_turn(recording, path):
     """From 100 mm beside the resting target, straight down: by the angle between that and the way to the aim."""
     entry = REST_MM + np.array([100.0, 40.0])
     path.write_text(OUTSIDE.replace("[0.0, 215.0]", str(entry.tolist())).replace("go = 0.8", "go = 0.3"))
-    rows = table(advise(read_recording(recording), read_needle(path, 0.005, 2)))
-    last = rows.iloc[-1]
+    last = table(advise(read_recording(recording), read_needle(path, 0.005, 2), every_s=0.2)).iloc[-1]
     way = last[["aim_x_mm", "aim_y_mm"]].to_numpy(dtype=float) - entry
     assert last["advice"] == "REALIGN"
     assert last["turn_deg"] == pytest.approx(np.degrees(np.arctan2(100.0, 40.0)), abs=5.0)
@@ -150,22 +164,19 @@ def test_faults_are_reported_in_one_line(path, fault):
 
 
 @pytest.mark.parametrize("cutting_N", [0.0, 4.0])
-def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, path, cutting_N):
+def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(with_truth, path, cutting_N):
     """The truth 3 mm beside the needle's line: of tips of 2 mm an axis, 20,000 drawn, so many lie within 5 mm of it.
 
     The push is known to 30 % at most.
 
     Where the truth ends before the needle arrives, nothing is known: 0.275 s to the target, of three seconds.
     """
-    rest, times = REST_MM, np.arange(91) / 30
-    truth = pd.DataFrame({"time_s": times, "node": "M2", "x_mm": rest[0] + 3.0, "y_mm": rest[1]})
-    truth.to_csv(recording / "truth.csv", index=False)
     path.write_text(
-        f"version = 1\nentry_mm = [{rest[0]}, {rest[1] + 55.0}]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
+        f"version = 1\nentry_mm = [{REST_MM[0]}, {REST_MM[1] + 55.0}]\ndirection = [0.0, -1.0]\nspeed_mm_s = 200.0\n"
         "hit = 'TIP'\ntip_sd_mm = 2.0\nbending_sd_mm_per_mm = 0.0\n"
         f"[forces]\ncutting_N = {cutting_N}\nfriction_N_m = 0.0\n[lesion]\nradius_mm = 5.0\n"
     )
-    done = advise(read_recording(recording), plan := read_needle(path, 0.005, 2))
+    done = advise(read_recording(with_truth), plan := read_needle(path, 0.005, 2), every_s=0.06)
     true = observed_hits(done)
     rng = np.random.default_rng(0)
     pushed_mm = 1e3 * push_m(done.recording.scene, plan)
@@ -175,7 +186,7 @@ def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, pa
     known = np.isfinite(true)
     np.testing.assert_allclose(true[known], share, atol=0.02)
     arrivals = np.array([np.inf if one.arrival_s is None else one.arrival_s for one in done.guidance])
-    np.testing.assert_array_equal(known, arrivals <= times[-1])
+    np.testing.assert_array_equal(known, arrivals <= 3.0)
     assert known.sum() > 5
     found = reliability(done)
     assert found["insertions"] == known.sum()
@@ -183,13 +194,11 @@ def test_the_observed_rate_is_the_share_of_tips_in_the_true_lesion(recording, pa
     assert np.isfinite(table(done)["observed"]).sum() == known.sum()
 
 
-def test_a_needle_that_points_away_hits_nothing(recording, path):
-    truth = pd.DataFrame({"time_s": np.arange(91) / 30, "node": "M2", "x_mm": REST_MM[0], "y_mm": REST_MM[1]})
-    truth.to_csv(recording / "truth.csv", index=False)
+def test_a_needle_that_points_away_hits_nothing(with_truth, path):
     path.write_text(
         f"version = 1\nentry_mm = [{REST_MM[0]}, {REST_MM[1] + 20.0}]\ndirection = [0.0, 1.0]\nspeed_mm_s = 200.0\n"
     )
-    found = reliability(advise(read_recording(recording), read_needle(path, 0.005, 2)))
+    found = reliability(advise(read_recording(with_truth), read_needle(path, 0.005, 2), every_s=0.06))
     assert found["insertions"] > 5
     assert (found["predicted"], found["observed"]) == (0.0, 0.0)
 
@@ -202,17 +211,7 @@ def test_a_breath_makes_the_target_ahead_surer(tmp_path, path):
         aside = replace(SCENE, network=replace(PHANTOM, positions=PHANTOM.positions + shift))
         frames.append((t, near(aside, OUTER, 1e-4, rng)))
     path.write_text(LEAST)
-    done = advise(read_recording(write_recording(tmp_path / "rec", SCENE, frames, 1.0)), read_needle(path, 0.005, 2))
+    breathing = read_recording(write_recording(tmp_path / "rec", SCENE, frames, 1.0))
+    done = advise(breathing, read_needle(path, 0.005, 2), every_s=0.39)
     covs = {round(t, 2): one.cov for t, one in zip(done.times_s, done.guidance, strict=True)}
     assert np.trace(covs[8.4]) < 0.7**2 * np.trace(covs[4.0])
-
-
-def test_advice_now_and_then_is_that_of_those_frames(recording, path):
-    """Every 0.25 s at 30 frames/s: the first frame and each eighth after it, as when all are asked for."""
-    path.write_text(LEAST)
-    plan, read = read_needle(path, 0.005, 2), read_recording(recording)
-    done, some = advise(read, plan), table(advise(read, plan, every_s=0.25))
-    every = table(done)
-    assert "observed" not in every  # without a truth
-    assert reliability(done)["predicted"] is None
-    pd.testing.assert_frame_equal(some, every.iloc[::8].reset_index(drop=True))

@@ -76,8 +76,14 @@ def quiet(tmp_path_factory, cache):
     return recorded(tmp_path_factory.mktemp("quiet") / "rec", Trial("quiet", 2, duration_s=2.0), cache, OUTER)
 
 
+@pytest.fixture(scope="module")
+def checked(calibrated, quiet):
+    """That recording, tracked by the scene that was identified, its marks predicted as if hidden, too."""
+    return track(read_recording(quiet, calibrated[1]), check=True)
+
+
 @pytest.mark.slow
-def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, quiet, tmp_path):
+def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, quiet, checked, tmp_path):
     """The hidden mark not seen: mean error below 0.97 of that with the scene that is 10 % off.
 
     Both by constants taken as exact: what is left uncertain of 38 constants, marks to 4 mm, costs more than they gain.
@@ -88,7 +94,7 @@ def test_what_was_identified_tracks_better_and_knows_how_well(calibrated, quiet,
     before = summary(track(read_recording(quiet)))["filter"]
     after = summary(track(read_recording(quiet, exact)))["filter"]
     assert after["mae_mm"] < 0.97 * before["mae_mm"]
-    assert summary(track(read_recording(quiet, calibrated[1])))["filter"]["coverage95"] > 0.88
+    assert summary(checked)["filter"]["coverage95"] > 0.88
 
 
 def test_the_scene_says_what_is_known_of_each_constant(calibrated):
@@ -201,11 +207,7 @@ def test_compare_runs_all_methods_on_the_same_marks(cache, tmp_path, capsys):
     )
     assert (out / "compare.png").stat().st_size > 10_000
     assert len(pd.read_csv(out / "estimates.enkf.csv")) == 15
-
-
-@pytest.mark.usefixtures("without_pictures")
-def test_compare_with_some_methods(quiet, tmp_path):
-    assert softaim("compare", quiet, "--methods", "ekf", "--out", tmp_path / "some") == 0
+    assert softaim("compare", recording, "--methods", "ekf", "--out", tmp_path / "some") == 0
     assert list(json.loads((tmp_path / "some" / "summary.json").read_text())) == ["open-loop", "filter", "ekf"]
 
 
@@ -238,9 +240,9 @@ def test_trials_repeat_and_keep_their_truth(cache):
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(calibrated, quiet, tmp_path, capsys):
+def test_a_check_without_truth_tells_a_wrong_scene_from_a_right_one(quiet, checked, tmp_path, capsys):
     """NEES of marks predicted as if hidden: near 2 with what was identified, above with a scene that is 30 % off."""
-    found = track(read_recording(quiet, calibrated[1]), check=True).counts
+    found = checked.counts
     assert found["check_nees"] < 2.6
     assert 1.0 <= found["check_scale"] < 2.0
     scene = read_scene(quiet / "scene.toml")

@@ -107,11 +107,7 @@ def test_a_picture_is_sent_as_jpeg():
 
 @pytest.mark.parametrize(
     ("address", "message"),
-    [
-        ("nowhere:port", "HOST:PORT"),
-        ("127.0.0.1:70000", "up to 65535"),
-        ("203.0.113.7:80", "a free address, found"),
-    ],
+    [("nowhere:port", "HOST:PORT"), ("127.0.0.1:70000", "up to 65535"), ("203.0.113.7:80", "a free address, found")],
 )
 def test_an_address_that_cannot_be_had_is_one_line(address, message):
     with pytest.raises(InputError, match=message):

@@ -72,8 +72,7 @@ ALL = "^expected 3 nodes or more, and not all, found 80 of 80; x is 0 to 40 mm"
 
 
 @pytest.mark.parametrize(
-    ("fixed", "said"),
-    [("region 0", ALL), ("y < -1", "found 0 of 80"), ("y = 3", 'found "y = 3"'), ("", 'found ""')],
+    ("fixed", "said"), [("region 0", ALL), ("y < -1", "found 0 of 80"), ("y = 3", 'found "y = 3"'), ("", 'found ""')]
 )
 def test_other_walls_are_one_line(fixed: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):

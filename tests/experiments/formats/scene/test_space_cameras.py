@@ -18,15 +18,7 @@ from tests.experiments.in_space import breast, two_cameras
 from tests.vision.cameras.test_rig import RIGHT, TO_RIGHT
 from tests.vision.drawn_boards import BOARD, SIZE_PX, noisy_views, poses
 from tests.vision.drawn_boards import LENS as LEFT
-from vision import (
-    CameraViews,
-    PlaneCamera,
-    Pose,
-    SpaceCamera,
-    calibrate_together,
-    fronto_parallel_camera,
-    triangulated,
-)
+from vision import CameraViews, PlaneCamera, Pose, SpaceCamera, calibrate_together, fronto_parallel_camera, triangulated
 
 POINTS = np.array([[0.0, 0.0, 0.0], [0.02, -0.03, 0.05]])
 
@@ -79,10 +71,7 @@ def test_a_lens_of_another_program_needs_a_pose(tmp_path: Path, kind: str) -> No
             TABLE.replace("[[camera]]", "") + "scale_sd = 0.01",
             r"camera\[0\]\.scale_sd: expected a flat scene, found a network in space; give matrix and pose",
         ),
-        (
-            TABLE.replace("[[camera]]", "").replace("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]"),
-            r"camera\[0\]\.rotation: ",
-        ),
+        (TABLE.replace("[[camera]]", "").replace("[0.0, -1.0, 0.0]", "[0.0, 1.0, 0.0]"), r"camera\[0\]\.rotation: "),
         ('file = "none.toml"', r"none\.toml: expected a file, found none"),
     ],
 )

@@ -25,7 +25,7 @@ from tests.experiments.pipeline.sight.test_space import recorded
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """Two cameras, one exposing 10 ms after the other."""
-    return read_recording(recorded(tmp_path_factory.mktemp("cameras"), breast(), duration_s=0.2, stagger_s=0.01))
+    return read_recording(recorded(tmp_path_factory.mktemp("cameras"), breast(), duration_s=0.15, stagger_s=0.01))
 
 
 class Played(vision.EveryFrame):

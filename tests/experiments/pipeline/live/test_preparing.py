@@ -193,7 +193,7 @@ def times_of(source: Path, out: Path) -> Times:
 
 def test_a_film_that_has_not_begun_tells_its_own_time(tmp_path):
     """Nought, from which its states go on: a client that ties times to its own clock by the first keeps that tie."""
-    simulate(coarse_webcam().model_copy(update={"duration_s": 0.5}), tmp_path / "rec")
+    simulate(coarse_webcam().model_copy(update={"duration_s": 0.2}), tmp_path / "rec")
     times = times_of(tmp_path / "rec", tmp_path / "out")
     assert set(times.before) == {0.0}
     assert 0.0 <= min(times.then) <= max(times.then) < 2.0

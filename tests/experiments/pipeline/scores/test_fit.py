@@ -59,10 +59,7 @@ def test_sigma_is_of_an_axis_and_of_frames_that_have_one():
 @pytest.mark.parametrize(
     ("mean", "words"),
     [
-        (
-            6.0,
-            "marks scatter as predicted: NIS 6.00 in its band 5.61 to 6.40; this does not test",
-        ),
+        (6.0, "marks scatter as predicted: NIS 6.00 in its band 5.61 to 6.40; this does not test"),
         (24.0, "marks scatter 2 times as much as predicted, NIS 24.00 above its"),
         (8.64, "marks scatter 20 % more than predicted, NIS 8.64 above"),
         (1.5, "marks scatter 50 % less than predicted, NIS 1.50 below"),

@@ -54,8 +54,7 @@ def test_own_hosts_are_answered(one: Served, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "[::1]:{port}", "localhost.evil.example:{port}", ""],
+    "name", ["evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "[::1]:{port}", "localhost.evil.example:{port}", ""]
 )
 def test_other_hosts_are_refused_so_that_no_name_can_be_rebound(one: Served, name: str) -> None:
     assert answer(one, Host=name.format(port=one.port)).status in {400, 403}
