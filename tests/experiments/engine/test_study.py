@@ -65,9 +65,9 @@ from experiments.engine import parts
 from experiments.engine.study import run_study
 from experiments.engine.workers import Workers
 from tests.experiments.engine import small_runs
-parts.KEEP_S = 0.2
+parts.KEEP_S = parts.KEEP_SHARE = 0.0
 if __name__ == "__main__":
-    cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(20)]
+    cases = [{{"seed": seed, "folder": {folder!r}}} for seed in range(8)]
     run_study(small_runs.slow, cases, Path({study!r}), Workers(2))
 """
 
@@ -87,13 +87,13 @@ def test_what_is_done_is_not_done_again_after_a_kill(tmp_path):
     process.wait()
     (tmp_path / "held").unlink()
     known = pd.concat([pd.read_parquet(path) for path in kept.glob("*.parquet")])
-    assert 2 <= len(known) < 20
+    assert 2 <= len(known) < 8
     assert set(known["threads"]) == {"1"}
     times_before = {path.name: len(path.read_text()) for path in tmp_path.iterdir() if path.name.isdigit()}
-    done = run_study(small_runs.slow, cases(20, tmp_path), tmp_path / "study", OWN_PROCESS)
-    assert done.n_done == 20 - len(known)
+    done = run_study(small_runs.slow, cases(8, tmp_path), tmp_path / "study", OWN_PROCESS)
+    assert done.n_done == 8 - len(known)
     assert all((tmp_path / str(seed)).read_text() == "x" * times_before[str(seed)] for seed in known["seed"])
-    whole = run_study(small_runs.slow, cases(20, tmp_path), tmp_path / "other", OWN_PROCESS)
+    whole = run_study(small_runs.slow, cases(8, tmp_path), tmp_path / "other", OWN_PROCESS)
     same(done.table.drop(columns="threads"), whole.table.drop(columns="threads"))
 
 

@@ -1,5 +1,6 @@
 """The page of the architecture is made from the code, and tells of a new import or room."""
 
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -12,29 +13,21 @@ def test_the_page_is_what_the_code_is() -> None:
     assert page() == PAGE.read_text(encoding="utf-8"), "python -m experiments.studies.architecture"
 
 
-def test_every_room_stands_in_a_layer_of_the_contract() -> None:
+def test_every_room_stands_in_a_layer_of_the_contract_and_says_what_it_holds() -> None:
     for package in PACKAGES:
         named = {f"{package}.{name}" for layer in layers_of(package) for name in layer}
         assert named == {room.name for room in rooms_of(package)}
-
-
-def test_every_room_says_what_it_holds() -> None:
-    for package in PACKAGES:
         for room in rooms_of(package):
             assert room.holds.endswith("."), room.name
 
 
-def test_no_folder_holds_more_than_fifteen_modules() -> None:
+def test_folders_hold_at_most_fifteen_modules_and_modules_350_lines() -> None:
     root = Path(architecture.__file__).parents[2]
     for package in (*PACKAGES, "tests"):
-        for folder in {path.parent for path in (root / package).rglob("*.py")}:
-            assert len(list(folder.glob("*.py"))) <= 15, folder.relative_to(root)
-
-
-def test_no_module_is_longer_than_fits_in_a_head() -> None:
-    root = Path(architecture.__file__).parents[2]
-    for package in (*PACKAGES, "tests"):
-        for path in (root / package).rglob("*.py"):
+        paths = list((root / package).rglob("*.py"))
+        for folder, n_modules in Counter(path.parent for path in paths).items():
+            assert n_modules <= 15, folder.relative_to(root)
+        for path in paths:
             if path.name != "kernels.py":
                 assert len(path.read_text(encoding="utf-8").splitlines()) <= 350, path.relative_to(root)
 

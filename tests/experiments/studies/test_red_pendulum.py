@@ -12,7 +12,7 @@ FILM = DATA / "red-pendulum" / "ball.mp4"
 
 def swinging_ball(length_m: float, turn_rad: float, radius_px: float) -> tuple[np.ndarray, np.ndarray]:
     """Times [s] and places [px] of a ball that bounces off a wall straight below the hook, in a turned plane."""
-    times = np.arange(150) / 30.0
+    times = np.arange(80) / 30.0
     theta, rate, wall = -0.6, 0.0, 0.0
     angles = [theta] * (FIRST_FREE + 1)
     for _ in range(len(times) - FIRST_FREE - 1):

@@ -71,8 +71,8 @@ def test_a_run_diverged_where_it_was_far_off_and_did_not_say_so(errors_mm, statu
 
 @pytest.mark.slow
 def test_the_bound_lies_below_and_not_far(study, monkeypatch):
-    """One quiet run of 4 s: RMSE 0.8 to 1.3 of the bound (100 runs: 1.05)."""
-    monkeypatch.setattr("experiments.studies.estimation.limits.Trial", partial(Trial, duration_s=4.0))
+    """One quiet run of 2.5 s: RMSE 0.8 to 1.3 of the bound (100 runs: 1.05)."""
+    monkeypatch.setattr("experiments.studies.estimation.limits.Trial", partial(Trial, duration_s=2.5))
     assert 0.8 < bound(study)["from the first frame"]["ratio"] < 1.3
 
 

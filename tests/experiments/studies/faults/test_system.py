@@ -37,11 +37,12 @@ def _patient(monkeypatch):
     """Processes have all the time to start, to answer and to end that they take on a busy machine."""
     for name in ("STARTS_S", "ENDS_S", "GONE_S"):
         monkeypatch.setattr(process, name, 120.0)
+    monkeypatch.setattr(system, "JITTER_S", 0.0)
     monkeypatch.setattr(system, "LASTS_S", 120.0)  # of the fifty viewers, who go with the run
 
 
 def judged(name, folder, monkeypatch, enough=lambda _found: True):
-    """Half a second to a second and a half before the fault; after it, so long that enough comes."""
+    """Half a second before the fault; after it, so long that enough comes."""
     for starts_s, after_s in PACES:
         film = process.filmed(SEED, film_s(starts_s, after_s))
         monkeypatch.setattr(system, "STARTS_S", starts_s)
