@@ -204,7 +204,7 @@ def test_what_is_found_is_most_probable_with_its_prior(recorded):
     Of the likelihood alone, or of the prior alone, it would not.
     """
     reported, _ = wrong(chain())
-    frames = recorded[0][:25]
+    frames = recorded[0][:20]
     found = identified(reported, frames, {"stiffness": 0.1, "rest_length": 0.003})
 
     def posterior(share):

@@ -58,7 +58,7 @@ def test_a_held_push_moves_the_target_to_where_the_tissue_rests_under_it(phantom
     np.testing.assert_allclose(said.mean, goal, rtol=0, atol=3e-4)
 
 
-@pytest.mark.parametrize("stiffness", [20.0, 500.0, 2000.0, 30000.0])
+@pytest.mark.parametrize("stiffness", [20.0, 500.0, 30000.0])
 def test_a_held_push_bends_soft_and_stiff_bodies_as_statics_say(stiffness):
     """Two masses on four anchors, the force by the stiffness: by K^-1 F, to 1 % of it, also by the tables ahead.
 

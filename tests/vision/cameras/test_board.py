@@ -34,7 +34,7 @@ def located(board: Board, picture: np.ndarray, pose: Pose) -> Corners:
 def test_corners_are_found_to_a_fraction_of_a_pixel(board: Board, rms_px: float, least: int, rays: np.ndarray) -> None:
     rng = np.random.default_rng(1)
     errors = []
-    for pose in poses(6, rng):
+    for pose in poses(4, rng):
         corners = find_board(board, drawn(board, pose, rays, rng=rng))
         assert corners is not None
         assert len(corners.seen_px) >= least
@@ -62,17 +62,15 @@ def test_corners_keep_their_names_when_the_board_is_turned(board: Board, degrees
 
 
 @pytest.mark.parametrize("board", [BOARD, Board(7, 5, 0.025)], ids=["one way up", "alike turned around"])
-@pytest.mark.parametrize("rows", [1, -1])
-@pytest.mark.parametrize("columns", [1, -1])
-def test_corners_have_one_order_whatever_order_the_search_gives(board, rows, columns, rays, monkeypatch):
+def test_corners_have_one_order_whatever_order_the_search_gives(board, rays, monkeypatch):
     rng = np.random.default_rng(5)
     pose = poses(1, rng)[0]
     picture = drawn(board, pose, rays, rng=rng)
-    given = seen(LENS, pose, board.corners_m).reshape(board.rows, board.columns, 2)[::rows, ::columns]
-    monkeypatch.setattr(
-        "cv2.findChessboardCorners", lambda *_, **__: (True, given.reshape(-1, 1, 2).astype(np.float32))
-    )
-    assert len(located(board, picture, pose).seen_px) == board.rows * board.columns
+    grid = seen(LENS, pose, board.corners_m).reshape(board.rows, board.columns, 2).astype(np.float32)
+    for given in (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1]):
+        found = (True, given.reshape(-1, 1, 2))
+        monkeypatch.setattr("cv2.findChessboardCorners", lambda *_, found=found, **__: found)
+        assert len(located(board, picture, pose).seen_px) == board.rows * board.columns
 
 
 def test_a_board_that_looks_the_same_turned_around_has_its_x_to_the_right(rays: np.ndarray) -> None:

@@ -29,10 +29,10 @@ def test_errors_are_as_large_as_the_joint_covariance_says() -> None:
     runs, lens, pose, pairs = 24, 0.0, 0.0, np.zeros((2, 15, 15))
     for seed in range(runs):
         rng = np.random.default_rng(seed)
-        at = poses(10, rng)
+        at = poses(7, rng)
         done = calibrate(noisy_views(BOARD, LENS, at, 0.1, rng), SIZE_PX)
-        assert done.plane_image == "09.png"
-        e = error(done, LENS, at[9])
+        assert done.plane_image == "06.png"
+        e = error(done, LENS, at[6])
         lens += e[:9] @ np.linalg.solve(done.cov, e[:9])
         pose += e @ np.linalg.solve(done.joint_cov, e)
         sds = np.sqrt(np.diag(done.joint_cov))
@@ -67,7 +67,7 @@ def test_standard_errors_are_opencvs() -> None:
 @pytest.mark.slow
 def test_drawn_boards_give_the_camera_back_within_three_standard_errors() -> None:
     rng = np.random.default_rng(6)
-    rays, at = sub_pixel_rays(LENS), poses(12, rng)
+    rays, at = sub_pixel_rays(LENS), poses(9, rng)
     views = []
     for k, pose in enumerate(at):
         corners = find_board(BOARD, drawn(BOARD, pose, rays, rng=rng))

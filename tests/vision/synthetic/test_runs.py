@@ -28,18 +28,14 @@ def test_seeds_reproduce_and_differ(level: str) -> None:
 
 @pytest.mark.parametrize("level", ["good light", "whole range"])
 def test_marks_move_smoothly_by_up_to_20_px_and_stay_in_view(level: str) -> None:
-    fastest = []
-    for seed in range(2):
-        centers = np.array([f.frame.centers_px for f in run(seed, 8, level)])
-        steps = np.diff(centers, axis=0)
-        fastest.append(np.hypot(steps[..., 0], steps[..., 1]).max())
-        # Perspective draws the near side at up to a third more than the mean scale.
-        assert fastest[-1] < 27.0
-        # Four marks sway at 1.5 Hz or less: a step changes by up to 2π 1.5 / 30 of the fastest.
-        assert np.abs(np.diff(steps, axis=0)).max() < 2 * np.pi * 1.5 / 30.0 * 27.0
-        assert (centers > 10).all()
-        assert (centers < (630, 470)).all()
-    assert max(fastest) > 8.0
+    centers = np.array([f.frame.centers_px for f in run(0, 8, level)])
+    steps = np.diff(centers, axis=0)
+    # Perspective draws the near side at up to a third more than the mean scale.
+    assert 8.0 < np.hypot(steps[..., 0], steps[..., 1]).max() < 27.0
+    # Four marks sway at 1.5 Hz or less: a step changes by up to 2π 1.5 / 30 of the fastest.
+    assert np.abs(np.diff(steps, axis=0)).max() < 2 * np.pi * 1.5 / 30.0 * 27.0
+    assert (centers > 10).all()
+    assert (centers < (630, 470)).all()
 
 
 def test_marks_in_good_light_are_where_the_truth_says() -> None:
@@ -55,13 +51,13 @@ def test_marks_in_good_light_are_where_the_truth_says() -> None:
 
 
 def test_the_whole_range_covers_marks_now_and_then() -> None:
-    visible = np.array([f.frame.visible for seed in range(12) for f in run(seed, 1, "whole range", size_px=SMALL)])
+    visible = np.array([f.frame.visible for seed in range(12) for f in run(seed, 1, "whole range", size_px=(160, 120))])
     assert 0.01 < (visible < 0.9).mean() < 0.4
     assert (visible == 1.0).mean() > 0.5
 
 
 def test_lamps_and_exposure_drift_over_the_whole_range() -> None:
-    frames = run(2, 40, "whole range", size_px=(160, 120))
+    frames = run(2, 40, "whole range", size_px=(80, 60))
     exposures = np.array([f.camera.exposure for f in frames])
     blue, green, red = np.array([f.camera.lamp_bgr for f in frames]).T
     assert min(np.ptp(x) / x.mean() for x in (exposures, blue, red)) > 0.01

@@ -113,8 +113,8 @@ def test_a_cloth_that_waves_is_nothing_and_what_comes_after_it_went_is_reported(
 
 def test_light_that_goes_and_comes_makes_nothing_come() -> None:
     rng = np.random.default_rng(3)
-    cloth = [picture(rng, CLOTH, ((60.0, 420.0), 30, (90, 85, 130))) for _ in range(200)]
-    shares = np.concatenate([np.ones(FIRST), np.linspace(1.0, 0.35, 80), np.linspace(0.35, 1.0, 200 - 80 - FIRST)])
+    cloth = [picture(rng, CLOTH, ((60.0, 420.0), 30, (90, 85, 130))) for _ in range(120)]
+    shares = np.concatenate([np.ones(FIRST), np.linspace(1.0, 0.35, 40), np.linspace(0.35, 1.0, 120 - 40 - FIRST)])
     assert reported([(share * image).astype(np.uint8) for share, image in zip(shares, cloth, strict=True)]) == []
 
 
