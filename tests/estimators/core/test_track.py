@@ -99,9 +99,9 @@ def test_coarser_statements_never_make_it_surer(breathing: np.ndarray) -> None:
     """
     sigmas = []
     for times in (1.0, 5.0, 25.0):
-        means, covs, _ = tracked(seen(breathing[:120], 1e-3, times * 1e-3))
+        means, covs, _ = tracked(seen(breathing[:90], 1e-3, times * 1e-3))
         sigmas.append(float(np.sqrt(np.trace(covs, axis1=1, axis2=2).mean())))
-        covered = normalised_error_squared(means - hidden(breathing[:120])[30:], covs) < 5.991
+        covered = normalised_error_squared(means - hidden(breathing[:90])[30:], covs) < 5.991
         assert covered.mean() > 0.9
     assert np.all(np.diff(sigmas) > 0.0)
 
