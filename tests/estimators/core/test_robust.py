@@ -51,7 +51,7 @@ TIMES = {
     "gap 2 s": (np.r_[0.0:1.0:HZ, 3.0:4.0:HZ], 1),
     "gap 10 s": (np.r_[0.0:1.0:HZ, 11.0:12.0:HZ], 1),
     "5 a second": (np.arange(0.0, 5.0, 0.2), 1),
-    "240 a second": (np.arange(0.0, 0.4, 1 / 240), 1),
+    "240 a second": (np.arange(0.0, 0.8, 1 / 240), 1),
     "equal times": (np.repeat(np.arange(0.0, 1.0, HZ), 2), 1),
     "since an epoch": (1e9 + np.arange(0.0, 1.0, HZ), 1),
     "marks of 1 um": (np.arange(0.0, 1.0, HZ), 1e-6 / SD_M),

@@ -106,7 +106,7 @@ def test_no_standard_error_exceeds_that_without_data(swing):
 
     That without data: the prior's, and how far from the constants given those found are.
     """
-    frames = [(time_s, [replace(mark, cov=0.01 * mark.cov) for mark in marks]) for time_s, marks in swing[:22]]
+    frames = [(time_s, [replace(mark, cov=0.01 * mark.cov) for mark in marks]) for time_s, marks in swing[:30]]
     prior = {"rest_length": 3e-4, "damping": 0.5, "stiffness": 0.3}
     one_start = IdentificationSettings(n_starts=1)
     wrong = identify_constants(
