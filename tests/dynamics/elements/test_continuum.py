@@ -178,13 +178,7 @@ def test_what_cannot_be_is_an_error(mesh, fixed, change, message):
 
 def test_a_network_has_either_springs_or_a_continuum(network):
     with pytest.raises(NetworkError, match="continuum: expected no springs beside it, found 1"):
-        replace(
-            network,
-            springs=np.array([[0, 1]]),
-            stiffness=np.ones(1),
-            rest_lengths=np.ones(1),
-            damping=np.zeros(1),
-        )
+        replace(network, springs=np.array([[0, 1]]), stiffness=np.ones(1), rest_lengths=np.ones(1), damping=np.zeros(1))
 
 
 def test_it_is_pickled_whole(network):

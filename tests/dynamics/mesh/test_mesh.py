@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics.mesh import (
-    MeshError,
-    TetMesh,
-    locate,
-    locate_on_surface,
-    lumped_masses,
-    patches,
-    rest_stiffness,
-    surface,
-)
+from dynamics.mesh import MeshError, TetMesh, locate, locate_on_surface, lumped_masses, patches, rest_stiffness, surface
 from tests.dynamics.blocks import block
 from tests.real_data import DATA
 

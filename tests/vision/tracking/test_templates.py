@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from vision import Disc, Expected, Lighting, MarkFinder, MarkHue, Outline, draw_frame
-from vision.tracking.settings import FINDER
+from vision.tracking.settings import FINDER, FinderSettings
 
 SIZE, RADIUS = (400, 300), 9.0
 HOMES = {"M1": (90.0, 80.0), "M2": (300.0, 90.0), "M3": (200.0, 220.0)}
@@ -27,8 +26,8 @@ def frame(rng: np.random.Generator, under: list[Disc], over: list[Disc] | None =
     return draw_frame(SIZE, [*under, *marks, *(over or [])], Lighting(), rng)
 
 
-def warmed(rng: np.random.Generator, n: int = 5) -> MarkFinder:
-    finder = MarkFinder([MarkHue(0.0)])
+def warmed(rng: np.random.Generator, n: int = 5, settings: FinderSettings = FINDER) -> MarkFinder:
+    finder = MarkFinder([MarkHue(0.0)], settings)
     for _ in range(n):
         assert len(finder.find(frame(rng, []), expected(rng, HOMES))) == len(HOMES)
     return finder
@@ -97,14 +96,14 @@ def test_a_blot_of_the_colour_where_a_mark_is_hidden_is_not_it() -> None:
         assert found == {"M1", "M2"}
 
 
-@pytest.mark.slow
 def test_looks_are_forgotten_where_a_mark_is_not_seen_for_long() -> None:
     rng = np.random.default_rng(4)
-    finder = warmed(rng)
+    finder = warmed(rng, settings=replace(FINDER, templates=replace(FINDER.templates, forget=15)))
     others = {name: at for name, at in HOMES.items() if name != "M2"}
     cover = Disc(np.array(HOMES["M2"]), (30.0, 30.0), 120.0, saturation=0.02, value=0.8)
     hidden = frame(rng, [], [cover])
-    for _ in range(FINDER.templates.forget):
+    for _ in range(15):
+        assert "M2" in finder.templates
         finder.find(hidden, expected(rng, HOMES))
     assert "M2" not in finder.templates
     assert all(name in finder.templates for name in others)
