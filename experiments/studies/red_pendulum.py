@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shutil
 import sys
 from collections.abc import Sequence
@@ -29,7 +30,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
+from scipy.integrate import odeint
 from scipy.optimize import least_squares
 
 import vision
@@ -153,14 +154,10 @@ def fitted_swing(times_s: Floats, centers_px: Floats, size_px: tuple[int, int], 
 
 
 def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float) -> Floats:
-    solved = solve_ivp(
-        lambda _t, y: [y[1], -w * w * np.sin(y[0] - rest) - 2.0 * damping * y[1]],
-        (times_s[0], times_s[-1]),
-        start,
-        t_eval=times_s,
-        rtol=1e-6,
-    )
-    return np.asarray(solved.y[0])
+    def slope(y: Floats, _t: float) -> tuple[float, float]:
+        return y[1], -w * w * math.sin(y[0] - rest) - 2.0 * damping * y[1]
+
+    return np.asarray(odeint(slope, start, times_s, rtol=1e-6, mxstep=10_000)[:, 0])
 
 
 def _strikes(u: Floats) -> list[int]:
