@@ -94,13 +94,12 @@ class TissuePosterior:
         driven = [node for node in marked if (node,) != self.target.point.nodes]
         self._driven = frozenset(driven)
         self.open_loop = OpenLoopCovariance(network, self.target.point, driven, QUIET.white)
-        self.log_likelihood = 0.0
+        self.log_likelihood, self._nis = 0.0, 0.0
         self.rejected, self.repairs = Counter[str](), Counter[str]()
         self._updated_s: float | None = None
         self._refuted_s = -np.inf
         self._placed: Floats | None = None
         self._far_fix: Outlying | None = None
-        self._nis = 0.0
         self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])
 
     def begin(self) -> None:

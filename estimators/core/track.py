@@ -84,10 +84,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart at the prior; keep the target's place in the body if fixes have measured it and nothing diverged.
-
-        as_drawn: with the body as drawn; else where marks last showed it
-        """
+        """Restart where marks last showed the body; keep a measured offset of the target if nothing diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -119,9 +116,8 @@ class TissueFilter(TissuePosterior):
     def restore(self, then: FilterSnapshot) -> None:
         """Reset the state to a snapshot."""
         self.begin() if then.filter is None else self.filter.resume(then.filter)
-        self._far_fix = then.far_fix
-        self.time_s, self.health, self._refuted_s = then.time_s, then.health, then.refuted_s
-        self._seen_s, self._updated_s = then.seen_s.copy(), then.updated_s
+        self.time_s, self.health, self._far_fix = then.time_s, then.health, then.far_fix
+        self._seen_s, self._updated_s, self._refuted_s = then.seen_s.copy(), then.updated_s, then.refuted_s
         self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
         self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
         self.residual_m, self._placed = then.residual_m, then.placed
@@ -238,7 +234,7 @@ class TissueFilter(TissuePosterior):
         self._updated_s = self.time_s
         before = self.health.status
         starting = self.health.since_s is None or before is Status.LOST
-        if marks and starting and self.health.since_s is not None:
+        if marks and before is Status.LOST:
             self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # the marks after a restart were refused
         taken, nis, shift = self._taken(marks, starting=starting)
         self.health = after_frame(self.health, self.time_s, nis, len(taken) * self.network.dim, self.settings)
@@ -248,8 +244,7 @@ class TissueFilter(TissuePosterior):
         covs = {mark.node: mark.total_cov for mark in taken if mark.node in self._driven}
         self.open_loop.take(min(dt, self.settings.forget_s), covs)
         self._seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
-        if taken:
-            self._placed = self.filter.mean[self.process.parts["position"]]
+        self._placed = self.filter.mean[self.process.parts["position"]] if taken else self._placed
         estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
         return replace(estimate, information_share=self.shares(marks) if marks else {}, shift=shift)
 
@@ -278,10 +273,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart and update with these marks; returns those that are no outliers, and their NIS.
-
-        before: status before the divergence; a body that was just restarted begins as drawn
-        """
+        """Restart, as drawn if it had just restarted, and update; returns marks that are no outliers, and their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)

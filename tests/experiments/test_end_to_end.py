@@ -54,16 +54,18 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_track_says_what_its_tables_say(recording, tmp_path):
+def test_a_track_says_what_its_tables_say_and_marks_predicted_as_if_hidden_are_reported(recording, tmp_path, capfd):
     """summary.json recomputed from estimates.csv and truth.csv; 9 digits in the table."""
-    assert softaim("track", recording, "--out", tmp_path / "out") == 0
+    assert softaim("track", recording, "--out", tmp_path / "out", "--check") == 0
+    reported = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     assert list(rows.columns) == COLUMNS
     assert (rows["marks_used"] == 3).all()
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert set(summary) == {OPEN_LOOP, FILTER}
     assert set(summary["open-loop"]) == ERRORS | WITHOUT_TRUTH
-    assert set(summary["filter"]) == ERRORS | {"coverage95", "mean_nees"} | WITHOUT_TRUTH | OWN
+    with_truth = {"coverage95", "mean_nees", "check_marks", "check_nees", "check_scale"}
+    assert set(summary["filter"]) == ERRORS | with_truth | WITHOUT_TRUTH | OWN
     truth = pd.read_csv(recording / "truth.csv").query("node == 'M2'")
     off = rows[["x_mm", "y_mm"]].to_numpy() - truth[["x_mm", "y_mm"]].to_numpy()
     covs = rows[["xx", "xy", "xy", "yy"]].to_numpy().reshape(-1, 2, 2)
@@ -77,10 +79,21 @@ def test_a_track_says_what_its_tables_say(recording, tmp_path):
     whole = 2.0 * ours["sigma_advice_mm"] ** 2
     assert whole * ours["variance_shares"]["marks and disturbances"] == pytest.approx(np.trace(covs[-1]), rel=1e-6)
     assert ours["mae_mm"] < 0.5 * summary[OPEN_LOOP]["mae_mm"]  # the open loop starts from rest, the truth does not
-    for name in ("path.png", "error.png", "sigma.png", "consistency.png"):
+    for name in ("path.png", "error.png", "sigma.png", "consistency.png", "withheld.png"):
         picture = cv2.imread(str(tmp_path / "out" / name))
         assert picture is not None
         assert picture.std() > 10.0, name
+    assert list(ours["check_marks"]) == ["M1", "M3", "M4"]
+    for node, one in ours["check_marks"].items():
+        assert 0 < one["frames"] <= 42  # three at the start
+        assert f"│ {node} " in reported
+        assert f"{one['mean_error_mm']:.2f}" in reported
+        assert one["ratio"] == pytest.approx(np.sqrt(one["mean_nees"] / 2))
+    frames = np.array([one["frames"] for one in ours["check_marks"].values()])
+    nees = np.array([one["mean_nees"] for one in ours["check_marks"].values()])
+    assert ours["check_nees"] == pytest.approx(nees @ frames / frames.sum())
+    worst = max(one["ratio"] for one in ours["check_marks"].values())
+    assert f"are up to {worst:.2f} times as large as predicted" in reported
 
 
 @pytest.mark.slow
@@ -119,26 +132,6 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     assert "None" not in reported
     assert f"{summary[FILTER]['mean_nis']:.2f}" in reported
     assert "3 INITIALISING, 32 TRACKING, 10 COASTING; marks refused: 0" in reported
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("without_pictures")
-def test_marks_predicted_as_if_hidden_are_reported_one_by_one(recording, tmp_path, capfd):
-    """Their errors beside those of the truth: 1.7 mm of mark noise an axis and a target that is known to 0.5 mm."""
-    assert softaim("track", recording, "--out", tmp_path / "out", "--check") == 0
-    reported = capfd.readouterr().out
-    ours = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
-    assert list(ours["check_marks"]) == ["M1", "M3", "M4"]
-    for node, one in ours["check_marks"].items():
-        assert 0 < one["frames"] <= 42  # three at the start
-        assert f"│ {node} " in reported
-        assert f"{one['mean_error_mm']:.2f}" in reported
-        assert one["ratio"] == pytest.approx(np.sqrt(one["mean_nees"] / 2))
-    frames = np.array([one["frames"] for one in ours["check_marks"].values()])
-    nees = np.array([one["mean_nees"] for one in ours["check_marks"].values()])
-    assert ours["check_nees"] == pytest.approx(nees @ frames / frames.sum())
-    worst = max(one["ratio"] for one in ours["check_marks"].values())
-    assert f"are up to {worst:.2f} times as large as predicted" in reported
 
 
 @pytest.mark.slow

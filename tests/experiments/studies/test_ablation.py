@@ -92,10 +92,7 @@ def test_means_are_over_the_bodies_that_changed_and_the_worst_is_named():
 
 @pytest.mark.parametrize(
     ("without", "shown"),
-    [
-        ({}, "| outliers | 1.000 (1.00 a) | +0.0 (+0.0) | 0/2 |"),
-        ({"failed": "X"}, "| 1/2, 1 runs ended early |"),
-    ],
+    [({}, "| outliers | 1.000 (1.00 a) | +0.0 (+0.0) | 0/2 |"), ({"failed": "X"}, "| 1/2, 1 runs ended early |")],
 )
 def test_the_table_shows_what_had_no_effect_and_what_ended_early(without, shown):
     assert shown in markdown(table(**without))

@@ -11,7 +11,7 @@ import pytest
 from estimators import Advice
 from tests.experiments.servers.page import messages
 from tests.experiments.servers.page.served import Served, served
-from tests.experiments.servers.page.test_browser import STALE_S, colour, press, stop_clock, visit, word
+from tests.experiments.servers.page.test_browser import STALE_S, colour, press, stop_clock, word
 
 GROUND = [26, 35, 45]
 
@@ -20,7 +20,7 @@ GROUND = [26, 35, 45]
 def shown(browser: Any) -> Iterator[Served]:
     """The page, open on a breast that rests."""
     with served({**messages.breast_scene(), "stale_ms": 1e3 * STALE_S}) as one:
-        visit(browser, one.address)
+        browser.get(one.address)
         one.until(lambda: one.feed.n_watching == 1)
         publish(one, browser, 1)
         yield one

@@ -63,7 +63,7 @@ def opened(browser: Any, scene: dict[str, Any]) -> Iterator[Fed]:
     with served(scene) as one:
         fed = Fed(one)
         try:
-            visit(browser, one.address)
+            browser.get(one.address)
             one.until(lambda: word(browser) == "GO")
             yield fed
         finally:
@@ -78,14 +78,6 @@ def _plain(browser: Any, shown: Fed) -> Iterator[None]:
     shown.silent.clear()
     shown.one.refusal = None
     shown.one.commands.clear()
-
-
-def visit(browser: Any, address: str) -> None:
-    """Open a page; what an earlier one asked for and reported is forgotten."""
-    browser.get("about:blank")
-    for log in ("performance", "browser"):
-        browser.get_log(log)
-    browser.get(address)
 
 
 def word(browser: Any, of: str = "advice") -> str:

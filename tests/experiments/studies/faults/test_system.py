@@ -18,10 +18,7 @@ from experiments.studies.faults.study import FAULTS
 from experiments.studies.faults.viewer import Viewer
 from experiments.studies.faults.world import Motion
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(sys.platform == "win32", reason="terminals and signals of POSIX"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="terminals and signals of POSIX")]
 
 SEED = 7000
 FULL = "expected a table that can be written"
@@ -41,8 +38,8 @@ def _patient(monkeypatch):
     monkeypatch.setattr(system, "LASTS_S", 120.0)  # of the fifty viewers, who go with the run
 
 
-def judged(name, folder, monkeypatch, enough=lambda _found: True):
-    """Half a second before the fault; after it, so long that enough comes."""
+def judged(name, folder, monkeypatch, enough=lambda _found: True, onset_s=0.5):
+    """Half a second before the fault, or so long; after it, so long that enough comes."""
     for starts_s, after_s in PACES:
         film = process.filmed(SEED, film_s(starts_s, after_s))
         monkeypatch.setattr(system, "STARTS_S", starts_s)
@@ -50,7 +47,7 @@ def judged(name, folder, monkeypatch, enough=lambda _found: True):
         monkeypatch.setattr(system, "filmed", lambda *_, film=film: film)
         last = (starts_s, after_s) == PACES[-1]
         try:
-            found = FAULTS[name].judged(SEED, folder, onset_s=0.5)
+            found = FAULTS[name].judged(SEED, folder, onset_s=onset_s)
             if last or enough(found):
                 return found
         except InputError as fault:
@@ -66,7 +63,7 @@ def film_s(starts_s, after_s):
 
 
 def test_killed_its_viewer_knows_at_once_and_all_but_the_last_second_can_be_read(tmp_path, monkeypatch):
-    found = judged("KILL", tmp_path, monkeypatch, lambda found: found.noticed_ms is not None)
+    found = judged("KILL", tmp_path, monkeypatch, lambda found: found.noticed_ms is not None, onset_s=1.5)
     assert found.shown == "NO CONNECTION"
     assert found.noticed_ms is not None
     assert found.lacks_s is not None
@@ -100,7 +97,7 @@ def test_on_a_full_disk_it_says_so_and_goes_on_and_keeps_what_it_had(tmp_path, m
     """A busy machine may show STALE for longer than that: asked for is what was said."""
     said, new = [], Viewer._new
     monkeypatch.setattr(Viewer, "_new", lambda *given: said.append(new(*given)) or said[-1])
-    found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in said))
+    found = judged("disk full", tmp_path, monkeypatch, lambda _: any(FULL in text for text in said), onset_s=1.5)
     assert any(FULL in text for text in said)
     assert str(tmp_path) not in found.shown
     assert found.noticed_ms is not None
