@@ -157,7 +157,7 @@ def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp
 
 
 def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
-    assert softaim("live", "--source", "phantom", "--duration", 0.5, "--no-page", "--out", tmp_path / "out") == 0
+    assert softaim("live", "--source", "phantom", "--duration", 1, "--no-page", "--out", tmp_path / "out") == 0
     reported = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
     counted = re.match(r".*?(\d+) frames and (\d+) moments without one", reported, re.DOTALL)
@@ -165,9 +165,9 @@ def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert len(rows) == int(counted[1]) + int(counted[2])
     assert "latency median" in reported
     assert (np.diff(rows["time_s"]) > 0).all()
-    # At most half a second at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
+    # At most a second at 30 frames/s and what coasts between; how many fewer is a matter of the machine's speed:
     # tests/experiments/pipeline/live/test_session.py counts them by a clock of its own.
-    assert 1 <= len(rows) <= 20
+    assert 1 <= len(rows) <= 40
     assert rows["status"][0] == "INITIALISING"
     assert set(rows["status"]) <= {"INITIALISING", "TRACKING", "COASTING", "LOST"}
     assert set(re.findall(r"(\d+) ([A-Z]+)", reported)) == {
