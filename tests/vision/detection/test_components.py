@@ -66,7 +66,7 @@ def study(
     squash: float = 1.0,
     edit: Edit = lambda image: image,
     lines: bool = False,
-    n_frames: int = 30,
+    n_frames: int = 40,
     seed: int = 11,
 ) -> Study:
     """Four red marks a frame at random places; a mark is found if a detection lies within 6 px."""
@@ -112,7 +112,7 @@ def test_centres_and_covariances_on_clean_frames(edit: Edit, largest_rms: float)
     assert seen.found == 1.0
     assert seen.false == 0.0
     assert (seen.rms < largest_rms).all()
-    # The mean of 120 squared errors is known to 13 %.
+    # The mean of 160 squared errors is known to 11 %.
     assert ((seen.variance_ratio > 1 / 1.5) & (seen.variance_ratio < 1.5)).all(), seen.variance_ratio
 
 
@@ -253,9 +253,9 @@ def test_marks_of_one_hue_side_by_side_stay_two() -> None:
 
 def test_the_paper_camera_is_as_bad_as_the_paper_says() -> None:
     lighting = paper_camera()
-    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=70)
+    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=120)
     radial_mm = np.linalg.norm(seen.errors * np.array([4.24, 4.56]), axis=1)
-    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 280 marks tell the mean to 0.13 mm
+    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 480 marks tell the mean to 0.1 mm
     assert seen.found >= 0.95
     assert seen.false < 0.05
     # The detector cannot see how far marks are drawn off their places; the scene says it as calibration_sd_px.
