@@ -41,7 +41,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) where marks last showed the body."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None

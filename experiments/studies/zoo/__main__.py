@@ -30,7 +30,7 @@ from experiments.studies.zoo.table import cells_of, markdown, page_tables
 
 
 def write_results(table: pd.DataFrame, folder: Path) -> str:
-    """Write runs.csv, cells.csv, and table.md; the table as text."""
+    """Write runs.csv, cells.csv and table.md; the table as text."""
     cells = cells_of(table)
     page = markdown(cells)
     write_whole(folder / "runs.csv", table.to_csv(index=False))

@@ -258,7 +258,7 @@ def test_sigmas_that_hardly_vary_fill_the_width_of_the_picture_and_frames_outsid
     assert right < 1.4 * left
     assert sum(left < tick < right for tick in ax.get_xticks()) >= 3
     x, y = ax.lines[0].get_data()
-    (low, high) = ax.get_ylim()
+    low, high = ax.get_ylim()
     n_out = int(((x < left) | (x > right) | (y < low) | (y > high)).sum())
     assert 0 < n_out <= 0.1 * N
     assert f"single frames ({n_out} of {N} outside)" in labels(figure)
