@@ -72,6 +72,7 @@ def opened(browser: Any, scene: dict[str, Any]) -> Iterator[Fed]:
 
 @pytest.fixture(autouse=True)
 def _plain(browser: Any, shown: Fed) -> Iterator[None]:
+    shown.one.until(lambda: word(browser) == "GO")  # not what the test before left
     yield
     browser.execute_script("delete performance.now")
     shown.made = {}
