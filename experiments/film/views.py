@@ -10,12 +10,14 @@ from experiments.errors import InputError
 from experiments.film.overlay import Fate, MarkDrawn, NeedleDrawn, Overlay
 from experiments.film.projection import View, view_of
 from experiments.film.strokes import Colour
+from experiments.formats.films.several import film_name
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.line import FILTER, Line, Step
+from experiments.pipeline.line import FILTER, AnyFrame, Line, Step
 from experiments.pipeline.scores.marks import lost_words
-from vision import PlaneCamera, SpaceCamera, fronto_parallel_camera
+from vision import Frame, PlaneCamera, SpaceCamera, fronto_parallel_camera
+from vision.arrays import Image
 
 # Colours of Okabe and Ito for the colour-blind, BGR
 GREEN: Colour = (115, 158, 0)
@@ -41,6 +43,8 @@ ADVICE = {
 }
 TRUSTED = (Status.TRACKING, Status.COASTING)
 
+GROUND = 60
+"""Grey level of the plain background."""
 GROUND_PX = (640, 480)
 """Size of the plain background for marks without pictures [px]."""
 GROUND_SHARE = 0.6
@@ -52,13 +56,33 @@ MOST_NAMED = 40
 def ground_camera(scene: Scene) -> PlaneCamera:
     """A camera square to the plane that sees the network in the middle; InputError in space."""
     if scene.network.dim != 2:
-        expected = "a flat scene, or films of cameras in space: softaim track --film of a recording with pictures"
-        raise InputError.at("--film", expected, "a scene in space without pictures, or a live one")
+        raise InputError.at("--film", "a flat scene, or cameras with lens and pose in it", "one in space without them")
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
     size_m = np.maximum(high - low, 1e-3)
     mm_per_px = float((1e3 * size_m / (GROUND_SHARE * np.array(GROUND_PX))).max())
     middle = 0.5 * (low + high)
     return fronto_parallel_camera("ground", GROUND_PX, (mm_per_px, mm_per_px), (float(middle[0]), float(middle[1])))
+
+
+def film_cameras(scene: Scene) -> dict[str, PlaneCamera | SpaceCamera]:
+    """Cameras in space by name, or under "" the ground camera of a plane; InputError in space without cameras."""
+    return {film_name(one.name, i): one for i, one in enumerate(scene.space_cameras)} or {"": ground_camera(scene)}
+
+
+def pictures_of(
+    frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None, plan: NeedlePlan | None = None
+) -> dict[str, tuple[Image, Overlay]]:
+    """Each camera's picture in a frame, or a plain background for marks, and its `overlay_of`, as in `film_cameras`."""
+    if isinstance(frame, Frame):
+        return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
+    cameras = film_cameras(line.scene)
+    images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images
+    return {name: (image, overlay_of(line, step, cameras[name], guidance, plan)) for name, image in images.items()}
+
+
+def ground(camera: PlaneCamera | SpaceCamera) -> Image:
+    """The plain background for marks without pictures."""
+    return np.full((camera.size_px[1], camera.size_px[0], 3), GROUND, dtype=np.uint8)
 
 
 def overlay_of(

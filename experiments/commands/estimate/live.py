@@ -65,7 +65,6 @@ def live(
         run.opened.callback(phantom.release)
 
     from experiments.errors import InputError
-    from experiments.film.film import FILM
     from experiments.film.live_film import LiveFilm
     from experiments.pipeline.live.following import live as followed
     from experiments.pipeline.live.session import ADVICE
@@ -122,7 +121,8 @@ def live(
         for folder in done.recordings:
             print(f"Recording in {folder}; next: softaim replay {folder}")
         for one in films:
-            print(f"Film in {path / FILM}: {counted(one.n_written, 'frame')}, {one.n_dropped} dropped")
+            paths = ", ".join(str(path / file.name) for file in one.written)
+            print(f"Film in {paths or 'no file'}: {counted(one.n_written, 'frame')}, {one.n_dropped} dropped")
 
     fault = done.fault or next((f"film: {one.fault}" for one in films if one.fault is not None), None)
     written = {"film": [{"frames": one.n_written, "dropped": one.n_dropped} for one in films]} if film else {}

@@ -145,7 +145,7 @@ class Session:
         self._show(status_text(self._own(estimate), self.interval_s, self.counters.latency_ms, advised))
         self.picture = frame if isinstance(frame, vision.Frame) else None
         if self.watch is not None:
-            self.watch.take(self.picture, self.line, step, advised)
+            self.watch.take(None if isinstance(frame, MarksFrame) else frame, self.line, step, advised)
         self._publish(estimate, self.picture, step, advised, now_s)
         return True
 

@@ -145,7 +145,7 @@ def test_there_is_no_film_of_given_marks_in_space(tmp_path, capsys) -> None:
     (folder / "marks.csv").write_text("time_s,node,x_mm,y_mm,z_mm,sd_mm\n0.0,N2,0.0,0.0,40.0,1.0\n")
     assert softaim("track", folder, "--out", tmp_path / "out", "--film") == 2
     said = capsys.readouterr().err.strip().splitlines()[-1]
-    assert said.startswith("softaim: --film: expected a flat scene, or films of cameras in space")
+    assert said.startswith("softaim: --film: expected a flat scene, or cameras with lens and pose in it")
     assert not (tmp_path / "out").exists()
 
 
@@ -176,6 +176,19 @@ def test_in_space_each_camera_has_a_film(in_space, tmp_path) -> None:
         assert len(frames) == len(plain) == 6
         assert np.abs(frames[-1].astype(int) - plain[-1]).max() > 100
     assert (tmp_path / "out" / "worst.png").exists()
+
+
+def test_in_space_marks_of_another_tracker_are_drawn_as_each_camera_would_see_them(in_space, tmp_path) -> None:
+    assert softaim("simulate", in_space.parent / "film.toml", "--out", tmp_path / "rec", "--no-film") == 0
+    assert softaim("track", tmp_path / "rec", "--out", tmp_path / "out", "--film") == 0
+    truth = read_recording(in_space).truth
+    for camera in breast().space_cameras:
+        frames = frames_of(tmp_path / "out" / f"film.{camera.name}.avi")
+        assert len(frames) == 6
+        assert abs(int(np.median(frames[-1])) - 60) < 3
+        u, v = camera.project(truth.at(np.array([0.16666]), "S1")[1][0])[0].round().astype(int)
+        around = frames[-1][v - 12 : v + 13, u - 12 : u + 13].astype(int)
+        assert (around[:, :, 2] - around[:, :, 0] > 100).any()  # its red circle
 
 
 def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:

@@ -1,6 +1,7 @@
 """The film of a live run: whole at the end, in pieces after a kill, and never in the way of the loop."""
 
 import re
+import shutil
 import threading
 from pathlib import Path
 
@@ -16,10 +17,12 @@ from experiments.pipeline.live.session import Session
 from experiments.pipeline.recorder import PIECE_S, Recorder, join
 from experiments.simulation.plane_film import film
 from experiments.simulation.simulate import scene_of, true_motion
+from experiments.simulation.space_film import draw_in_space
 from tests.experiments.command import softaim
+from tests.experiments.in_space import breast
 from tests.experiments.rows import complaint
 from tests.experiments.webcam import coarse_webcam
-from vision import Frame
+from vision import Exposure, Frame, Lighting, SpaceCamera
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +93,7 @@ def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeyp
     one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
     steps = [(frame, own.see(frame.exposure_s, frame.image)) for frame in frames[:30]]
     one.take(steps[0][0], own, steps[0][1])
-    while one._thread._waiting:  # until the thread holds the first
+    while one._threads[""]._waiting:  # until the thread holds the first
         threading.Event().wait(1e-3)
     for frame, step in steps[1:]:
         one.take(frame, own, step)  # comes back although the thread stands still
@@ -111,27 +114,102 @@ def test_what_fails_in_the_thread_ends_the_film_and_not_the_run(frames, tmp_path
     session = Session(line().scene, tmp_path / "estimates.csv", lambda _text: None, watch=one)
     for frame in frames[:10]:
         assert session.take(frame)
-    one._thread._thread.join(30.0)
+    one._threads[""]._thread.join(30.0)
     session.take(frames[10])
     assert session.counters.frames == 11
     assert "No space left" in str(one.fault)
     session.close()
 
 
-def test_a_frame_at_the_time_of_the_one_before_is_dropped(frames, tmp_path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    one, own = LiveFilm(line().scene, tmp_path / "out-film"), line()
-    step = own.see(frames[0].exposure_s, frames[0].image)
-    for _ in range(2):
-        one.take(frames[0], own, step)
-    one.finish(out)
-    assert (one.n_written, one.n_dropped, one.fault) == (1, 1, None)
-
-
 def test_a_folder_in_which_a_killed_run_left_its_film_is_not_written_over(tmp_path) -> None:
     (tmp_path / "out-film").mkdir()
     assert "softaim record --recover" in complaint(LiveFilm, line().scene, tmp_path / "out-film")
+
+
+@pytest.fixture(scope="module")
+def exposures() -> list[Exposure]:
+    """A body at rest before two cameras for 1.5 s; every third exposure is of the left one alone."""
+    scene, rng = breast(), np.random.default_rng(1)
+    images = {
+        camera.name: draw_in_space(scene, camera, scene.network.positions, Lighting(), rng)
+        for camera in scene.space_cameras
+    }
+    return [Exposure(0.1 * k, images if k % 3 else {"left": images["left"]}) for k in range(16)]
+
+
+def filmed_in_space(exposures: list[Exposure], folder: Path) -> LiveFilm:
+    """The film, not finished, of a live run that used all exposures."""
+    one = LiveFilm(breast(), folder / "out-film")
+    session = Session(breast(), folder / "estimates.csv", lambda _text: None, watch=one, clock=lambda: 2.0)
+    n_pictures = 0
+    for exposure in exposures:
+        assert session.take(exposure)
+        n_pictures += len(exposure.images)
+        while one.n_written + one.n_dropped < n_pictures and one.fault is None:
+            threading.Event().wait(1e-3)
+    session.close()
+    return one
+
+
+def around(picture: np.ndarray, camera: SpaceCamera, node: str) -> np.ndarray:
+    """The part of a picture in which the camera sees a node of the body."""
+    scene = breast()
+    u, v = camera.project(scene.network.positions[scene.network.index(node)])[0].round().astype(int)
+    return picture[v - 12 : v + 13, u - 12 : u + 13]
+
+
+def coloured(picture: np.ndarray, camera: SpaceCamera, node: str) -> int:
+    """The number of colourful pixels about a node."""
+    return int((np.ptp(around(picture, camera, node), axis=-1) > 120).sum())
+
+
+def test_in_space_each_camera_has_a_live_film_also_after_a_kill(exposures, tmp_path) -> None:
+    """The target is yellow where the body has it; the five of six marks that face a camera are ringed."""
+    out, scene, n_pictures = tmp_path / "out", breast(), {"left": 16, "right": 10}
+    out.mkdir()
+    one = filmed_in_space(exposures, tmp_path)
+    shutil.copytree(one.growing, tmp_path / "killed")
+    one.finish(out)
+    assert (one.n_written, one.n_dropped, one.fault) == (26, 0, None)
+    assert one.written == [out / "film.left.avi", out / "film.right.avi"]
+    assert (out / "worst.png").exists()
+    assert not one.growing.exists()
+    for camera in scene.space_cameras:
+        assert count(out / f"film.{camera.name}.avi") == n_pictures[camera.name]
+        film = cv2.VideoCapture(str(out / f"film.{camera.name}.avi"))
+        film.set(cv2.CAP_PROP_POS_FRAMES, n_pictures[camera.name] - 1)
+        frame, plain = film.read()[1].astype(int), exposures[-2].images[camera.name].astype(int)
+
+        blue, green, red = np.moveaxis(around(frame, camera, scene.target.node), -1, 0)
+        assert ((green - blue > 80) & (red - blue > 80)).any()
+        before, after = (
+            [coloured(picture, camera, node) for node in scene.measured_nodes] for picture in (plain, frame)
+        )
+        ringed = [b > a + 20 for a, b in zip(before, after, strict=True) if a > 10]
+        assert ringed == [True] * 5
+    assert softaim("record", "--recover", tmp_path / "killed") == 0
+    for name in n_pictures:
+        times_s = [one.exposure_s for one in exposures if name in one.images]
+        n_kept = count(tmp_path / "killed" / f"video.{name}.avi")
+        assert times_s[-1] - times_s[n_kept - 1] < PIECE_S + 0.2
+
+
+def test_a_fault_in_the_film_of_one_camera_does_not_end_the_other(exposures, tmp_path, monkeypatch) -> None:
+    take = Recorder.take
+
+    def full(recorder: Recorder, frame: Frame) -> None:
+        if recorder.folder.name == "segments.left":
+            raise OSError(28, "No space left on device")
+        take(recorder, frame)
+
+    monkeypatch.setattr(Recorder, "take", full)
+    out = tmp_path / "out"
+    out.mkdir()
+    one = filmed_in_space(exposures, tmp_path)
+    one.finish(out)
+    assert "No space left" in str(one.fault)
+    assert [path.name for path in out.glob("film*")] == ["film.right.avi"]
+    assert count(out / "film.right.avi") == 10
 
 
 @pytest.mark.slow

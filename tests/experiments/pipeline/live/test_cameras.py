@@ -1,5 +1,6 @@
 """A body in space is followed live by its cameras, recorded and replayed; cameras are recorded together."""
 
+import json
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
@@ -72,9 +73,17 @@ def test_a_live_run_follows_the_target_and_its_recording_replays_bit_for_bit(fil
     assert (done.frames, done.lacking, done.different, done.begun) == (len(filmed.exposures_s), 0, {}, True)
 
 
-def test_a_recording_of_cameras_is_played_live_by_its_name(filmed: Recording, tmp_path: Path) -> None:
-    assert softaim("live", "--source", str(filmed.folder), "--out", str(tmp_path / "run"), "--no-page") == 0
-    assert len((tmp_path / "run" / "estimates.csv").read_text("utf-8").splitlines()) > 3
+def test_a_recording_of_cameras_is_played_and_filmed_live_by_its_name(
+    filmed: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each picture comes alone, in an estimate of its own."""
+    out = tmp_path / "run"
+    assert softaim("live", "--source", filmed.folder, "--out", out, "--film", "--no-page", "--json") == 0
+    assert len((out / "estimates.csv").read_text("utf-8").splitlines()) > 3
+    done = json.loads(capsys.readouterr().out)
+    (film,) = done["film"]
+    n_filmed = sum(vision.count_frames(path) for path in out.glob("film.*.avi"))
+    assert n_filmed == film["frames"] == done["frames"] - film["dropped"]
 
 
 def test_a_picture_of_another_size_is_not_used(filmed: Recording, tmp_path: Path) -> None:
