@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
@@ -36,9 +36,11 @@ class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras, by name, each once, until all of them end or `close()`.
 
     Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. An
-    exposure is dropped if all its cameras already have a newer picture.
+    exposure is dropped if all its cameras already have a newer picture; their next exposure precedes earlier ones of
+    other cameras, so that a slow loop gets pictures of each camera.
     sources: by camera; clock, nap: the one monotonic clock [s], and a function that pauses
-    State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; pictures dropped here.
+    State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; cameras whose last
+    picture was dropped; number of pictures dropped here.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class SeveralFrames(Closing):
         self._waiting: dict[str, deque[tuple[float, Frame]]] = {name: deque() for name in sources}
         self._last_s = dict.fromkeys(sources, -np.inf)
         self._given_s = -np.inf
+        self._skipped: set[str] = set()
         self._dropped = 0
 
     @property
@@ -96,7 +99,7 @@ class SeveralFrames(Closing):
             self._fetch()
             exposure = self._first()
             if exposure is not None and all(self._waiting[name] for name in exposure.images):
-                self._dropped += len(exposure.images)
+                self._drop(exposure.images)
                 continue
             now = self._clock()
             if exposure is not None or now >= until or self.ended:
@@ -119,16 +122,23 @@ class SeveralFrames(Closing):
         heads = {name: waiting[0] for name, waiting in self._waiting.items() if waiting}
         if not heads:
             return None
-        came_s, first = min(heads.values(), key=lambda one: one[1].exposure_s)
+        skipped = {name: one for name, one in heads.items() if name in self._skipped}
+        came_s, first = min((skipped or heads).values(), key=lambda one: one[1].exposure_s)
         if any(self._due(name, first.exposure_s, came_s) for name in self.sources if name not in heads):
             return None
-        group = [name for name, (_, one) in heads.items() if one.exposure_s - first.exposure_s <= TOGETHER_S]
+        group = [name for name, (_, one) in heads.items() if abs(one.exposure_s - first.exposure_s) <= TOGETHER_S]
         images = {name: self._waiting[name].popleft()[1].image for name in group}
         if not first.exposure_s > self._given_s:  # it came after a later one was delivered
-            self._dropped += len(images)
+            self._drop(images)
             return self._first()
         self._given_s = first.exposure_s
+        self._skipped -= set(group)
         return Exposure(first.exposure_s, images)
+
+    def _drop(self, cameras: Iterable[str]) -> None:
+        """Count a picture of each of these cameras as dropped."""
+        self._skipped |= set(cameras)
+        self._dropped += len(set(cameras))
 
     def _due(self, name: str, exposure_s: float, came_s: float) -> bool:
         """Whether a camera without a waiting picture will soon deliver one that was exposed before this time [s]."""

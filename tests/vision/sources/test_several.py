@@ -110,6 +110,17 @@ def test_a_slow_loop_gets_the_newest_and_counts_the_others(offset_s: float) -> N
     assert len(found) < 25
 
 
+@pytest.mark.parametrize("offset_s", [0.01, -0.01, 0.5 * INTERVAL_S])
+def test_a_slow_loop_gets_pictures_of_each_camera(offset_s: float) -> None:
+    n = 90
+    *found, _ = seen(Clock(), {"a": at(*trigger(n)), "b": at(*trigger(n, offset_s))}, takes_s=0.15)
+    names = [names for *_, names in found]
+    times_s = [time_s for _, time_s, _ in found]
+    assert times_s == sorted(times_s)
+    assert abs(names.count("a") - names.count("b")) <= 2
+    assert max(came_s - time_s for came_s, time_s, _ in found[1:-2]) < 0.01 + 1.5 * INTERVAL_S
+
+
 def test_a_picture_older_than_one_that_was_given_is_dropped() -> None:
     # b's second picture comes a second after it was exposed: longer than anything waits for it
     *found, dropped = seen(Clock(), {"a": at(*trigger(40)), "b": [*at(trigger()[0]), (101.2, trigger()[1])]})
