@@ -9,7 +9,7 @@ Names to start with:
     fit_rest_lengths      rest lengths of springs from a picture of the network at rest
     node_forces           forces on all nodes
     potential_energy      energy whose negative gradient is the force
-    stiffness_matrix      derivative of the forces by positions
+    stiffness_matrix      minus the derivative of the forces with respect to positions
     stable_step           longest stable time step
     Stepper               fast fixed steps, for filters
     integrate_adaptive    accurate, slow simulation, as ground truth

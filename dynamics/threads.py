@@ -1,7 +1,7 @@
 """One thread for linear algebra during a filter or mesh reduction: with small matrices, more threads only wait.
 
-A program sets OPENBLAS_NUM_THREADS before NumPy is loaded; for a user of the library NumPy and SciPy are already
-loaded. Their wheels include OpenBLAS, which is set here; the threads of other libraries are up to the user.
+A program can set OPENBLAS_NUM_THREADS before it loads NumPy; a user of the library has loaded NumPy and SciPy already.
+Their wheels include OpenBLAS, whose threads are set here; other libraries are up to the user.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import scipy
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Use one thread until the end, then the previous number."""
+    """Use one thread inside the `with` block, and the previous number after it."""
     before = [(put, get()) for put, get in _libraries()]
     for put, n in before:
         if n != 1:

@@ -1,6 +1,6 @@
 """Force elements with energy, force and derivatives, and their sparse assembly.
 
-Another `ForceElement` belongs here.
+A new kind of `ForceElement` belongs here.
 """
 
 from dynamics.elements.assembly import Assembly

@@ -1,4 +1,4 @@
-"""Assembly of all kinds of elements over the free coordinates of a mesh; one kernel serves those of a network."""
+"""Assembly of all kinds of elements over a mesh's free coordinates; one kernel serves all elements of a network."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Assembly:
     Parameters
     ----------
     positions : (n_nodes, dim)
-        Positions of all nodes [m]; nodes that are not free stay there.
+        Positions of all nodes [m]; nodes that are not free keep them.
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement
@@ -65,7 +65,7 @@ class Assembly:
         return total + self._of_others(q, v) if self._others else total
 
     def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """`force`, and dense stiffness and damping as `tangents`, (n, n) each."""
+        """Results of `force` and, as dense matrices, of `tangents`, (n, n) each."""
         total, K, C = linearised(q, v, self.positions, self._place, *self._packed, True)
         if not self._others:
             return total, K, C
@@ -77,7 +77,7 @@ class Assembly:
         return total + self._of_others(q, v), K, C
 
     def tangents(self, q: Floats, v: Floats) -> tuple[csr_array, csr_array]:
-        """Stiffness [N/m] and damping [N s/m], (n, n) each: minus the derivatives of `force` by q and v."""
+        """Stiffness [N/m] and damping [N s/m], (n, n) each: minus the Jacobians of `force` for q and v."""
         x, u = self._all(q, v)
         values: list[list[Floats]] = [[], []]
         for element, (kept, _, _) in zip(self.elements, self._entries, strict=True):
@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """The constants of all compiled kinds, those of nodes by node; shape: (n_nodes, dim) of the positions."""
+    """Constants of all compiled kinds of elements; shape: that of the positions, (n_nodes, dim)."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

@@ -1,8 +1,8 @@
 """Reduction of a tissue mesh to a network of points: modes under smooth surface forces, stiffness between points.
 
 A single point of a continuum has no finite stiffness: the finer the mesh, the deeper a point force dents it. Unknown
-forces are therefore smooth fields over the free surface. The body moves in its responses to them, in those to
-changes of gravity's direction, and in affine motions. Source of the projection on responses: [benner2015].
+forces are therefore smooth fields over the free surface. The modes span the body's responses to these forces and to
+changes of gravity's direction, and affine motions. Source of the projection on responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -39,41 +39,41 @@ from dynamics.threads import one_blas_thread
 
 NEARLY_INCOMPRESSIBLE = 0.46
 """Poisson's ratio above which the dilatation is averaged over patches of elements [1]; choice: below it single linear
-tetrahedra bend well enough, and the factors are smaller."""
+tetrahedra bend well enough, and the Cholesky factors are smaller."""
 
 SMOOTH = 0.2
-"""Correlation length of surface forces, relative to the extent [1]; choice."""
+"""Correlation length of surface forces, relative to the body's extent [1]; choice."""
 
 FUNCTIONS = 30
-"""Number of functions for each axis whose sums are the surface forces; numerical: 60 functions over 0.15 of the extent
-give the same estimates of targets in blocks and breasts."""
+"""Number of functions that span the surface forces along each axis; numerical: 60 functions with a correlation length
+of 0.15 give the same target estimates in blocks and breasts."""
 
 SAMPLES = 500
-"""Largest number of surface nodes at which the functions are chosen; numerical."""
+"""Approximate number of surface nodes from which the functions are computed; numerical."""
 
 LEFT_OUT = 3e-3
-"""Largest root mean square displacement of an omitted mode over the points, relative to the extent [1]; numerical:
-under surface forces of `POKE_M_S2`, or those that bend the body by `BENT`."""
+"""Root mean square displacement of the points by a mode, relative to the body's extent, below which the mode is omitted
+[1]; numerical. The surface forces are those of `POKE_M_S2` and `BENT`."""
 
 POKE_M_S2, BENT = 5.0, 0.1
-"""Surface forces for the choice of modes [m/s²], at least those that displace the points by the given share of the
-extent [1]; choice: the filter's pokes."""
+"""Surface forces for the choice of modes [m/s²], and least displacement of the points under them, relative to the
+body's extent [1]; stiff bodies get larger forces. Choice: as the filter's pokes."""
 
 DEPENDENT = 1e-5
-"""Relative size of a direction of the modes below which it depends on the others [1]; numerical."""
+"""Relative size below which a direction of the modes counts as dependent on the others [1]; numerical."""
 
 NEAR = 0.02
-"""Relative distance outside the surface up to which a point is bound to it [1]; choice: some millimetres, by
-which measured marks lie off a coarse surface."""
+"""Largest distance from the surface at which an outside point is attached to it, relative to the extent [1]; choice:
+some millimetres, because measured marks may lie off a coarse surface."""
 
 PATCH = 0.05
-"""Relative radius of the patch that distributes a force on a point [1]; choice: a fingertip on a breast."""
+"""Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""Weight of a node below which a point does not depend on it: positions are rounded [1]; numerical."""
+"""Sum of a point's weights for free nodes below which it counts as fixed: positions are rounded [1]; numerical."""
 
 CHUNK = 2**16
-"""Number of strains that are computed at once; numerical: memory."""
+"""Number of strains that are computed at once; numerical: it limits the memory."""
 
 WALL = 12
 """Largest number of network nodes that show where the body is fixed."""
@@ -87,7 +87,7 @@ class Points(NamedTuple):
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points inside a mesh, or near its surface, where they are bound to it. MeshError for a point far outside."""
+    """Points inside a mesh, or near its surface and then attached to it. Raises MeshError for a point far outside."""
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -109,7 +109,7 @@ def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
 
 
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
-    """Node weights, (k, n_nodes), of the patch around each point that distributes a force on it.
+    """Node weights, (k, n_nodes), of the patch around each point, over which a force on the point is distributed.
 
     The patch of a surface point has surface nodes, weighted by area; that of an inner point has all nodes, by volume.
     """
@@ -137,7 +137,7 @@ def continuum_network(
     Parameters
     ----------
     mesh : TetMesh
-        The body, at rest as drawn under any gravity.
+        The body; it rests as drawn under any gravity.
     tissues : sequence of Tissue
         Tissues in the order of the region numbers.
     fixed : (n_fixed,) int
@@ -146,7 +146,7 @@ def continuum_network(
         Positions [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further
         nodes, `wall 1` and so on, show where the body is fixed.
     left_out : float
-        As `LEFT_OUT`; 0 for all responses to smooth surface forces, as a reference: not all modes of the mesh.
+        As `LEFT_OUT`. For reference, 0 keeps all responses to smooth surface forces, but not all the mesh's modes.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def continuum_network(
     Raises
     ------
     MeshError
-        A region without a tissue, no free node, a point outside.
+        For a region without a tissue, for no free node, and for a point outside.
     """
     if mesh.regions.min() < 0 or mesh.regions.max() >= len(tissues):
         found = f"{mesh.regions.min()} to {mesh.regions.max()}"
@@ -210,7 +210,7 @@ def _continuum(
     areas[place[outside.nodes[moves]]] = outside.areas[moves]
     pushed, nodes = np.flatnonzero(areas), mesh.nodes[free]
     fields = np.zeros((len(free), 1 + FUNCTIONS))
-    fields[:, 0] = masses  # the whole body, as a change of gravity's direction
+    fields[:, 0] = masses  # on the whole body, like a change of gravity's direction
     fields[pushed, 1:] = _smooth(nodes[pushed], SMOOTH * extent_m, FUNCTIONS)
     fields[:, 1:] *= (areas * masses.sum() / areas.sum())[:, None]
     forces = np.asarray(np.kron(fields, np.eye(3)), dtype=float)
@@ -226,7 +226,7 @@ def _continuum(
     by_tissue = _by_tissue(strained, mesh.regions, V, len(tissues)) / total
     by_damping = np.einsum("t,tij->ij", [tissue.damping_s for tissue in tissues], by_tissue)
     near = csr_array(patch_weights(mesh, outside, named)[:, free]).toarray()
-    is_held = near.sum(axis=1) < HARDLY  # the whole patch: the force acts on the point's own nodes
+    is_held = near.sum(axis=1) < HARDLY  # all of the patch is fixed: the force acts on the point's own nodes
     spread = _by_axis(csr_array(np.where(is_held[:, None], weights.toarray(), near)))
     compliance = np.asarray(spread @ factor.solve(np.asarray(spread.T.todense())))
     stiffness = np.linalg.inv(0.5 * (compliance + compliance.T))
@@ -257,7 +257,7 @@ def _by_axis(weights: csr_array) -> csr_array:
 
 
 def matern(distances: Floats, length: float) -> Floats:
-    """Correlation of a field with one derivative, Matern's 3/2, for this length in the unit of the distances."""
+    """Matern's 3/2 correlation at these distances; length: correlation length, in the unit of the distances."""
     scaled = np.sqrt(3.0) * distances / length
     return np.asarray((1.0 + scaled) * np.exp(-scaled))
 
@@ -265,7 +265,7 @@ def matern(distances: Floats, length: float) -> Floats:
 def _smooth(places: Floats, length: float, count: int) -> Floats:
     """Functions (n, count) at places (n, 3) whose sum with independent standard normal factors is a smooth field.
 
-    The field is Matern's 3/2 of variance 1; the functions follow by Nystroem's method from a part of the places.
+    The field has Matern's 3/2 correlation and variance 1; Nystroem's method computes the functions from some places.
     """
     some = places[:: max(1, len(places) // SAMPLES)]
     least = max(0, len(some) - count)

@@ -35,10 +35,10 @@ class ForceElement(Protocol):
         """Force on each corner [N], (n_elements, n_corners, dim)."""
 
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Minus the derivatives of the force by positions [N/m] and by velocities [N s/m].
+        """Minus the derivatives of the force with respect to positions [N/m] and velocities [N s/m].
 
         Each has the shape (n_elements, n_corners, dim, n_corners, dim).
         """
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force by the logarithm of each constant [N], by its kind, each shaped as `force`."""
+        """For each kind of constant, change of the force per unit of the constant's log [N], shaped as `force`."""

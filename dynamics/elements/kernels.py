@@ -7,8 +7,8 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
     neo-Hookean   mu ((|F|² - 3) / 2 - ln det F)         theta = det F - 1
 
 plus, for each patch, lambda / 2 times the squared mean of theta over its volume; the mean prevents locking of nearly
-incompressible elements. Dashpots add the stress A (2 mu' sym(A' F')) of the strain rate, with A = F or, for the linear
-law, I, and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation,
+incompressible elements. Dashpots, of moduli mu' and lambda', add the stress A (2 mu' sym(A^T dF/dt)), with A = F or, in
+the linear law, I, and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation,
 [bonet2008] neo-Hookean, [souzaneto2005] patches. The input is not checked here: `dynamics.elements.tetrahedra` does.
 """
 
@@ -28,13 +28,13 @@ FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
 """Permitted reorderings of sums by the compiler; NaN and infinity keep their meaning."""
 
 NEWTON = 30
-"""Largest number of iterations for the sum of principal stretches; five if no element is near inversion."""
+"""Largest number of iterations for the sum of principal stretches; five suffice if no element is near inversion."""
 
 
 class PackedTetrahedra(NamedTuple):
     """Elements in the order of the kernels, patch by patch.
 
-    starts: first element of each patch, then number of all, (n_patches + 1,); corners: among those of its patch, (m, 4)
+    starts: first element of each patch, then number of all, (n_patches + 1,); corners: indices in its patch, (m, 4)
     volumes: at rest [m³], (m,); gradients: of the corners' weights [1/m], (m, 4, 3)
     """
 
@@ -47,7 +47,7 @@ class PackedTetrahedra(NamedTuple):
 class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
-    F, rate: deformation gradient and its rate; A, T: as above, T the derivative of theta; P: stress per mu; M: any
+    F, rate: deformation gradient and its rate; A: as above; T: derivative of theta; P: stress per mu; M: scratch
     cofactors: of F; inverse: (tr V I - V)^-1 of the stretch V = F R'; all (3, 3)
     h: gradients of the corners' weights, rotated by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
@@ -98,7 +98,7 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
-    """Write the rotation of F into R, the derivative of the sum s of the principal stretches; M: scratch.
+    """Write the rotation of F into R: the derivative of the sum s of its principal stretches; M: scratch.
 
     s is the largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|², found from above by Newton's method.
     """
@@ -123,7 +123,7 @@ def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
 def _state(law, e, x, v, p, s):  # type: ignore[no-untyped-def]
     """Energy per mu [1] and theta [1] of element e; writes its scratch arrays except `h` and `inverse`.
 
-    x, v: of the corners of its patch, (n_corners, 3)
+    x, v: positions and velocities of the corners of its patch, (n_corners, 3)
     """
     F, T = s.F, s.T
     for i in range(3):
@@ -203,7 +203,7 @@ def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
 def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-untyped-def]
     """Write the energy of each patch [J], (n_patches,), add the force on its corners [N], (n_patches, n_corners, 3).
 
-    x, v: of the corners of each patch, shaped as force; moduli: lambda and mu [Pa] and of the dashpots [Pa s], (m, 4)
+    x, v: of the corners of each patch, shaped as force; moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
     """
     s = _scratch()
     for q in range(len(x)):
@@ -243,7 +243,7 @@ def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_tangents(x, v, law, p, moduli, K, C):  # type: ignore[no-untyped-def]
-    """Add minus the derivatives of `tetrahedra_forces` by x and v, (n_patches, n_corners, 3, n_corners, 3)."""
+    """Add minus the derivatives of the forces to K (by x) and C (by v), (n_patches, n_corners, 3, n_corners, 3)."""
     s, n = _scratch(), x.shape[1]
     turned, left, mixed = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     B, fast = np.zeros((4, 3)), np.zeros((4, 3))

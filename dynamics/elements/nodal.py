@@ -1,4 +1,4 @@
-"""Elements with one node: its weight, and the resistance of its surroundings."""
+"""Elements with one node: its weight, and the resistance of the ground to its motion."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Weight:
         return cls(network.free[:, None], network.masses[network.free, None] * network.gravity)
 
     def energy(self, x: Floats) -> Floats:
-        """Potential energy of height [J], (n,)."""
+        """Gravitational potential energy [J], (n,)."""
         return -np.einsum("nd,nd->n", self.weight, x[:, 0])
 
     def force(self, x: Floats, v: Floats) -> Floats:
@@ -73,7 +73,7 @@ class Resistance:
         return -self._resistance(v)[:, None, None] * v
 
     def tangents(self, x: Floats, v: Floats) -> tuple[Floats, Floats]:
-        """Zero stiffness; damping [N s/m], (n, 1, dim, 1, dim)."""
+        """Stiffness, which is zero, and damping [N s/m], (n, 1, dim, 1, dim) each."""
         n, _, dim = v.shape
         speed = v[:, 0]
         square = np.einsum("nd,nd->n", speed, speed)
@@ -83,7 +83,7 @@ class Resistance:
         return np.zeros((n, 1, dim, 1, dim)), by_velocity[:, None, :, None, :]
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force by the logarithm of drag and friction [N], (n, 1, dim)."""
+        """Derivatives of the force with respect to the logarithms of drag and friction [N], (n, 1, dim) each."""
         by = resistance_by_log_constants(np.einsum("nkd,nkd->n", v, v), self.constants)
         kinds = [kind for kind in KINDS if kind not in OF_SPRINGS]
         return {kind: -np.asarray(getattr(by, kind))[:, None, None] * v for kind in kinds}

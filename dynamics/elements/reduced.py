@@ -1,8 +1,8 @@
 """Reduced bodies: a few shapes in which they move, and their forces in these shapes.
 
-A displacement is a sum of scalar functions of the nodes, the shapes, each multiplied by a vector. So a shape is
-available in every direction, however the body turns. The shapes include 1 and the coordinates at rest, so affine
-motions of the body are exact. Source of the projection on responses: [benner2015].
+A shape is a scalar function of the nodes. A displacement is a sum of shapes, each multiplied by a vector, so a shape
+may act in every direction, however the body turns. The constant 1 and the rest coordinates are shapes, so affine
+motions are exact. Source of the projection on responses: [benner2015].
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Span:
     matrix : (n_full, n)
         Map from the reduced coordinates to those of the nodes.
     onto : (n, n_full)
-        Its left inverse: the projection in the norm of the masses.
+        Left inverse of `matrix`: the projection that weights the coordinates by mass.
     masses : (n,)
         Masses of the reduced coordinates [kg].
     white : (n,)
@@ -86,7 +86,7 @@ class ReducedAssembly:
         return np.asarray(self._whole.force(self._matrix @ q, self._matrix @ v) @ self._matrix)
 
     def linearised(self, q: Floats, v: Floats) -> tuple[Floats, Floats, Floats]:
-        """`force`, and dense stiffness [N/m] and damping [N s/m], (n, n) each."""
+        """Result of `force`, and dense matrices of stiffness [N/m] and damping [N s/m], (n, n) each."""
         V = self._matrix
         force, K, C = self._whole.linearised(V @ q, V @ v)
         return force @ V, V.T @ (K @ V), V.T @ (C @ V)
@@ -106,7 +106,7 @@ def smooth_shapes(
     masses : (n_nodes,)
         [kg]
     forces : (n_nodes dim, n_forces)
-        Each multiplied by its standard deviation [N].
+        Independent forces, each of one standard deviation [N].
     rates : sequence of float
         Rates at which the forces may grow [1/s].
     least_m : float

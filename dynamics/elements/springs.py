@@ -22,7 +22,7 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ENDS = np.array([-1.0, 1.0])
-"""Derivative of the vector from the first to the second node of a spring by the position of each."""
+"""Derivative of the vector from the first to the second node of a spring with respect to the position of each."""
 
 
 class Springs:
@@ -70,7 +70,7 @@ class Springs:
         return tuple(np.einsum("ab,sij->saibj", pairs, block) for block in (stiffness, damping[:, None, None] * outer))
 
     def by_log_constants(self, x: Floats, v: Floats) -> Mapping[str, Floats]:
-        """Derivatives of the force by the logarithm of stiffness, rest length and damping [N], (n_springs, 2, dim)."""
+        """Change of the force per unit of the logs of stiffness, rest length, damping [N], (n_springs, 2, dim) each."""
         along, length, rate = self._shape(x, v)
         by = tension_by_log_constants(length, rate, self.constants)
         return {kind: _on_ends(getattr(by, kind), along) for kind in OF_SPRINGS}

@@ -15,8 +15,8 @@ from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring
 AT_REST, AS_DRAWN = "at rest", "as drawn"
 
 MISSED = 1e-4
-"""Largest distance between a node at rest and as drawn, relative to the longest spring, for a network that rests as
-drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding leaves 1e-14 in the phantoms of 4 to 60 masses."""
+"""Largest distance of a node at rest from its drawn position, relative to the longest spring, at which a network counts
+as resting as drawn [1]; choice: 0.01 mm for a spring of 100 mm. Rounding causes 1e-14 in phantoms of 4 to 60 masses."""
 
 
 def build_network(
@@ -142,7 +142,7 @@ def _place(label: str, end: str | int, places: dict[str, int]) -> int:
 
 
 def _each(key: str, values: ArrayLike, n: int, what: str) -> Floats:
-    """Values for each of n, (n,), from one value or n values; NetworkError for another number."""
+    """The values as an array (n,), from one value for all or n values; raises NetworkError for another number."""
     array = _numbers(key, values)
     if array.shape not in ((), (n,)):
         raise NetworkError(f"{key}: expected one number or one for each of {n} {what}, found shape {array.shape}")

@@ -12,17 +12,17 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative rates, and relative imaginary parts, below which they are rounding errors: the square root of the rounding
-of a double eigenvalue."""
+"""Relative size below which rates and imaginary parts count as rounding errors: those of a double eigenvalue are as
+large as the square root of the usual errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Oscillations:
     """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
 
-    frequencies_hz: abs(z) / 2 pi of the oscillating motions, ascending: natural, not damped ones [Hz], (n,)
+    frequencies_hz: undamped natural frequencies abs(z) / 2 pi of the oscillating motions, ascending [Hz], (n,)
     damping_ratios: of these motions, -Re z / abs(z) [1], (n,)
-    decays_s: time to 1/e of motions that do not oscillate, longest first [s], (m,)
+    decays_s: times in which motions that do not oscillate decay to 1/e, longest first [s], (m,)
     """
 
     frequencies_hz: Floats
@@ -33,9 +33,9 @@ class Oscillations:
 def oscillations(network: MassSpringNetwork, shape: ArrayLike) -> Oscillations:
     """Compute the natural oscillations about a rest shape, positions of all nodes [m], (n_nodes, dim).
 
-    Dry friction is ignored: it ends small motions instead of damping them in proportion. Motions without resistance,
-    such as those of a whole network without anchors, are omitted. Source: [tisseur2001], by the first companion form,
-    which is the matrix of the state.
+    Dry friction is ignored: it stops small motions; it does not damp them in proportion to speed. Motions without
+    resistance, such as those of a whole network without anchors, are omitted. Source: [tisseur2001], by the first
+    companion form, which is the matrix of the state.
     """
     rates = np.linalg.eigvals(state_matrix(network, np.asarray(shape, dtype=float), speed_m_s=np.inf))
     rates = rates[np.abs(rates) > ROUNDING * np.abs(rates).max()]

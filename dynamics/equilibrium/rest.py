@@ -21,21 +21,21 @@ RESIDUAL = 1e-9
 
 
 RIGID = 1e-9
-"""Relative stiffness below which it is rounding: the stiffness against rigid motion."""
+"""Relative stiffness that counts as a rounding error, such as the stiffness against rigid motion."""
 
 MOST_CHANGE = 1.0 - float(STRETCHES[0])
 """Largest relative change of a rest length: beyond it springs leave the range of the stability limit."""
 
 RANK_TOLERANCE = 1e-12
-"""Relative size of singular values below which they are rounding: the forces do not depend on that combination."""
+"""Relative size below which a singular value is rounding: forces do not depend on its combination of rest lengths."""
 
 MOST_PASSES = 50
 CONVERGED = 1e-11
-"""Largest change of a relative rest length in the last pass: a hundred times the rounding error."""
+"""Change of a relative rest length below which the passes end: a hundred times the rounding error."""
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network, without gravity if it has no anchors, because its support then acts on every node equally."""
+    """The network; without gravity if it has no anchors, because its support then bears each node's weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
@@ -128,7 +128,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node. Distances in a continuum are straight.
+    Without anchors: the largest distance from any other node. In a continuum, distances are straight.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -149,9 +149,9 @@ def fit_rest_lengths(
     standard deviation of the rest lengths.
 
     Gauss-Newton on the forces f at the shape x. For relative changes c of the rest lengths and G = df/dc, the next c is
-    the smallest solution of G (c - c_now) + f = 0; with noise the most probable one, since f has an error of the
-    stiffness times the noise of x. Force laws may be nonlinear in the rest lengths; with linear laws the first pass is
-    exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a
+    the smallest solution of G (c - c_now) + f = 0; with noise it is the most probable c: noise of x causes an error of
+    f, the stiffness times that noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
+    is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a
     rest length would have to change by half, if passes do not converge, or if there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)

@@ -1,6 +1,6 @@
 """Force laws of springs and nodes, with energy and derivatives.
 
-Another law belongs in `kernels.py`.
+A new law belongs in `kernels.py`.
 """
 
 from dynamics.forces.energy import kinetic_energy, node_forces, potential_energy

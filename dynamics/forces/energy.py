@@ -21,7 +21,7 @@ from dynamics.network.mass_spring import MassSpringNetwork, spring_lengths
 
 
 def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: ArrayLike) -> Floats:
-    """Force of all force laws and of gravity on each node, including anchors [N], (n_nodes, dim).
+    """Sum of the forces of all force laws and gravity on each node, including anchors [N], (n_nodes, dim).
 
     positions [m] and velocities [m/s] are those of all nodes, (n_nodes, dim). A spring shorter than 1 nm has no
     direction and exerts no force. Anchors have no weight: the force on an anchor is that of its springs.
@@ -43,7 +43,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
 
 
 def potential_energy(network: MassSpringNetwork, positions: ArrayLike) -> float:
-    """Potential energy of springs and height [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
+    """Potential energy of springs and gravity [J]; positions of all nodes [m], (n_nodes, dim). Equation (5)."""
     x = np.asarray(positions, dtype=float)
     lengths = spring_lengths(x, network.springs)
     springs = spring_potential(lengths, spring_constants(network)).sum()

@@ -10,7 +10,7 @@ against finite differences, as a scalar function and in each assembly.
 
 Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays of the
 loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over adjacent
-numbers and the compiler can process several states at a time. They copy number by number: slice assignments, with
+numbers and the compiler can process several states at a time. The loops copy number by number: slice assignments, with
 their shape checks, take seconds longer to compile. The input is not checked here:
 `dynamics.forces.energy` and `dynamics.integration.stepping` do.
 """
@@ -32,7 +32,7 @@ Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0; integrators and filters
-need a derivative. `tests/dynamics/forces/test_laws.py`: half or twice it moves the phantom by less than 1 %."""
+need a derivative. `tests/dynamics/forces/test_laws.py`: half or twice this speed changes motion by less than 1 %."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -86,25 +86,25 @@ def spring_tension(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats
 
 
 def spring_potential(length: Numbers, c: SpringConstants) -> Floats:
-    """Stored energy [J], whose derivative by the length is the tension at rate 0."""
+    """Stored energy [J], whose derivative with respect to the length is the tension at rate 0."""
     return 0.5 * c.stiffness * (length - c.rest_length) ** 2
 
 
 @register_jitable
 def tension_by_length(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
-    """Derivative of the tension by the length [N/m]."""
+    """Derivative of the tension with respect to the length [N/m]."""
     return c.stiffness
 
 
 @register_jitable
 def tension_by_rate(length: Numbers, rate: Numbers, c: SpringConstants) -> Floats:
-    """Derivative of the tension by the rate [N s/m]."""
+    """Derivative of the tension with respect to the rate [N s/m]."""
     return c.damping
 
 
 @register_jitable
 def tension_by_log_constants(length: Numbers, rate: Numbers, c: SpringConstants) -> SpringConstants:
-    """Derivatives of the tension by the logarithm of each constant [N]."""
+    """Derivatives of the tension with respect to the logarithm of each constant [N]."""
     return SpringConstants(
         stiffness=c.stiffness * (length - c.rest_length),
         rest_length=-c.stiffness * c.rest_length,
@@ -123,13 +123,13 @@ def node_resistance(square: Numbers, c: NodeConstants) -> Floats:
 
 @register_jitable
 def resistance_by_square(square: Numbers, c: NodeConstants) -> Floats:
-    """Derivative of the resistance by the square of the velocity [N s³/m³]."""
+    """Derivative of the resistance with respect to the squared speed [N s³/m³]."""
     return -0.5 * c.friction / (square + SLIP_VELOCITY * SLIP_VELOCITY) ** 1.5
 
 
 @register_jitable
 def resistance_by_log_constants(square: Numbers, c: NodeConstants) -> NodeConstants:
-    """Derivatives of the resistance by the logarithm of each constant [N s/m]."""
+    """Derivatives of the resistance with respect to the logarithm of each constant [N s/m]."""
     return NodeConstants(
         drag=c.drag,
         friction=c.friction / np.sqrt(square + SLIP_VELOCITY * SLIP_VELOCITY),
@@ -245,7 +245,7 @@ def state_rate(  # type: ignore[no-untyped-def]
     """Time derivative of a state, (n_state,), under forces on the free nodes [N], (n_free, dim).
 
     x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors
-    inverse_mass: (n_free,). The fields of `Packed` are separate: a tuple takes longer than all forces of the phantom.
+    inverse_mass: (n_free,). The fields of `Packed` are separate: to pass a tuple takes longer than all forces.
     """
     n_free, dim = outside.shape
     half = n_free * dim
@@ -373,11 +373,11 @@ def tangents(x, v, p, place, definite, K, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_slopes):  # type: ignore[no-untyped-def]
-    """Force (n,) [N] on the free coordinates, and minus its derivatives by them [N/m] and by their rates [N s/m].
+    """Force (n,) [N] on the free coordinates, and minus its derivatives with respect to q [N/m] and v [N s/m].
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Differs from `tangents`: exact derivatives, including the rotation of dashpots and the decreasing friction.
+    Unlike those of `tangents`, they are exact: they include the rotation of dashpots and the decrease of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -431,17 +431,17 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of a step in its first stage, that of the trapezoidal rule: both stages then have one matrix [bank1985]."""
+"""Share of a step that its first stage takes, the trapezoidal rule: both stages then have one matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
 """Newton iterations of a stage, and the largest number if they do not contract; numerical: with two, a link of 2e7 N/m
 swings as with four."""
 
 CONTRACTED = 0.5
-"""Largest ratio of speed changes in successive iterations, above which tangents from another state are recomputed."""
+"""Ratio of speed changes in successive iterations above which tangents are recomputed at the present state."""
 
 STILL = 1e-12
-"""Relative change of position in a stage below which the remainder is rounding."""
+"""Relative change of position below which a stage's iteration ends, because the rest is rounding."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -474,8 +474,8 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
     """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes its own; iterations
-    after one that does not contract always do
+    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes its own; after an
+    iteration that does not contract, the next always does
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -655,7 +655,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
     """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether it is punctured.
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
-    place: the present time and the length of a step, in intervals between samples
+    place: the present time and the length of a step, both divided by the interval between samples
     moves: tip (dim,) and its velocity (dim,), direction (dim,), present length in the tissue; punctured: at the start
     """
     n_nodes, dim = nodes.shape
@@ -708,7 +708,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
 @njit(cache=True, nogil=True)
 def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: ignore[no-untyped-def]
-    """Derivative of the force on the free coordinates [N] by the log of each of n constants, in each state.
+    """In each state, change of the force on the free coordinates per unit of the log of each of n constants [N].
 
     states: (n_points, n_state); nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
     kinds, indices: of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)

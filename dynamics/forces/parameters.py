@@ -25,15 +25,15 @@ from dynamics.forces.kernels import (
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError
 
 LARGEST_LOG = float(np.log(np.finfo(float).max))
-"""Largest logarithm of a factor that is a finite floating-point number [1]."""
+"""Largest logarithm whose exponential is a finite floating-point number [1]."""
 
 ROUNDING = 1e-9
-"""Relative variance below which it is rounding."""
+"""Relative variance that counts as a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A constant of a network: its kind, one of KINDS, and index of its spring, or node for drag and friction."""
+    """A constant of a network: its kind, one of KINDS, and the index of its spring or, for drag and friction, node."""
 
     kind: str
     index: int
@@ -92,7 +92,7 @@ class ParameterUncertainty:
 
 
 def independent_uncertainty(parameters: Sequence[Parameter], sd: ArrayLike) -> ParameterUncertainty:
-    """Independent uncertainty of each constant, with a relative standard deviation [1], one or (n_parameters,)."""
+    """Independent uncertainty of each constant: relative standard deviations [1], one for all or (n_parameters,)."""
     return ParameterUncertainty(
         tuple(parameters), np.diag(np.broadcast_to(np.asarray(sd, dtype=float), len(parameters)))
     )
@@ -103,8 +103,8 @@ def strain_uncertainty(
 ) -> ParameterUncertainty:
     """Uncertainty of rest lengths due to an unknown strain that varies smoothly over the body.
 
-    The strain tensor E(X) is symmetric; its components are independent Gaussian fields. A spring along n changes by the
-    share n' E n. Springs along n and m have the covariance sd² exp(-d² / 2 l²) (n · m)², d between their middles.
+    The strain tensor E(X) is symmetric; its components are independent Gaussian fields. Rest lengths along n change by
+    n' E n. Springs along n and m have the covariance sd² exp(-d² / 2 l²) (n · m)², d between their middles.
     sd: of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
     the spring that the earlier directions leave most uncertain
@@ -130,7 +130,7 @@ def strain_uncertainty(
 def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tuple[Parameter, ...]:
     """The positive constants of these kinds, of springs and of free nodes, kind by kind.
 
-    For a continuum, the stiffness of each tissue.
+    The constants of a continuum are the stiffness of each tissue.
     """
     if network.continuum is not None:
         n_tissues = len(network.continuum.tissues) if "stiffness" in kinds else 0

@@ -21,8 +21,8 @@ RK4_RADIUS = 2.6
 """Classical Runge-Kutta is stable in the left half of the disc of this radius (Hairer and Wanner, IV.2, figure 2.1)."""
 
 STRETCHES = np.linspace(0.5, 1.5, 65)
-"""Ratios of length to rest length at which the stability limit searches for the stiffest shape: a stiffness that is
-monotone between them, as in every present law, has its maximum at one of the ends."""
+"""Ratios of length to rest length at which the stability limit searches for the stiffest shape: if stiffness is
+monotone between two of them, as in every present law, its maximum is at one of them."""
 
 
 def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats:
@@ -43,7 +43,7 @@ def stiffness_matrix(network: MassSpringNetwork, positions: ArrayLike) -> Floats
 def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """Derivative of resisting forces with respect to free velocities, at rest [N s/m], (n_free dim, n_free dim).
 
-    speed_m_s: if above 0, the resistance of nodes is the secant, force divided by this speed, not the derivative
+    speed_m_s: if above 0, nodes resist with force / speed at this speed (the secant), not with the derivative
     """
     n, lengths = _directions(network, positions)
     slope = tension_by_rate(lengths, 0.0, spring_constants(network))
@@ -71,10 +71,10 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
-    In these shapes a spring's tangent stiffness is at most k in size in every direction, k the largest dT/dl or T / l;
-    the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Longer linear
-    springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per mass, every eigenvalue
-    of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    In these shapes a spring's tangent stiffness is at most k in size in every direction, with k the largest dT/dl or T
+    / l; the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Longer
+    linear springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per mass, every
+    eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

@@ -14,11 +14,11 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Number of coordinates up to which each iteration computes its tangents: a link of 2e7 N/m needs it. For more, the
-tangents at the start of a step suffice up to 2e5 N/m: one factorisation in place of five."""
+"""Number of coordinates up to which each iteration computes its tangents: a link of 2e7 N/m needs this. With more
+coordinates, all use the tangents at the step's start, which suffices up to 2e5 N/m: one factorisation, not five."""
 
 ROUNDING = 1e-9
-"""Relative stiffness below which it is rounding."""
+"""Relative stiffness that counts as a rounding error."""
 
 DRIVEN = 1e12
 """Factor on the mass of a driven node, so that forces do not change its velocity [1]; numerical."""
@@ -28,9 +28,9 @@ DRIVEN = 1e12
 class Linearised:
     """Derivatives of a step for several states.
 
-    F: by the states at its start, (k, n_state, n_state); by_force: by forces on the free coordinates that are constant
-    in it [m/N, m/(s N)], (k, n_state, n_state / 2); half: as F, over the second half of the step, or over all of a step
-    that is not divided, (k, n_state, n_state)
+    F: with respect to the states at its start, (k, n_state, n_state); by_force: to forces on the free coordinates that
+    are constant in it [m/N, m/(s N)], (k, n_state, n_state / 2); half: as F, over the second half of the step, or over
+    all of a step that is not divided, (k, n_state, n_state)
     """
 
     F: Floats
@@ -76,7 +76,7 @@ class ImplicitStepper:
     def linearised(self, states: Floats, dt: float, *, driven: Sequence[int] = ()) -> Linearised:
         """Derivatives of `advance` over dt [s] at these states (n_points, n_state).
 
-        driven: as for `advance`
+        driven: free nodes that keep their velocity under any force
 
         Where the tissue would buckle, springs under compression get no transverse stiffness: a linear motion
         would grow without limit, but the tissue stops at the next rest shape.

@@ -53,9 +53,9 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write columns of velocities, speeds (n, k), from `start` on, and those of coordinates above them.
+    """Write the rows of velocities, speeds (n, k), and of coordinates into the columns from `start` on.
 
-    once: rows of velocities in A, (n, k); those of coordinates are g times them, and 1
+    once: the rows of velocities in the resolvent A, (n, k)
     """
     n, k = once.shape
     for i in range(n):
@@ -66,7 +66,7 @@ def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
-    """Derivative of coordinates and velocities after a step by the state before, (2 n, n_state)."""
+    """Derivative of coordinates and velocities after a step with respect to the state before, (2 n, n_state)."""
     n, g = len(M), GAMMA * h
     kept = 1.0 / (1.0 + g * rates)
     X, Y = -g * (S @ K), S * M
@@ -82,7 +82,7 @@ def by_state(h, S, K, M, B, rates):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
-    """Change of coordinates and velocities over a step, (2 n, k), by constant accelerations (n, k)."""
+    """Change of coordinates and velocities over a step, (2 n, k), due to constant accelerations (n, k)."""
     n, g = len(M), GAMMA * h
     once = g * (S @ (M.reshape(n, 1) * pushes))
     twice = once + S @ (M.reshape(n, 1) * once - g * g * (K @ once))

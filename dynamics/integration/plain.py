@@ -1,4 +1,4 @@
-"""Equations of motion in plain NumPy: the reference for speed and results of the compiled kernels.
+"""Equations of motion in plain NumPy: the reference for speed and results of compiled kernels.
 
 `softaim bench` times the stock filter with this process model; tests compare the kernels with it. Both assemble the
 scalar force laws of `dynamics.forces.kernels`; the tests contain an independent version of the laws.

@@ -24,9 +24,9 @@ SHORTEST_SHARE = 1.0 / 128.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Move:
-    """One step: its length [s], the state after it (n_state,), and its derivative by the previous state.
+    """One step: its length [s], the state after it (n_state,), and its derivative with respect to the state before.
 
-    by_state: rows of coordinates and velocities, (2 n, n_state); fading: of each acceleration, (n_f,)
+    by_state: rows of coordinates and velocities, (2 n, n_state); fading: remaining share of each acceleration, (n_f,)
     S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): those of the step, see `dynamics.integration.kernels`
     """
 
@@ -39,7 +39,7 @@ class Move:
     M: Floats
 
     def pushed(self, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
+        """Change of coordinates and velocities in the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
         return np.asarray(by_push(self.step_s, self.S, self.K, self.M, np.ascontiguousarray(accelerations)))
 
 
@@ -52,7 +52,7 @@ class Rosenbrock:
     masses : (n,)
         Mass of each free coordinate [kg].
     basis : (n, n_f)
-        Acceleration of each coordinate by each decaying acceleration.
+        Acceleration of each coordinate per unit of each decaying acceleration.
     fading_s : (n_f,)
         Correlation times of the decaying accelerations [s].
     tolerance_m : float
@@ -73,7 +73,7 @@ class Rosenbrock:
     def moves(self, state: Floats, dt: float, longest_s: float, *, derivatives: bool = True) -> list[Move]:
         """The steps from a state (n_state,) over dt [s], each at most longest_s [s] long.
 
-        Without derivatives `by_state` is empty, for a fraction of the time.
+        Without derivatives `by_state` is empty, and the computation takes a fraction of the time.
         """
         M, B, rates, n = self.masses, self.basis, self.rates, len(self.masses)
         h = longest = dt / max(1, int(np.ceil(dt / longest_s * (1.0 - SAME_STEP))))

@@ -84,7 +84,7 @@ class Stepper:
         )
 
     def _trapezoidal(self, states: Floats, outside: Floats, h: float, n: int, driven: Sequence[int]) -> Floats:
-        """N steps of h [s] for a continuum by the trapezoidal rule: it is linear, and stable in any step."""
+        """Trapezoidal rule for a continuum, n steps of h [s]: its motion is linear, so any step is stable."""
         network, solid = self.network, self.network.continuum
         assert solid is not None
         half = self._n_state // 2
@@ -146,11 +146,11 @@ def integrate_adaptive(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
 
-    method: explicit, or Radau's implicit one for stiff networks; their results agree within the tolerances
+    method: explicit, or for stiff networks the implicit Radau; their results agree within the tolerances
 
-    force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be
-    small enough not to miss it. bends_s: times at which only the force's slope jumps [s]; no step crosses one, as it
-    would be rejected. Raises RuntimeError if the integrator fails.
+    force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be small
+    enough not to miss it. bends_s: times at which only the force's slope jumps [s]; a step ends at each of them,
+    because a step across it would be rejected. Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     bends = np.unique(np.asarray(bends_s, dtype=float))

@@ -1,6 +1,6 @@
 """Lattices of springs along a tissue's structure, their constants, and virtual tests of their moduli.
 
-Another structure, formula or virtual test belongs here.
+A new structure, formula or virtual test belongs here.
 """
 
 from dynamics.lattices.constants import DIRECTIONS, Sample, directed, fitted_factors, lloyd, van_gelder

@@ -16,7 +16,7 @@ DIRECTIONS = directions_of(PAIRS)
 """Unit vectors along which Young's moduli are fitted, (6, 3): x, y, z and the diagonals of yz, xz, xy."""
 
 STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
-"""Largest number of steps, largest change of a factor in a step, and largest change at the end [1]; numerical."""
+"""Largest number of steps, largest change of a factor in a step, and change that ends the steps [1]; numerical."""
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
@@ -30,7 +30,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
     """Stiffness of the springs [N/m], (n_springs,), from Young's modulus of each tetrahedron [Pa], (m,), by Lloyd.
 
-    Each tetrahedron adds 2 sqrt(2) / 25 E l, l the edge of a regular one of its volume [lloyd2007].
+    Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of its volume [lloyd2007].
     """
     edge = (6.0 * np.sqrt(2.0) * lattice.mesh.volumes) ** (1.0 / 3.0)
     return lattice.of_springs(2.0 * np.sqrt(2.0) / 25.0 * young * edge)
@@ -39,7 +39,7 @@ def lloyd(lattice: Lattice, young: Floats) -> Floats:
 def directed(lattice: Lattice, stiffness: Floats, factors: Floats) -> Floats:
     """Stiffness [N/m], (n_springs,), multiplied by a factor that depends on each spring's direction.
 
-    factors: six numbers [1], (6,). With the direction n: exp(sum over q of factors_q (n_i n_j)²), i and j of Voigt's q.
+    factors: six numbers [1], (6,). Along n it is exp(sum over q of factors_q (n_i n_j)²) with i, j = PAIRS[q].
     """
     return np.asarray(stiffness * np.exp(_quartics(lattice) @ factors))
 
@@ -78,7 +78,7 @@ def _quartics(lattice: Lattice) -> Floats:
 
 
 def _elongations(lattice: Lattice) -> csr_array:
-    """Derivative of the springs' elongation by the displacements of all nodes, (n_springs, 3 n)."""
+    """Derivative of the springs' elongation with respect to the nodes' displacements, (n_springs, 3 n)."""
     n, columns = len(lattice.springs), 3 * lattice.springs[:, :, None] + np.arange(3)
     entries = np.stack([-lattice.directions, lattice.directions], axis=1).ravel()
     where = (np.repeat(np.arange(n), 6), columns.ravel())
@@ -86,10 +86,10 @@ def _elongations(lattice: Lattice) -> csr_array:
 
 
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
-    """Logarithms of the missing factors on the moduli, (6,), and their derivatives by the factors, (6, 6).
+    """Logs of wanted / present moduli, (6,), and their derivatives with respect to factors, (6, 6).
 
-    At equilibrium the derivative of the energy by a stiffness is half the squared elongation e of its spring. Under
-    unit tension therefore d(1/E) = -sum over springs of e² dk / V.
+    At equilibrium the energy's derivative by a stiffness is half the squared elongation e of its spring. Under unit
+    tension therefore d(1/E) = -sum over springs of e² dk / V.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

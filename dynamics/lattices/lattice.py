@@ -23,14 +23,14 @@ JITTER = 0.2
 """Largest random shift of points, relative to the cell [1]; choice: a regular grid has flat tetrahedra."""
 
 CLOSEST = 0.45
-"""Distance of two points, relative to the cell, below which one is omitted [1]; choice, for the same reason."""
+"""Distance of two points, relative to the cell, below which one is omitted [1]; choice: against flat tetrahedra."""
 
 FLATTEST = 1e-3
-"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice: flatter ones are omitted,
-about 1e-5 of the cube."""
+"""Least volume of a tetrahedron, relative to its longest edge cubed [1]; choice: flatter ones are omitted, about 1e-5
+of the volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Newton steps onto a surface, and the difference for its normal, relative to the side; numerical."""
+"""Newton steps onto a surface, and width of the differences for its normal, relative to the side; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class Lattice:
     Attributes
     ----------
     mesh : TetMesh
-        A cube from the origin; region 0 is the ground, the others are the structure's tissues.
+        A cube with a corner at the origin; region 0 is the ground, the others are the structure's tissues.
     springs : (n_springs, 2) int
         Ends of each spring.
     edges : (m, 6) int
@@ -75,11 +75,11 @@ class Lattice:
         return np.asarray((ends.prod(axis=1) < 0.0) & (np.abs(ends).min(axis=1) > 0.01 * self.lengths))
 
     def of_elements(self, tissues: Sequence[Tissue], key: str) -> Floats:
-        """A constant of each element, (m,), from its tissue."""
+        """The constant `key` of each element's tissue, (m,)."""
         return np.array([getattr(tissue, key) for tissue in tissues])[self.mesh.regions]
 
     def of_springs(self, shares: Floats) -> Floats:
-        """Shares of the tetrahedra, (m,), summed over those around each spring, (n_springs,)."""
+        """For each spring, (n_springs,), the sum of the shares, (m,), of the tetrahedra around it."""
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:

@@ -2,10 +2,10 @@
 
 Components have Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice the tensor's.
 
-Boundaries are mixed, those of [pahr2008]: under a normal strain each face moves along its normal and slides without
+Boundaries are mixed, as in [pahr2008]: under a normal strain each face moves along its normal and slides without
 friction; under a shear strain the sheared faces move along their planes, and the others slide without friction. The
-moduli lie between those with displacements given on all faces and those with stresses given. They are those of a
-periodic body if the box is its cell and symmetric to its three planes.
+moduli lie between those with displacements given on all faces and those with stresses given. They equal those of a
+periodic body if the box is its unit cell and symmetric about its three planes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ON_FACE = 1e-6
 
 LOOSE = 1e-10
 """Pivot of the factored stiffness, relative to its largest diagonal entry, below which a node is loose [1]; numerical:
-about 1e-3 in lattices of tissues, rounding at a loose node."""
+it is about 1e-3 in lattices of tissues, and a rounding error at a loose node."""
 
 BODY_DIAGONAL = np.ones((1, 3)) / np.sqrt(3.0)
 
@@ -47,7 +47,7 @@ class Moduli:
     shear : (3,)
         Shear moduli of yz, xz, xy [Pa].
     poisson : (3,)
-        Contraction along the second axis by tension along the first, for yz, xz, xy [1].
+        Poisson's ratios: contraction along the second axis under tension along the first, for yz, xz, xy [1].
     bulk : float
         Bulk modulus [Pa]: pressure divided by the relative loss of volume.
     anisotropy : float
@@ -63,15 +63,15 @@ class Moduli:
 
 
 def effective_moduli(network: MassSpringNetwork) -> Moduli:
-    """Moduli of a box of springs that rests as drawn; anchors move as other nodes do.
+    """Moduli of a box of springs that rests as drawn; anchors move like other nodes.
 
-    NetworkError for the plane and for a loose node.
+    Raises NetworkError for a network in the plane and for a loose node.
     """
     return orthotropic_moduli(effective_stiffness(spring_stiffness(network), network.positions))
 
 
 def spring_stiffness(network: MassSpringNetwork) -> csc_array:
-    """Stiffness matrix of a network's springs as drawn [N/m], (3 n_nodes, 3 n_nodes). NetworkError for the plane."""
+    """Stiffness matrix of a network's springs as drawn [N/m], (3 n_nodes, 3 n_nodes); NetworkError in the plane."""
     if network.dim != 3:
         raise NetworkError(f"positions: expected a box in space, found dimension {network.dim}")
     body = Assembly(network.positions, np.arange(network.n_nodes), [Springs.of_network(network)])
@@ -165,7 +165,7 @@ def _on_faces(nodes: Floats) -> NDArray[np.bool_]:
 
 
 def _relax(K: csc_array, moved: Floats, given: NDArray[np.bool_]) -> None:
-    """Set the displacements (3 n, k) that are not given, by node and axis (n, 3), to those without force.
+    """Set the displacements (3 n, k) that are not `given`, (n, 3), to those at which no force acts on them.
 
     NetworkError if a node moves without force.
     """

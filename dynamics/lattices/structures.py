@@ -1,7 +1,7 @@
 """Structures of tissues in a cube: layers, cell walls, lobules with ducts, fibres.
 
 A structure is a function of points of the unit cube, (n, 3): distances to the surface of each of its
-tissues, (n_tissues, n), negative inside. Every number below defines these structures; none is a setting.
+tissues, (n_tissues, n), negative inside. The constants below define these structures; they are not settings.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ THICK, WALL = 0.12, 0.08
 """Thickness of layers, ducts and fibres, and of the walls of a foam, relative to the side.
 
 Ten cells of a lattice do not resolve the walls: over six foams 4.8 % of the springs cross a surface, and walls fill
-55.9 % of the mesh, 53.4 % of the structure."""
+55.9 % of the mesh but 53.4 % of the structure."""
 
 LAYERS, WAVE = 3, 0.04
 """Number of layers, and amplitude of their waves, relative to the side."""
 
 CELLS = 3
-"""Number of foam cells along a side; lobules are one fewer."""
+"""Number of foam cells along a side; the number of lobules along a side is one less."""
 
 RADIUS = 0.16
 """Radius of lobules, relative to the side."""
@@ -35,7 +35,7 @@ FIBRES = 4
 """Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of centres, relative to the side; for fibres half of it is shift and half is waves."""
+"""Largest random shift of centres, relative to the side; for fibres, half is shift, half the waves' amplitude."""
 
 
 def plain(rng: np.random.Generator) -> Structure:

@@ -19,8 +19,8 @@ from scipy.sparse import csc_array, csr_array
 from dynamics.arrays import Floats
 
 LEAF = 1500
-"""Largest size of a part that is not halved, as the number of nodes counted for each of their cells [1]; numerical:
-with half or twice as many the factors of breasts of 14,000 nodes take up to a third longer."""
+"""Largest size of a part that is not halved: the sum over its cells of their numbers of nodes [1]; numerical: with half
+or twice this size, factorising a breast of 14,000 nodes takes up to a third longer."""
 
 Ints = NDArray[np.int64]
 
@@ -44,7 +44,7 @@ class MeshCholesky:
     places : (n, 3)
         Positions of the nodes [m].
     cells : (m, n) csr_array
-        The nodes of each cell have entries; K couples only nodes of one cell.
+        Entries at the nodes of each cell; K couples only nodes that share a cell.
 
     Raises
     ------
@@ -103,7 +103,7 @@ class _Elimination:
     fronts: list[_Front]
 
     def part(self, cells: Ints) -> _Contribution:
-        """Contribution of a part of the cells; its fronts are added."""
+        """Contribution of a part of the cells; appends its fronts."""
         half = len(cells) // 2
         if half and np.diff(self.cells.indptr)[cells].sum() > LEAF:
             along = self.lowest[cells, np.ptp(self.lowest[cells], axis=0).argmax()]
@@ -142,7 +142,7 @@ class _Elimination:
 
 @njit(cache=True, nogil=True)
 def _add(front, schur, at):  # type: ignore[no-untyped-def]
-    """Add the lower half of a symmetric matrix to that of a front, at these rows."""
+    """Add the lower half of a symmetric matrix to the lower half of a front, at these rows."""
     for j in range(len(at)):
         for i in range(j, len(at)):
             front[max(at[i], at[j]), min(at[i], at[j])] += schur[i, j]

@@ -52,7 +52,7 @@ def locate_on_surface(
     found, weights, distances = np.empty(len(points), dtype=np.int64), np.empty((len(points), 3)), np.empty(len(points))
     for k, point in enumerate(points):
         away = point - corners
-        # Weight of each corner below the point, from the triangle that the opposite edge makes with it
+        # Weights of the corners at the projected point, from triangles of the opposite edges and the point
         below = np.einsum("fcd,fd->fc", np.cross(edges, away)[:, [1, 2, 0]], normal)
         along = np.clip((away * edges).sum(axis=2) / (edges**2).sum(axis=2), 0.0, 1.0)
         candidates = np.zeros((4, n, 3))
@@ -68,7 +68,7 @@ def locate_on_surface(
 
 
 def far_apart(places: Floats, count: int, first: Sequence[int] | NDArray[np.int64] = (0,)) -> NDArray[np.int64]:
-    """Indices of places [m], (n, 3), far from each other, (count,) or fewer: each the farthest from those before.
+    """Indices of places [m], (n, 3), far from each other, (count,) or fewer: each is farthest from all before it.
 
     first: the indices to begin with
     """

@@ -59,7 +59,7 @@ class Strains(NamedTuple):
     weights : (k,)
         Moduli times volumes [N m].
     elements : (k,) int
-        The element, or one of the patch.
+        The element of each row; for a patch, one of its elements.
     """
 
     matrix: csr_array
@@ -100,7 +100,7 @@ def strains(
 
 
 def _rows(entries: Floats, columns: NDArray[np.int64], n_nodes: int) -> csr_array:
-    """Rows (3 m, 3 n_nodes), three per element, from this number of entries each, (m, 3, any)."""
+    """Matrix (3 m, 3 n_nodes) with three rows per element, from their entries, (m, 3, any), and columns."""
     m, _, many = entries.shape
     return csr_array((entries.ravel(), columns.ravel(), many * np.arange(3 * m + 1)), shape=(3 * m, 3 * n_nodes))
 

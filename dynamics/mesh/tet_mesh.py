@@ -14,10 +14,10 @@ from scipy.sparse.csgraph import connected_components
 from dynamics.arrays import Floats, made_again
 
 LARGEST_M = 2.0
-"""Extent above which a mesh is assumed to be in other units [m]; choice: no body of tissue is as long."""
+"""Extent above which a mesh is assumed to be in other units [m]; choice: no body of tissue is so long."""
 
 FLATTEST = 1e-4
-"""Least volume of an element, relative to its longest edge cubed [1]; numerical, a regular one has 0.12."""
+"""Least volume of an element, relative to its longest edge cubed [1]; numerical; a regular tetrahedron has 0.12."""
 
 
 class MeshError(ValueError):
@@ -33,7 +33,7 @@ class TetMesh:
     nodes : (n, 3)
         Positions at rest [m].
     elements : (m, 4) int
-        Nodes of each element: the fourth lies on the side of the first three to which they turn counter-clockwise.
+        Nodes of each element; seen from the fourth, the first three run counter-clockwise.
     regions : (m,) int
         Tissue of each element, or a single one for all, (1,).
 

@@ -9,14 +9,14 @@ from __future__ import annotations
 from dynamics.mesh.tissue import Tissue
 
 POISSON = 0.49
-"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. At 0.495 the bulk is twice as stiff."""
+"""Poisson's ratio [1]; choice: tissue is mostly water, which keeps its volume. At 0.495 the bulk modulus doubles."""
 
 DAMPING_S = 0.01
-"""Ratio of damping to stiffness [s]; choice, as for the phantoms: no source has it below 1 Hz. It is identified."""
+"""Ratio of damping to stiffness [s]; choice, as for the phantoms: no source reports it below 1 Hz."""
 
 YOUNG_RANGE_PA = {
     "fat": (2.3e3, 22e3),  # samani2007 less its deviation, krouskop1998
-    "gland": (2.6e3, 66e3),  # the same; by krouskop1998 it stiffens with compression
+    "gland": (2.6e3, 66e3),  # as for fat; krouskop1998 reports stiffening with compression
     "fibrous": (96e3, 244e3),  # krouskop1998
     "skin": (35e3, 480e3),  # paillermattei2008 by indentation, sutradhar2013 by suction
     "fascia": (96e3, 244e3),  # as fibrous tissue

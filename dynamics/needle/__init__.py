@@ -1,6 +1,6 @@
 """Needle mechanics: forces of contact, cutting, friction.
 
-Mechanics belong here, hits do not.
+Mechanics belong here, hit probabilities do not.
 """
 
 from dynamics.needle.insertion import InsertionHistory, force_on_free, forced_states, simulate_insertion

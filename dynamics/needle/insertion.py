@@ -15,8 +15,8 @@ from dynamics.needle.loads import NeedleMechanics, indentation, needle_load
 from dynamics.network.mass_spring import MassSpringNetwork, all_positions, unpack
 
 LONGEST_STEP = 0.01
-"""Longest step of the adaptive integrator [s]; numerical: it must not step over the moment of contact; at 50 mm/s the
-tip advances by half a millimetre in it."""
+"""Longest step of the adaptive integrator [s]; numerical: a step must not miss the moment of contact; at 50 mm/s the
+tip advances by half a millimetre per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,8 +96,8 @@ def simulate_insertion(
     """Simulate the tissue under a needle from `state` at the first of the times [s], with SciPy's DOP853.
 
     outside(t): other forces on the free nodes [N], (n_free, dim)
-    The moment of the puncture is the root of contact force less puncture force; there the integration restarts. Raises
-    RuntimeError if the integrator fails.
+    The puncture is the time at which the contact force reaches the puncture force; there the integration restarts.
+    Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)
     rate = motion(network)

@@ -52,14 +52,14 @@ class NeedlePose:
 class NeedleMechanics:
     """Motion of a needle and the constants of its forces, which `docs/needle.md` explains.
 
-    pose: its pose at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
+    pose: the needle's pose at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
     radius_m: of the shaft [m]
-    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of the contact before [N/m]
+    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of contact before [N/m]
     cutting_N: at the tip [N]; friction_N_m: along the shaft, per length [N/m]
     reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
     The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are no settings of an estimator.
-    Raises ValueError for numbers that no needle has.
+    Raises ValueError for impossible values.
     """
 
     pose: Callable[[float], NeedlePose]
@@ -123,8 +123,8 @@ def straight_insertion(
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
     """Share of each node in a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
 
-    A Gaussian kernel of the distance to the nodes as drawn: the tissue moves by millimetres, and nodes are centimetres
-    apart. Far from all nodes the nearest has the whole force.
+    The shares are a Gaussian kernel of the distance to the drawn nodes: tissue moves by millimetres, and nodes are
+    centimetres apart. Far from all nodes the nearest has the whole force.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2

@@ -25,14 +25,14 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step [s]; numerical: the target is within 2 µm of the adaptive integrator's after 0.5 s of insertion, which
-`tests/dynamics/needle/test_steered.py` checks."""
+"""Longest step [s]; numerical: after 0.5 s of insertion the target is within 2 µm of its place by the adaptive
+integrator, which `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
-"""Longest step for a continuum [s]; numerical: to 5 µm, which `tests/dynamics/needle/test_steered_solid.py` checks."""
+"""Longest step for a continuum [s]; numerical: 5 µm of error, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Most iterations for sliding speeds, and their final change relative to the slip velocity; numerical."""
+"""Most iterations for sliding speeds, and change, relative to the slip velocity, that ends them; numerical."""
 
 OF_STABLE = 0.25
 """Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % per step."""
@@ -54,7 +54,7 @@ class NeedleMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledForces:
-    """Outside forces on the free nodes [N], (n, n_free, dim), every interval_s [s] from 0, interpolated."""
+    """Outside forces on the free nodes [N], (n, n_free, dim), sampled every interval_s [s] from 0, interpolated."""
 
     forces: Floats
     interval_s: float
@@ -71,7 +71,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State with free nodes at rest at these places [m], (n_free, dim): (n_state,); a continuum's modes follow."""
+    """State (n_state,) with free nodes at rest at these places [m], (n_free, dim); then any continuum's modes."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -131,7 +131,7 @@ def advance_steered(
 
 @lru_cache(maxsize=16)
 def longest_step(network: MassSpringNetwork) -> float:
-    """Longest step that is used [s]: that of a continuum; for springs FINEST_STEP, less if stiff ones need it."""
+    """Longest step [s]: SOLID_STEP for a continuum; FINEST_STEP for springs, or less if stiff springs need it."""
     if network.continuum is not None:
         return SOLID_STEP
     return min(FINEST_STEP, OF_STABLE * stable_step(network))
@@ -150,7 +150,7 @@ def _solid_steps(
     steps: the forces, start, dt, n
     """
     solid, (outside, start, dt, n) = network.continuum, steps
-    assert solid is not None  # by the caller
+    assert solid is not None  # the caller checks it
     give, r, drawn = _residual(network), len(solid.rates), network.positions
     q, s = state[network.n_state : -r].copy(), state[-r:].copy()
     speed, entry = float(motion.velocity @ motion.direction), motion.tip - motion.inserted_m * motion.direction
@@ -183,7 +183,7 @@ def _solid_steps(
 
     left = 1.0 + 0.5 * dt * solid.damping + 0.25 * dt**2 * solid.rates
     modes_along = np.einsum("idr,d->ir", solid.shapes.reshape(-1, network.dim, r), motion.direction)
-    shared: Floats | None = None  # of cutting and friction along the needle, by node [N]
+    shared: Floats | None = None  # cutting and friction along the needle, by node [N]
     for k in range(n):
         t, shared = start + (k + 0.5) * dt, None
         slides = punctured and pose(t).inserted_m > 0.0
@@ -227,7 +227,7 @@ def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
 @lru_cache(maxsize=16)
 def _residual(network: MassSpringNetwork) -> Floats:
     """The residual flexibility of a network's continuum [m/N], (n_free dim, n_free dim)."""
-    assert network.continuum is not None  # by the caller
+    assert network.continuum is not None  # the caller checks it
     return network.continuum.residual
 
 
@@ -236,8 +236,8 @@ def sliding_friction(
 ) -> Floats:
     """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides forward with its tip at these places.
 
-    tips: [m], (n, dim), punctured; depths: of the tip in the tissue [m], (n,). Full cutting and friction, whatever the
-    tissue's own velocity.
+    tips: [m], (n, dim), punctured; depths: of the tip in the tissue [m], (n,). Cutting and friction have their full
+    size, whatever the tissue's own velocity.
     """
     deep = np.maximum(0.0, np.asarray(depths, dtype=float))
     back = 0.5 * deep[:, None] * (SHAFT[0] + 1.0)

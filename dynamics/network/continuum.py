@@ -11,16 +11,16 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Relative rate of a mode below which it has no resistance."""
+"""Rate of a mode, relative to the largest, below which nothing resists the mode."""
 
 FREE = 0.2
-"""Assumed growth rate of responses, so that a free body has responses, too [1/s];
+"""Assumed growth rate of responses, so that a free body has finite responses [1/s];
 numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn, described by named points: in modal coordinates, and condensed to the points.
+    """A solid that rests as drawn, in modal coordinates, and as matrices condensed to its named points.
 
     A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
     the whole body. Unit forces are fields of standard deviation 1 m/s², expressed as accelerations of the whole mass.
@@ -42,7 +42,7 @@ class Continuum:
     by_tissue : (n_tissues, n_modes, n_modes)
         Stiffness of each tissue divided by mass [1/s²]; their sum has `rates` on its diagonal, and zeros elsewhere.
     forces : (n_modes, any)
-        Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three: of the whole body.
+        Accelerations of the modal coordinates by unit smooth surface forces [1]; the first three move the whole body.
     stiffness, dashpots : (n_free dim, n_free dim)
         Matrices condensed to the free nodes [N/m], [N s/m].
     """
@@ -92,7 +92,7 @@ class Continuum:
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: displacement of points beyond the modes by forces on them [m/N].
+        """Residual flexibility [macneal1971]: points' displacement by forces on them, without the modes [m/N].
 
         (n_free dim, n_free dim)
         """
@@ -100,7 +100,7 @@ class Continuum:
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with each tissue's stiffness times a factor, (n_tissues,): the same shapes, other modes."""
+        """The continuum with each tissue's stiffness times a factor, (n_tissues,): new modes of the same shapes."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes
@@ -123,7 +123,7 @@ class Continuum:
         )
 
     def by_log_stiffness(self, shift: Floats) -> Floats:
-        """Derivative of the force on the points by the log of each tissue's stiffness [N], (n_tissues, n_free dim).
+        """Change of the force on the points per unit of each tissue's log stiffness [N], (n_tissues, n_free dim).
 
         shift: displacement of the points from the drawn shape [m], (n_free dim,)
         """

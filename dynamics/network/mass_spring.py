@@ -20,7 +20,7 @@ SPRING_CONSTANTS = {"stiffness": "more than 0", "rest_lengths": "more than 0", "
 
 
 class NetworkError(ValueError):
-    """Error for a network that cannot be simulated; the message names field, expectation and finding."""
+    """Error for a network that cannot be simulated; the message names the field, the expected and the found value."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class MassSpringNetwork:
     """Point masses joined by springs with dashpots, in the plane or in space.
 
     names: unique names of the n_nodes nodes
-    positions: position of each node in the drawn shape, at rest [m], shape (n_nodes, dim), dim 2 or 3
+    positions: position of each node in the drawn shape [m], shape (n_nodes, dim), dim 2 or 3
     masses: [kg], shape (n_nodes,), positive; an anchor's mass is not used
     fixed: True for an anchor, shape (n_nodes,)
     drag: viscous friction against the ground [N s/m], shape (n_nodes,)
@@ -210,7 +210,7 @@ def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
 
 
 def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
-    """Positions of all nodes [m], (n_nodes, dim): the given free ones, (n_free, dim), and the anchors."""
+    """Positions of all nodes [m], (n_nodes, dim): given ones of free nodes, (n_free, dim), and those of anchors."""
     positions = network.positions.copy()
     positions[network.free] = free_positions
     return positions

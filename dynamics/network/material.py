@@ -11,13 +11,13 @@ from dynamics.arrays import Floats
 from dynamics.network.mass_spring import MassSpringNetwork
 
 THIN = 1e-2
-"""Least scatter of nodes in a direction that counts, relative to the largest scatter [1]; choice."""
+"""Least scatter of nodes along a direction that counts as a dimension, relative to the largest scatter [1]; choice."""
 
 
 def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
     """Length of the shortest path between any two nodes, (n, n) [m], along springs of these lengths [m], (n_springs,).
 
-    inf without a path. Of springs between the same two nodes the shortest counts.
+    inf without a path. If several springs join the same two nodes, the shortest counts.
     """
     n, by_length = network.n_nodes, np.argsort(lengths)
     pairs, first = np.unique(np.sort(network.springs[by_length], axis=1), axis=0, return_index=True)
@@ -28,8 +28,8 @@ def path_lengths(network: MassSpringNetwork, lengths: Floats) -> Floats:
 def material_coordinates(network: MassSpringNetwork) -> Floats:
     """Coordinates of all nodes within the unbent body [m], (n_nodes, n), n up to the network's dimension.
 
-    Classical scaling: the points whose distances best fit the paths along the springs as drawn. A cable is a line, n =
-    1, even if it is drawn bent. Source: [torgerson1952].
+    Classical multidimensional scaling: the points whose distances best fit the paths along the springs as drawn. A
+    cable is a line, n = 1, even if it is drawn bent. Source: [torgerson1952].
     """
     i, j = network.springs.T
     ways = path_lengths(network, np.linalg.norm(network.positions[j] - network.positions[i], axis=1))

@@ -1,6 +1,6 @@
 """Built-in phantoms; elastic bodies from given nodes.
 
-Another network belongs here.
+A new network belongs here.
 """
 
 from dynamics.phantoms.breast import breast_phantom

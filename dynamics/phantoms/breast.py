@@ -1,7 +1,7 @@
 """Breast phantom: a soft hemisphere on a chest wall, with nodes on its skin and inside, and elastic springs.
 
-x right, y up, z away from the chest wall; gravity is down, as for a standing patient. Every number below defines this
-phantom; none is a setting.
+x right, y up, z away from the chest wall; gravity is down, as for a standing patient. The constants below define this
+phantom; they are not settings.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SKIN_SHARE = 0.6
 """Share of the masses on the skin; the others are inside."""
 
 N_WALL = 8
-"""Number of anchors around the base; one more is in its middle."""
+"""Number of anchors around the base; another anchor is in its middle."""
 
 TARGET = (0.15, 0.1, 0.45)
 """Position of the target, relative to the radius."""

@@ -1,6 +1,6 @@
 """Breast phantom as a mesh: a half ellipsoid on a chest wall, with a core of gland in fat.
 
-x right, y up, z away from the chest wall, at z = 0. Every number below defines this phantom; none is a setting.
+x right, y up, z away from the chest wall, at z = 0. The constants below define this phantom; they are not settings.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CORE = 0.6
 """Extent of the gland, relative to that of the breast [1]."""
 
 TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
-"""Tissues in the order of the regions; moduli of the order of those measured in compression [samani2007]."""
+"""Tissues in the order of the regions; moduli of the same order as those measured in compression [samani2007]."""
 
 TARGET = (0.2, 0.15, 0.45)
 """Position of the target, relative to the semi-axes."""

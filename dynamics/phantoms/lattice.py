@@ -64,7 +64,7 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     young: Young's modulus [Pa] of a body in space; for a sheet in the plane, times its thickness [N/m]
     By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
     k l² over springs is n E V, V the body's volume, n the edges of a simplex; equal stiffnesses have the same sum.
-    Under uniform stretch the lattice is as stiff as a body of that modulus and Poisson's ratio 1/4; a sheet, 1/3.
+    Under uniform stretch the lattice is as stiff as a body of that modulus and Poisson's ratio 1/4; in a sheet, 1/3.
     """
     dim = positions.shape[1]
     return float(0.5 * dim * (dim + 1) * young * volume(positions) / (spring_lengths(positions, springs) ** 2).sum())

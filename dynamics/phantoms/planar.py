@@ -1,6 +1,6 @@
 """Flat phantom like the paper's, with any number of masses in staggered rows that stand on the floor.
 
-Every number below defines this phantom; none is a setting.
+The constants below define this phantom; they are not settings.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dynamics.network.mass_spring import NetworkError, spring_lengths
 from dynamics.phantoms.lattice import GRAVITY_M_S2, Phantom, delaunay_springs
 
 SPACING_M = 0.120
-"""Spacing of neighbours in a row [m]; the next row is half as far above, shifted by half a spacing."""
+"""Spacing of neighbours in a row [m]; the next row is half a spacing above, shifted by half a spacing."""
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Spring stiffness per mass of the phantom [N/m]: it sags by about 10 % of its spacing with any number of masses."""
+"""Spring stiffness per mass of the phantom [N/m]; with any number of masses it sags by about 10 % of its spacing."""
 
 DAMPING_S = 0.0025
 """Damping of a dashpot divided by the stiffness of its spring [s]."""
@@ -29,7 +29,7 @@ SLENDER = 1.7
 
 
 def planar_phantom(n_masses: int = 5) -> Phantom:
-    """A flat phantom at rest under gravity, with the innermost mass hidden; NetworkError unless 4 to 60 masses."""
+    """A flat phantom at rest under gravity, with the innermost mass hidden; NetworkError outside 4 to 60 masses."""
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a planar phantom, found {n_masses}")
     masses, rim, wide = _rows(n_masses)

@@ -1,6 +1,6 @@
 """Names of interchangeable marks: the cost of each assignment in a frame, and the plausible exchanges.
 
-Names are a tuple over the interchangeable nodes: for each node, the index of the node that bears the mark of its name.
+Names are a tuple with one entry per interchangeable node: the index of the node that bears the mark of that name.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Names = tuple[int, ...]
 class InterchangeableMarks:
     """Groups of nodes whose marks are interchangeable; names are never exchanged between groups.
 
-    nodes: those that are in a group of two or more; own: their names as they are
+    nodes: the nodes in groups of two or more; own: the names without exchanges
     """
 
     def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
@@ -56,9 +56,9 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Names at this many exchanges from the given ones, none worse by more than `worst` in this frame.
+        """Other names with their numbers of exchanges; their cost in this frame is higher by at most `worst`.
 
-        Sorted, the most probable first, at most `most`.
+        At most `most` names, the most probable first.
         """
         if names == self.own and not ambiguous_exchanges(costs, self._pairs, worst):
             return {}
@@ -84,7 +84,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """Given names, relative to the new names of the marks."""
+    """The given names, expressed relative to the new names of the marks."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]

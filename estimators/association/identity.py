@@ -65,9 +65,9 @@ class AssociationFilter:
     clearly better and TRACKING, its names and its filter replace the present ones.
 
     Any names may be right while there is no estimate: at a start, after a divergence, and when marks are rejected.
-    Then the filter restarts with each of the names that best fit the rest shape. Since the tissue may be turned or
-    displaced, that fit contributes at most `settings.decisive`. One filter restarts with the present names, and the
-    others have to beat it: otherwise a filter could win merely because its covariance is large.
+    Then a filter restarts with each of the assignments of names that best fit the rest shape. Since the tissue may be
+    turned or displaced, that fit adds at most `settings.decisive` to the log odds. One filter restarts with the present
+    names, and the others have to beat it: otherwise one could win merely because its covariance is large.
 
     tissue: the filter; predict it first, then call `update` here
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
@@ -88,7 +88,7 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """Marks of another tracker, each moved to the node of its present name."""
+        """Marks of another tracker, each assigned to the node of its present name."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
@@ -157,7 +157,7 @@ class AssociationFilter:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """Alternative with other names and the state of a given one, after this many exchanges of two."""
+        """The alternative with other names, which are this many exchanges of two away; its state is unchanged."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
@@ -175,7 +175,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Restart the filter with other names, with the log odds of the best, and with the present names."""
+        """Restart filters with other names, each with its log odds, and one with the present names."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive

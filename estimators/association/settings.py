@@ -10,12 +10,12 @@ from math import factorial, log
 class IdentitySettings:
     """Settings of the association: when other names of interchangeable marks are followed and adopted.
 
-    If a mark is refused, other names are tried from a start, and again at least twice the filter's test_s later.
+    If a mark is refused, filters restart with other names, and again at least twice the filter's test_s later.
 
     decisive: log odds at which names are ruled out or adopted [1]; choice
     exchange: prior log odds against one exchange of two names [1]; choice
-    longest_s: longest time of following undecided names, longest pause between failed restarts [s]; choice
-    max_hypotheses: largest number of alternatives [1]; source: all for three interchangeable marks, 3! - 1
+    longest_s: longest time that undecided names are followed, longest pause between failed restarts [s]; choice
+    max_hypotheses: largest number of alternatives [1]; source: 3! - 1, all for three interchangeable marks
     """
 
     decisive: float = log(1e3)

@@ -1,6 +1,6 @@
 """Methods for comparison: open loop, EKF, filterpy's UKF, EnKF, particle filter, smoother.
 
-Another `Baseline` belongs here, with its name in `registry.py`.
+A new `Baseline` belongs here, with its name in `registry.py`.
 """
 
 from estimators.baselines.baseline import Baseline

@@ -1,4 +1,4 @@
-"""Common part of the compared methods, so that they differ only in the method."""
+"""Common part of the compared methods: they differ only in how they predict and update the state."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    It starts at rest, with the covariance that pokes for `settings.lost_s` cause, and stays there until the first
+    It starts at rest, with the covariance that pokes for `settings.lost_s` cause, and stays at rest until the first
     marks. Marks are not gated.
 
     State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
@@ -64,9 +64,9 @@ class Baseline(ABC):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates for frames, (time [s], marks) in order, one by one: predict, then update.
+        """Estimates for frames, (time [s], marks) in order, one by one: for each, predict and update.
 
-        advance: called with the completed share.
+        advance: called with the completed share of the frames.
         """
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)

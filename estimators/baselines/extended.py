@@ -12,11 +12,11 @@ from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
-"""Half the width of a central difference [m, m/s, N]: friction changes over 5e-3 m/s, rounding is 1e-10 of a slope."""
+"""Half the width of a central difference [m, m/s, N]: friction changes over 5e-3 m/s; rounding is 1e-10 of slopes."""
 
 
 def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """The state dt [s] after x and its derivative by x: (dim_x,), (dim_x, dim_x), by central differences."""
+    """The state dt [s] after x, and its Jacobian: (dim_x,), (dim_x, dim_x), by central differences."""
     n = len(x)
     offsets = DIFFERENCE * np.eye(n)
     moved = model.propagate(np.vstack([x[None], x + offsets, x - offsets]), dt, mode)

@@ -12,7 +12,7 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 from estimators.tissue.settings import FilterSettings
 
 LONGEST_S = FilterSettings().forget_s
-"""Longest simulated time between two frames [s]; after it the filter forgets its state, too."""
+"""Longest simulated time between two frames [s]; after this time the filter forgets its state, too."""
 
 
 class OpenLoop:

@@ -74,7 +74,7 @@ class ParticleFilter(Baseline):
             self._branch(dt / n)
 
     def _branch(self, dt: float) -> None:
-        """Reduce the particles to the number kept, then branch each into a successor for each mode, dt [s] later."""
+        """Reduce the particles to `n_particles`, then branch each into a successor for each mode, dt [s] later."""
         self._thin()
         odds = expm(self._rates * dt)[self.modes]
         moved = [self._moved(mode, dt) for mode in (QUIET, self.settings.poked)]

@@ -31,7 +31,7 @@ class UnknownMethodError(LookupError):
 class TrackingProblem:
     """Input of every method: tissue, target (a node or a point relative to nodes), and prior of the forces.
 
-    marked: nodes whose marks are measured; uncertainty, n_calibration: of constants and cameras, as in `TissueFilter`
+    marked: nodes whose marks are measured; uncertainty, n_calibration: as in `TissueFilter`
     seed: for methods that draw random numbers; fixes: direct measurements of the target, for methods that use them
     """
 
@@ -51,7 +51,7 @@ class TrackingProblem:
 
     @property
     def rng(self) -> np.random.Generator:
-        """New random generator from the seed, so that the same recording gives the same tables."""
+        """New random generator from the seed, so that a recording always gives the same tables."""
         return np.random.default_rng(self.seed)
 
 

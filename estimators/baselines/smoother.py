@@ -16,7 +16,7 @@ class FixedIntervalSmoother:
     """Filter and smoother: its error is a lower limit for filters with the same model.
 
     fixes: direct measurements of the target, used at their times
-    State: tissue, the filter, before or after its frames.
+    State: tissue, the filter.
     """
 
     def __init__(
@@ -42,6 +42,6 @@ class FixedIntervalSmoother:
     ) -> Iterator[list[TargetEstimate]]:
         """Estimates of all frames, (time [s], marks) in order, in one block after the last.
 
-        advance: called with the completed share.
+        advance: called with the completed share of the frames.
         """
         yield fixed_interval(self.tissue, frames, advance, fixes=self._fixes)

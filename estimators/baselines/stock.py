@@ -18,9 +18,9 @@ class StockUnscented(Baseline):
 
     Sigma points move in steps of at most 1/120 s, but they are drawn, and noise is added, only once per frame: the
     noise of masses that move freely between frames (`TissueModel.noise`). The other methods add noise at each step. At
-    30 frames/s the difference is small; from 10 frames/s down it dominates, which this method shows.
+    30 frames/s the difference is small; at 10 frames/s and less it dominates, which this method shows.
 
-    State: filter, filterpy's, besides the state of `Baseline`; restarts: number of restarts from the first state
+    State: filter, that of filterpy, besides the state of `Baseline`; restarts: number of restarts from the first state
     because the covariance was no longer positive definite.
     """
 
@@ -39,7 +39,7 @@ class StockUnscented(Baseline):
         return self.model.propagate(point[None], dt, self.settings.poked)[0]
 
     def _draw(self) -> None:
-        # filterpy draws points only in predict; a further update at the same time needs its own
+        # filterpy draws points only in predict; a further update at the same time needs new points
         try:
             self.filter.compute_process_sigmas(0.0, fx=lambda point, _dt: point)
         except np.linalg.LinAlgError:

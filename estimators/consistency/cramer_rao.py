@@ -29,15 +29,15 @@ def posterior_bound(
 ) -> Floats:
     """Lower bounds on the covariance of any unbiased estimate of the states after the marks, (n_times, dim_x, dim_x).
 
-    states: true states, (n_times, n_state), at times_s [s], so dense that the motion between two is nearly linear
+    states: true states, (n_times, n_state), at times_s [s], so close that the motion between two is nearly linear
     marks: for each time, the covariance of each visible node's mark [m²], (dim, dim); empty if none is visible
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
     The recursion of [tichavsky1998] for Gaussian noise, in covariance form, because only some states have noise: a
     Kalman filter with the transition matrices of the true states. This is the bound for one trajectory. The bound for
-    many takes the mean of their information matrices; the mean of their covariances is an upper limit of it (Jensen).
-    Here the matrices differ so little that both agree.
+    many trajectories follows from the mean information matrix; the mean of their bounds is an upper limit of it
+    (Jensen). Here the matrices differ so little that both agree.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -67,7 +67,7 @@ def posterior_bound(
 
 
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
-    """Transition matrix and noise over dt [s] from a state of the network (n_state,), each (dim_x, dim_x).
+    """Transition matrix and noise over dt [s] from a state of the network (n_state,), (dim_x, dim_x) each.
 
     For the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
     """

@@ -1,7 +1,7 @@
-"""Error budget of the target: covariances at rest of errors that innovations do not show.
+"""Error budget of the target: covariances at rest that are due to errors which innovations do not show.
 
 An estimate that follows its marks places the hidden nodes (h) by the model between the marked ones (m).
-An error s of the marks' positions then moves them by -Khh^-1 Khm s, and an unmodelled force g moves them by Khh^-1 gh,
+An error s of the marks' positions then moves the hidden nodes by -Khh^-1 Khm s, and an unmodelled force g by Khh^-1 gh,
 with K the stiffness at rest: static condensation.
 """
 
@@ -22,8 +22,8 @@ from estimators.process.process_model import LOOSE
 class ErrorSource:
     """One source of error of the target, with the covariance that it causes.
 
-    name: a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the filter's
-    covariance includes it
+    name: in a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the
+    filter's covariance includes it
     variance: trace of cov [m²]
     """
 
@@ -42,7 +42,7 @@ class ErrorSource:
 
 
 class StaticResponse:
-    """Static response of a filter's target to errors, if its estimate follows the marks of these nodes.
+    """Static response of the target to errors, for an estimate that follows the marks of these nodes.
 
     rest: positions at rest [m], (n_nodes, dim)
     State: the factorised stiffness of the hidden coordinates.
@@ -68,6 +68,6 @@ class StaticResponse:
     def _moved(self, marked: Floats, forces: Floats) -> Floats:
         shifts = np.zeros((len(self._m) + len(self._h), forces.shape[1]))
         shifts[self._m] = marked
-        # a rotation about the marks without resistance is not excited either
+        # a rotation about the marks, which meets no resistance, is not excited either
         shifts[self._h] = np.linalg.lstsq(self._hidden, forces, rcond=LOOSE)[0]
         return self._target.linear(shifts)

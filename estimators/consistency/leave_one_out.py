@@ -30,11 +30,11 @@ class LeaveOneOutCheck:
 class LeaveOneOut:
     """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
 
-    If these predictions err by more than their covariance, the model is wrong, also for the target: the target's
-    covariance is multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
+    If these predictions err by more than their covariance, the model is wrong, also at the target: its covariance is
+    multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
 
-    State: the filters, tissue and without (by node); scale, a factor on the target's covariance; checks of the last
-    frame by node.
+    State: tissue, the target's filter; without, the other filters by node; scale, a factor on the target's covariance;
+    checks of the last frame by node.
     """
 
     def __init__(

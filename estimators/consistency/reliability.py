@@ -1,4 +1,4 @@
-"""Reliability of predicted probabilities: observed hit rate against prediction, in ten bins."""
+"""Reliability of predicted probabilities: observed hit rates and predictions, in ten bins."""
 
 from __future__ import annotations
 

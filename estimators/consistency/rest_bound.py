@@ -17,7 +17,7 @@ LONG_RUN_S = 3600.0
 [s]."""
 
 SETTLED = 1e-6
-"""Relative change of the bound by twice as many frames, below which it is steady; numerical."""
+"""Relative change of the bound with twice the number of frames below which it is steady; numerical."""
 
 STATIONARY_S = 60.0
 """Time after which the motion of a body with friction is stationary under constant forces; numerical."""
@@ -40,7 +40,7 @@ def resting_bound(
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
 
     The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
-    exact; dry friction becomes drag, by `friction_as_drag`. Raises NetworkError if the body has no rest.
+    assumed exact; `friction_as_drag` replaces dry friction by drag. Raises NetworkError if the body has no rest.
     """
     body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)

@@ -15,7 +15,7 @@ from estimators.arrays import Floats
 def crps_normal(means: ArrayLike, sds: ArrayLike, truths: ArrayLike) -> Floats:
     """Continuous ranked probability score of normal predictions, in the predicted unit; lower is better.
 
-    means, sds, truths: of one shape (...), also that of the scores. Source: [gneiting2007], equation (21).
+    means, sds, truths, scores: all of one shape (...). Source: [gneiting2007], equation (21).
     """
     mean, sd = np.asarray(means, dtype=float), np.asarray(sds, dtype=float)
     z = (np.asarray(truths, dtype=float) - mean) / sd

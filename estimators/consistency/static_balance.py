@@ -1,16 +1,16 @@
-"""Test of the mean external force over a second against pokes, breathing and the stated errors.
+"""Test whether pokes, breathing and the stated errors explain the mean external force over a second.
 
 A filter explains innovations by forces that come and go. After a spring is cut or a mark is moved, it follows the
 marks with a force that persists: its innovations look right, but the hidden target is elsewhere. The mean force shows
-this. Averaged over a second a body moves slowly. The external force f on the marked nodes is then what the springs do
-not balance, averaged over the frames,
+this. In the mean over a second a body moves slowly. The external force f on the marked nodes is then what the springs
+do not balance, averaged over the frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
 follow them, and K the stiffness at rest of marked (m) and hidden (h) nodes: static condensation. Near rest f is Kc (z -
-rest); far from rest that would take the turn of a spring for a change of its length. A chi-square test compares f with
-its covariance for a right model. That covariance has three causes: pokes, which average out; one force on all
+rest); far from rest that would treat the rotation of a spring as a change of its length. A chi-square test compares f
+with its covariance for a right model. That covariance has three causes: pokes, which average out; one force on all
 nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera calibration
 and constants.
 """
@@ -44,9 +44,9 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance: the time over which the force is averaged.
 
-    mean_s: the time [s]; choice: pokes do not average out in half of it; twice it would delay the report of a fault
-    that single frames do not show
-    least_share: least share of that time with frames, and of its frames with a given mark [1]; choice
+    mean_s: the time [s]; choice: in half of this time pokes do not average out; twice this time would delay the report
+    of a fault that single frames do not show
+    least_share: least share of mean_s with frames, and least share of these frames with a given mark [1]; choice
     often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
     """
 
@@ -130,7 +130,7 @@ class StaticBalance:
         return self._balance(self._of, nodes, together) if nodes and len(together) >= enough else None
 
     def _balance(self, of: ForceMode, nodes: tuple[str, ...], frames: list[_Frame]) -> Balance:
-        """The balance from frames that have all of the nodes."""
+        """The balance from frames in which all of the nodes were visible."""
         network, dim, seen = self._network, self._network.dim, self._condensed(nodes)
         at = [network.index(node) for node in nodes]
         poke = np.repeat(of.poke * network.masses[at], dim)
@@ -173,7 +173,7 @@ class StaticBalance:
             marks = np.zeros((len(m), 0))
             if self._calibration is not None:
                 marks = self._calibration(rest[[network.index(node) for node in nodes]]).reshape(len(m), -1)
-            # a rotation about the marks without resistance is not caused by wrong constants
+            # wrong constants cause no rotation about the marks if nothing resists it
             to_hidden = np.linalg.lstsq(K[np.ix_(h, h)], K[np.ix_(h, m)], rcond=LOOSE)[0].T
             stiffness = K[np.ix_(m, m)] - to_hidden @ K[np.ix_(h, m)]
             self._seen[nodes] = _Condensed(m, h, to_hidden, stiffness, forces[m] - to_hidden @ forces[h], marks)

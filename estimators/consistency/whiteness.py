@@ -1,4 +1,4 @@
-"""Tests whether innovations are white, as a filter with the right model has them."""
+"""Tests whether innovations are white, as they are for a filter with the right model."""
 
 from __future__ import annotations
 

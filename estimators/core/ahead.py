@@ -28,7 +28,7 @@ class AheadTables:
     rest : (n,)
         State at rest.
     by_state : (n_times, dim, n)
-        Derivative of the target by the present state.
+        Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
         Covariance of the target from unit noise of each source, by the number of steps since that noise.
     by_push : (n_times, dim, n_free dim)
@@ -87,7 +87,7 @@ class AheadTables:
         return times, means if push is None else means + self.shift(push), covs
 
     def shift(self, push: Floats) -> Floats:
-        """Displacement of the target by a known force [m], (k, dim); push and errors as for `ahead`."""
+        """Displacement of the target by a known force [m], (k, dim); push and exceptions are those of `ahead`."""
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
             raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")

@@ -16,7 +16,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
-"""Discrepancy levels of continua, whose strains are small; least relative variance of a function [1]; choice."""
+"""Discrepancy levels of continua, whose strains are small, and their `Discrepancy.least` [1]; choice."""
 
 JITTER = 1e-6
 """Variance added at fixed places, relative to the field's variance [1]; numerical."""
@@ -68,12 +68,12 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """The prior with the settings' level, if they state one, else with several levels. solid: for a continuum."""
+        """Prior with the settings' level, if they state one, else with several; solid: whether for a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Functions at level 1 [m], (n, r), at places (n, dim), zero where held; omitted variance [m²], (n,)."""
+        """Functions at level 1 [m], (n, r), at places (n, dim), zero at `held` places; omitted variance [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -113,7 +113,7 @@ class LevelPosterior:
         return float(np.sqrt(weights @ self.levels**2))
 
     def forget(self, dt: float) -> None:
-        """Forget evidence over dt [s]."""
+        """Discount earlier evidence after dt [s]."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
@@ -127,7 +127,7 @@ class LevelPosterior:
         fresh : (m, m)
             Covariance of the part of the discrepancy that is new in this frame, at level 1.
         groups : sequence of (k, dim) int
-            For each name, the rows that are withheld with it, its own first; without groups nothing is learnt.
+            For each name, the rows that are withheld with it, its own first; without groups the level stays as it is.
         """
         self.log_withheld = 0.0
         if not groups:

@@ -19,10 +19,10 @@ always loaded: the two strengths differ in how fast the load changes."""
 class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
-    Short forces act on each marked node independently; a node is calm, poked or, for longer, led. Slow forces, such as
-    breathing or leaning, are a smooth field over the nodes that forces may act on, plus a uniform acceleration, as from
-    a turn of gravity. Both have a Markov chain, and a mode is a pair of their states; a continuum has only slow forces.
-    All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
+    Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
+    forces, such as breathing or leaning, are a smooth field over the nodes that forces may act on, plus a uniform
+    acceleration, as if gravity turned. Each kind follows a Markov chain; a mode is a pair of their states. A continuum
+    has only slow forces. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
 
     Attributes
     ----------
@@ -95,7 +95,7 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force; for networks also with a poke."""
+        """Index of the mode with the strongest slow force and, for networks, a poke."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:

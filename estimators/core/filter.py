@@ -30,11 +30,11 @@ DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
 
 LEAST_SHARE = 1e-3
-"""Least share with which a mode is mixed into another [1]; choice: smaller ones only widen it by what the marks
-refute."""
+"""Least share with which a mode is mixed into another [1]; choice: smaller shares would only widen it towards states
+that the marks refute."""
 
 REBORN = 0.05
-"""Ratio of a mode's probability to that of changes into it, below which its hypothesis is omitted until a change
+"""Ratio of a mode's probability to that of a change into it, below which its hypothesis is omitted until such a change
 [1]; choice."""
 
 LINEARISATIONS = 10
@@ -57,7 +57,7 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    All share one linearisation of the transition about their mean. If the marks show that this mean was wrong, it is
+    All share one linearisation of the transition about their mean. If the marks refute this mean, the linearisation is
     repeated about the smoothed mean: an iterated update. Sources: [blom1988], [garciafernandez2017] for the iteration.
 
     Parameters
@@ -66,7 +66,7 @@ class HypothesisFilter:
     level : LevelPosterior, optional
         Level of the discrepancy; default: 1.
     groups : callable, optional
-        From names and their blocks of rows: for each name, the rows that are withheld with it, (k, dim).
+        Returns, from names and their blocks of rows, the rows that are withheld with each name, (k, dim).
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
@@ -152,7 +152,7 @@ class HypothesisFilter:
     def predict(self, dt: float, kick: Floats | None = None) -> None:
         """Predict all hypotheses over dt [s], more than 0.
 
-        kick: addition to the state by a known force, (n,)
+        kick: change of the state by a known force, (n,)
         """
         live, chain = np.flatnonzero(self.weights), expm(self.process.rates * dt)
         joint = self.weights[live, None] * chain[live]
@@ -186,7 +186,7 @@ class HypothesisFilter:
         self._transition, self._reference, self._latest = found, reference, None
 
     def _traced(self, before: Prior) -> Move:
-        assert self._transition is not None  # it exists after a prior
+        assert self._transition is not None  # a prediction sets it
         start = mixed(before.weights, before.means, before.covs)
         return Move(*start, self._transition.matrix, *self.moments_by(self.weights))
 
@@ -195,7 +195,7 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Innovations of each hypothesis, linearised at these states, (k, n), or its mean; raises CovarianceError."""
+        """Innovations of each hypothesis, linearised at its mean or at points (k, n); raises CovarianceError."""
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
@@ -228,7 +228,7 @@ class HypothesisFilter:
                 logs[found] += added
                 root[found] = inverse_roots(S[found])
                 white[found] = of_each(root[found], y[found])
-                # they contain no information about the state
+                # outliers contain no information about the state
                 HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
         nis = (white * white).sum(axis=1)
         logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
@@ -238,7 +238,7 @@ class HypothesisFilter:
         return result
 
     def update(self, observations: Sequence[Observation]) -> float:
-        """Update with all observations of this time; returns the least normalised innovation squared."""
+        """Update with all observations of this time; returns the smallest NIS of the hypotheses."""
         found = self._fitted(observations)
         if self.trace and self._before is not None:
             self.trace[-1] = self._traced(self._before)
@@ -270,7 +270,7 @@ class HypothesisFilter:
         return float(found.nis.min())
 
     def _fitted(self, observations: Sequence[Observation]) -> Innovations:
-        """Innovations, the transition linearised about the previous state that fits prior and observations.
+        """Innovations after linearising the transition about the previous state that fits prior and observations.
 
         Gauss-Newton steps of the initially most probable hypothesis find that state; each is halved until the fit
         improves. The error at the end of the last step counts as process noise, with its mean square in each part of
@@ -292,7 +292,7 @@ class HypothesisFilter:
 
         for _ in range(LINEARISATIONS - 1):
             transition, start = self._transition, self._reference
-            assert transition is not None  # it exists after a prior
+            assert transition is not None  # a prediction sets it
             counted = found.HP[best].any(axis=1)  # names that are no outliers
             by_start = counted[:, None] * (found.H[best % len(found.H)] @ transition.matrix)
             wanted = by_start.T @ (found.root[best].T @ found.white[best])

@@ -28,13 +28,13 @@ class Innovations:
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Derivative of the observation by the state, one if it is the same for all hypotheses; its product with P.
+        Jacobian of the observation, only one if all hypotheses have the same; its product with P.
     root, white : (k, m, m), (k, m)
         Inverse of the lower Cholesky factor of S, and its product with the innovation.
     nis, logs : (k,)
         Normalised innovation squared; logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Which names are outliers by each hypothesis; their innovation is set to zero and their variance is large.
+        Names that are outliers in each hypothesis; their innovation is set to zero and their variance is large.
     overall : (m,), (m, m)
         Mean and covariance of the innovation over all hypotheses, outliers included.
     """
@@ -98,7 +98,7 @@ def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArra
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Prior of an outlier: a position that is not that of its name, uniform within a region.
+    """Prior of an outlier: its position is not that of its name, but anywhere in a region with uniform density.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ def _add(to, columns, scale):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
-    """Derivative of the final by the initial state (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
+    """Jacobian of the motion (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
 
     The m states are n positions, n velocities and n_f forces that only decay. Noises have unit variance: white noise of
     velocities, then noise of the forces, each from one of the sources (n_f,).
@@ -26,7 +26,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
     """
     n_steps, moving, m = by_states.shape
     half = moving // 2
-    motion, force = np.eye(moving, m), np.ones(m - moving)  # derivatives of the end by the state after a step
+    motion, force = np.eye(moving, m), np.ones(m - moving)  # Jacobians of the motion from a step to the end
     noises = np.zeros((1 + n_sources, m, m))
     for step in range(n_steps - 1, -1, -1):
         if step == n_steps - 1:  # the last step
@@ -56,8 +56,8 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
 def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
     """For each S (k, m, m), the sum over groups of the log likelihood of some rows given the rows outside the group.
 
-    With W = S^-1 the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1. With
-    W_gg = L L' and the rows that count last, both follow from the last block of L.
+    With W = S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1. With W_gg
+    = L L' and the rows that count last, both follow from the last block of L.
     rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of rows that count, the first
     """
     totals = np.zeros(len(S))
@@ -81,7 +81,7 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
 
 @njit(cache=True, nogil=True)
 def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
-    """Whether each hypothesis finds an outlier, (k,); arguments as for `without_outliers`.
+    """Whether each hypothesis finds an outlier, (k,); ends and logs are those of `without_outliers`.
 
     root (k, m, m), white (k, m): inverse of the lower Cholesky factor of S, and its product with the innovation
     """
@@ -103,7 +103,7 @@ def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gain(weighted, information, log):  # type: ignore[no-untyped-def]
-    """Log probability ratio of a block as an outlier."""
+    """Log of the ratio of a block's density as an outlier to that as a prediction of the others."""
     misfit = weighted @ np.linalg.solve(information, weighted)
     return log + 0.5 * (misfit - np.log(np.linalg.det(information)) + len(weighted) * np.log(2.0 * np.pi))
 
@@ -115,8 +115,8 @@ def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
     y (k, m), S (k, m, m): innovations and covariances; those of outliers are set to zero and variance `far`
     ends (n_blocks,): rows of a block up to its end; logs (n_blocks,): log density of each as an outlier
 
-    The block that the others contradict most is removed first, until none is more probable as an outlier. With W = S^-1
-    the error of rows g as the others predict them is W_gg^-1 (W y)_g, and its covariance W_gg^-1.
+    The block that the others contradict most is removed first, until no block is more probable as an outlier. With W =
+    S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
     """
     n_blocks = len(ends)
     out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))

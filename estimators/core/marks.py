@@ -20,7 +20,7 @@ class Places:
     maps : mapping of str to (dim, n)
         Map from the state to the position of each point.
     calibration : slice, optional
-        States of the errors that the marks share, if these are the same in every frame; else they are new in each.
+        States of the errors that the marks share, if these are constant; default: they are new in each frame.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
     """Covariances T P T' for each of k covariances P (n, n).
 
-    Not multiplied: the last states, if each only decays, and the last columns of zeros in the other rows.
+    To save time, last states that only decay are scaled, and last columns of zeros in the other rows are skipped.
     """
     T, fading = matrix, matrix.diagonal()
     acting = T != 0.0
@@ -72,8 +72,8 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s].
 
-    means (l, n), covs l times (n, n), weights (l,): those that are not omitted; shares (l, k): of each in each mode
-    after dt; chain (k, k): probability of each mode after dt given the mode before; kick (n,): by a known force
+    means (l, n), covs l times (n, n), weights (l,): of all that are not omitted; shares (l, k): of each in each mode
+    after dt; chain (k, k): mode probabilities after dt given the mode before; kick (n,): effect of a known force
     """
 
     means: Floats

@@ -27,11 +27,11 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the covariance of the start for the search of the first marks, because the body may be displaced [1];
+"""Factor on the covariance at the start for the search regions of the first marks: the body may be displaced [1];
 choice."""
 
 POSSIBLE = 1e-3
-"""Probability of a mode above which it determines where marks are searched [1]; choice."""
+"""Probability of a mode above which the search regions of marks allow for it [1]; choice."""
 
 
 class TissuePosterior:
@@ -48,7 +48,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Displacement of free nodes by a known force that the modes of a continuum omit [m].
+        Part of the free nodes' displacement by a known force that a continuum's modes omit [m].
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class TissuePosterior:
             raise ValueError("marked: expected one free node or more, found none")
         self.settings = settings or FilterSettings()
         for name in (*marked, *self.settings.led_nodes):
-            network.coordinates(name)  # raises NetworkError if there is none, and for an anchor
+            network.coordinates(name)  # raises NetworkError for an unknown name and for an anchor
         self.network, self.marked, self.n_calibration = network, tuple(marked), n_calibration
         self.target, self.rest = target_map(network, target), rest_shape(network)
         self.process = TissueProcess(
@@ -217,7 +217,7 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
-        """For the node of each last mark except outliers, relative growth of the target's variance without it.
+        """By node, for each last mark that is no outlier: relative increase of the target's variance without it.
 
         The most probable hypothesis determines it.
         """
@@ -267,7 +267,7 @@ class TissuePosterior:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest without marks; inflated for displacement."""
+        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest without marks; the body may be displaced."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
         return self.rest[self.network.index(node)].copy(), BESIDE * cov

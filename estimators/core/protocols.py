@@ -18,9 +18,9 @@ class Transition:
     Attributes
     ----------
     mean : (n,)
-        Next state from the reference state, as `ProcessModel.moved`.
+        Next state from the reference state, as `ProcessModel.moved` returns it.
     matrix : (n, n)
-        Derivative of the next state by the previous state.
+        Jacobian: derivative of the next state with respect to the previous state.
     noises : (n_noises, m, m)
         Covariance of the process noise of each source at unit variance, in the first m states, m <= n.
     independent : (n_independent, n)
@@ -42,7 +42,7 @@ class ProcessModel(Protocol):
     Attributes
     ----------
     parts : mapping of str to slice
-        Parts of the state by name; with a `LevelPosterior`, one part is named discrepancy.
+        Parts of the state by name; with a `LevelPosterior`, one part is named `discrepancy`.
     rates : (n_modes, n_modes)
         Transition rates between the modes [1/s]; rows sum to zero.
     tolerance : (n,)
@@ -68,7 +68,7 @@ class ProcessModel(Protocol):
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources), first of `Transition.noises`.
+        """Variance of each source of noise in each mode, (n_modes, n_sources): first the `Transition.noises`.
 
         level: level of the discrepancy
         """

@@ -46,7 +46,7 @@ class Statics:
 
 
 class StaticStates:
-    """States of constant errors, in standard deviations or metres; they follow the other states of a tissue.
+    """States of constant errors, in standard deviations or metres; in the state vector they come last.
 
     Attributes
     ----------

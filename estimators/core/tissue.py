@@ -17,7 +17,7 @@ from estimators.core.protocols import Transition
 from estimators.core.statics import Statics, StaticStates
 
 TOLERANCE = 1e-3
-"""Largest error of a linearised frame, relative to the body's extent [1]; numerical."""
+"""Largest linearisation error in a frame, relative to the body's extent [1]; numerical."""
 
 PUSHED_S = 1.0
 """Time from rest to the start, during which the unknown forces act [s]; choice."""
@@ -34,8 +34,8 @@ class TissueProcess:
     """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
     State: position, velocity, force, discrepancy at level 1 [1], constant errors. A force is the acceleration of a
-    marked node, or a function of the slow field. The position of a point of the body includes its discrepancy:
-    `places`.
+    marked node, or the factor of a function of the slow field. The position of a point of the body includes its
+    discrepancy: `places`.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ class TissueProcess:
         return self.places(matrix)
 
     def places(self, matrix: Floats) -> Floats:
-        """Map from the state to a point [m], (dim, n), from its map by free coordinates, (dim, n_free dim)."""
+        """Map from the state to a point [m], (dim, n), given its map from free coordinates, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field

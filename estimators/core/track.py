@@ -33,7 +33,7 @@ REFUTED_S = 0.25
 """Time after which the filter restarts if every mark is an outlier [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest step of a prediction without marks, and under a known force [s]; numerical. Marks end a single step."""
+"""Longest step of predictions ahead of the marks, and under a known force [s]; numerical. Else one step per frame."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -41,7 +41,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) where marks last showed the body."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) when marks last showed the body."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -84,7 +84,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart where marks last showed the body; keep a measured offset of the target if nothing diverged."""
+        """Restart where marks last showed the body; keep a measured offset of the target unless the filter diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -190,7 +190,7 @@ class TissueFilter(TissuePosterior):
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """Predict the target at a later time [s], such as a needle's arrival, from the marks until now.
 
-        push: as for `predict`; keeps the state. Raises ValueError before the first frame, for a past or infinite time.
+        push: known force; the state stays. Raises ValueError before the first frame, for a past or infinite time.
         """
         with self._unchanged():
             self._ahead(time_s, push)

@@ -8,10 +8,10 @@ from estimators.arrays import Floats
 
 
 class VarianceScale:
-    """Maximum-likelihood estimate, with forgetting, of the factor by which a variance exceeds its stated value.
+    """Maximum-likelihood estimate, with forgetting, of the ratio of a variance to its stated value.
 
     Innovations have the covariance S = rest + scale * part. Each innovation changes log scale by its score, divided by
-    the Fisher information of the last forget_s. An innovation that does not depend on the part changes nothing.
+    the Fisher information of the last forget_s. An innovation that does not depend on the part leaves `scale` as it is.
     Source: [titterington1984].
 
     bounds: of the scale, a factor on variances; start_information: weight of the initial scale 1, as a number of

@@ -161,8 +161,8 @@ def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
     """NIS that remains after the best common shift of all blocks of `width` measurements, and after that of one block.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
-    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block equals
-    omitting it; the block with the least remainder counts.
+    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block is
+    equivalent to omitting it; the block with the least remainder counts.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0

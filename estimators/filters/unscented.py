@@ -56,7 +56,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
         """Update with a measurement z (m,) of noise R (m, m) by hx, (n_points, dim_x) to (n_points, m).
 
-        None as measurement changes nothing. Raises CovarianceError.
+        If z is None, nothing changes. Raises CovarianceError.
         """
         if z is None:
             return

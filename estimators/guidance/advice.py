@@ -48,7 +48,7 @@ class Outlook:
     """Predicted results of insertions along the present direction, for start times starts_s [s], (k,).
 
     arrivals_s: time at which the notch is beside the target [s], inf if it does not arrive on the predicted path
-    probabilities: of a hit, 0 without arrival; both (k,)
+    probabilities: of a hit, 0 if it does not arrive; both (k,)
     """
 
     starts_s: Floats
@@ -170,7 +170,7 @@ RULES = (
         ),
     ),
 )
-"""Rules for a healthy estimate; the first that holds gives the advice. `health_fault` checks health before."""
+"""Rules for a healthy estimate; the first that holds gives the advice. `health_fault` checks health first."""
 
 
 def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] = RULES) -> tuple[Advice, str]:
@@ -182,7 +182,7 @@ def decide(prospect: Prospect, settings: AdviceSettings, rules: Sequence[Rule] =
 
 
 class PathSource(Protocol):
-    """Protocol of a filter for `guide`: the time of the last mark used, and the target's predicted path."""
+    """Protocol of a filter for `guide`: it gives the time of the last mark used, and the target's predicted path."""
 
     @property
     def seen_s(self) -> float | None:

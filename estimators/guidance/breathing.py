@@ -20,8 +20,8 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information, a thousandth of a frame at most: it defines the fit from the first frame on.
-Numerical: half or twice changes no figure of guidance by 0.2 %."""
+"""Regularisation of the information, at most 0.001 of one frame's: it defines the fit from the first frame on.
+Numerical: half or twice this value changes no figure of guidance by 0.2 %."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class BreathingSettings:
     alike_s: correlation time of the filter's errors; errors further apart count as independent [s]; choice
     cycles: least number of periods in the track for a breath to be reported; choice
     explained: least share of the track's variance that a breath has to explain; choice
-    lasting_s: mean time until a target leaves its breath [s]; choice
-    forgotten: a new track begins if the probability that the breath holds is below this; choice
+    lasting_s: mean time until a target departs from the model [s]; choice
+    forgotten: a new track begins if the probability that the model holds is below this; choice
     """
 
     shortest_s: float = 2.8

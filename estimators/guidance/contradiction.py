@@ -21,10 +21,10 @@ class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
     away_s: time without use after which a mark must return to where it is expected [s]; choice
-    improbable: p-value of the innovations in the frame of its return, below which it was elsewhere [1]; choice
+    improbable: p-value of the innovations in the frame of its return, below which it is elsewhere [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: likelihood ratio of omitting one mark against shifting all, below which all marks moved together;
-    0: not tested [1]; measured: at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
+    together: likelihood ratio of omitting one mark to shifting all, below which all marks moved together;
+    0: not tested [1]; measured: it is at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
         if marks accurate to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
     """
 
@@ -62,7 +62,7 @@ class Contradiction:
     def _together(self, estimate: TargetEstimate) -> str | None:
         """Whether innovations are improbable, a shift of all marks explains them, and no shift of a single mark does.
 
-        Tissue does not move like that between frames, but a moved camera does. At a start tissue may,
+        Tissue does not shift like that between frames, but its image does if the camera moves. At a start tissue may,
         because its velocity is not known yet.
         """
         shift, settings = estimate.shift, self._settings

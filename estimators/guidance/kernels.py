@@ -315,8 +315,8 @@ def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # 
     path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means relative to the
         overall mean (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, present depth, reach from the tip back to the notch's middle
-    spread: variance of the tip in every direction, and across the needle by squared depth
-    aimed: the needle is first turned about its entry towards the future target. Without arrival: inf, and p 0.
+    spread: variance of the tip in every direction, and across the needle per squared depth
+    aimed: the needle is first turned about its entry towards the future target. Without arrival: time inf, p 0.
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

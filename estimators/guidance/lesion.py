@@ -56,7 +56,7 @@ class Lesion:
         return (np.square(offsets @ self.to_ball.T)).sum(axis=1) <= 1.0
 
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
-        """Lengths [m], (n,), inside the lesion, of segments of this length along a unit vector (dim,).
+        """Lengths inside the lesion [m], (n,), of segments with this length along a unit vector (dim,).
 
         offsets: of the segments' middles from the target [m], (n, dim)
         """

@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine between a tracked needle and the stated direction at which its depth is known: 60 degrees; choice."""
+"""Least cosine of the angle between a tracked needle and the stated direction at which its depth is known; choice."""
 
 
 class Hit(StrEnum):
@@ -29,13 +29,13 @@ class Needle:
     """A side-notch core needle.
 
     hit: what counts as a hit; source: needle.toml, what the user wants in the lesion
-    notch_offset_m: distance from the tip back to the notch [m]; source: 5 mm that a biopsy gun reportedly does not
+    notch_offset_m: distance from the tip back to the notch [m]; source: the 5 mm that a biopsy gun reportedly does not
         sample, [skiparea]
     notch_length_m: length of the notch [m]; source: 20 mm, the specimen bed of a common gun, [deflection]
     core_m: least length of tissue from the lesion for CORE [m]; source: needle.toml, what the user's pathologist needs
     tip_sd_m: standard deviation of the tracked tip in each direction [m]; source: needle.toml, the accuracy of the
         user's tracker
-    bending_sd: standard deviation across the needle due to bending, by depth [m/m]; source: 0.9 mm at 45 mm, the
+    bending_sd: standard deviation across the needle due to bending, per depth [m/m]; source: 0.9 mm at 45 mm, the
         mean deflection of such a gun in a phantom, [deflection]
 
     In patients needles bend more, see `docs/guidance.md`.

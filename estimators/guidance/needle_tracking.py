@@ -2,7 +2,7 @@
 
 The state is the tip's position and its speed along the line, x = (p, s): dp/dt = s d + bending across the line,
 ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:
-[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, as a needle that bends.
+[barshalom2001], section 6.3.2. Across the line the tip follows a random walk, as if the needle bends.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from estimators.filters.unscented import CovarianceError
 class NeedleNoise:
     """Process noise of a needle.
 
-    acceleration: white, along the line: 10 mm/s of speed within a second [m/s²/sqrt(Hz)]; choice
+    acceleration: white noise along the line; the speed varies by 10 mm/s in a second [m/s²/sqrt(Hz)]; choice
     bending: random walk of the tip across the line [m/sqrt(s)]; choice
     speed_sd: standard deviation of the speed before any measurement [m/s]; choice
     """

@@ -77,7 +77,7 @@ def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) 
 
 
 def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distances of points from segments [m], (n,); both (n, dim), or (1, dim) for one with all."""
+    """Distances of points from segments [m], (n,); both (n, dim), or (1, dim) for a single one of either."""
     along = ends - starts
     square = np.einsum("nd,nd->n", along, along)
     part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)

@@ -1,7 +1,7 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
-Usually nothing pokes the tissue before the needle arrives. One Gaussian for both cases is too wide without a poke and
-too narrow with one. So the path is a mixture of two parts: no poke until then, and everything else.
+Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
+narrow with one. So the path is a mixture of two parts: no poke until then, and everything else.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LEAST_PART = 1e-6
 """Probability below which a part is omitted, because rounding would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Increase of the target's distance from the entry over that at rest, for the range of the tables [m]; choice."""
+"""Distance added to that from the entry to the target at rest, for the range of the tables [m]; choice."""
 
 MOST_S = 30.0
 """Longest range of the tables, even for a slow needle [s]; choice."""
@@ -151,7 +151,7 @@ def _times_until(ahead_s: float, cycle_s: float) -> int:
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The path in parts, at all times of the tables; raises ValueError before the filter's first frame."""
+    """The path with its two parts, at all times of the tables; raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
@@ -201,7 +201,7 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
-    """A part with weight (k,), mean (k, dim) and covariance (k, dim, dim), and the rest of the whole path."""
+    """Mixture of a part, with weight (k,), mean (k, dim), covariance (k, dim, dim), and the rest of the path."""
     others = 1.0 - weights
     weights = np.where(others < LEAST_PART, 1.0, np.where(weights < LEAST_PART, 0.0, weights))
     others = 1.0 - weights

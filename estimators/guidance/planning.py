@@ -25,8 +25,8 @@ AIMING = 6
 or twice as many change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared, as shown; among equal ones more clearance ranks first. On
-the phantom the best path is the same with two to six."""
+"""Decimals to which hit probabilities are compared and shown; among equal ones more clearance ranks first. On the
+phantom the best path is the same with two to six decimals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,7 +43,7 @@ class PlannedNeedle:
     """Needle of a plan; `dynamics.NeedleMechanics` defines its forces.
 
     radius_m: of the shaft [m]; source: 16 gauge, the usual core needle
-    cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N of bovine liver, rounded, [okamura2004]
+    cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N in bovine liver, rounded, [okamura2004]
     friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between 11 N/m for sliding
         and 18 N/m for sticking in bovine liver, [okamura2004]
     reach_m: width of the kernel that distributes a force over nodes [m]; choice

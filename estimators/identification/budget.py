@@ -29,7 +29,7 @@ class OutOfTimeError(Exception):
 
 
 class Progress:
-    """Completed share of a search, in frames that passes of the filter have processed.
+    """Completed share of a search, measured in frames that passes of the filter have processed.
 
     Frames are counted in this process; those of passes in other processes count when the passes return.
 
@@ -46,7 +46,7 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count returned passes, with this total number of frames, unless they are counted."""
+        """Count the frames of returned passes, this total number, unless they were counted before."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)

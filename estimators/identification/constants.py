@@ -63,7 +63,7 @@ class IdentificationResult:
     cov: covariance of these logs, (n, n), inflated for correlated innovations and for ambiguity of the search
     prior_sd: prior standard deviations of the logs, (n,)
     uncertainty: the few directions of the covariance that matter for the target
-    passes: number of filter passes; converged: whether the last one changed the constants by less than noise
+    passes: number of filter passes; converged: whether the search ended within its tolerance
     residuals: test of the residuals
     log_likelihood: of the recording's hidden marks; log_likelihood_before: with the given constants
     target_error_m, target_error_before_m: median error of the target against its unused mark [m]; None: not measured
@@ -110,8 +110,8 @@ class IdentificationResult:
     def identifiable(self) -> tuple[Floats, Floats]:
         """Share of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
-        Directions are in the logs of the constants, in prior standard deviations. Those with most of the variance left
-        are not identified: the Fisher information there is below that of the prior.
+        Directions refer to the logs of the constants, in prior standard deviations. Those with most of the variance
+        left are not identified: the Fisher information there is below that of the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]

@@ -1,7 +1,7 @@
-"""One pass of the filter through a recording: predictions of the hidden marks, and their derivatives by constants.
+"""One pass of the filter through a recording: predictions of the hidden marks, and their sensitivity to constants.
 
 The filter uses only the marks of the marked nodes, as in tracking. The marks of all other nodes, at least the target's,
-are compared with its predictions. Then the prior of pushes on the marked nodes matters little; if the filter used all
+are compared with its predictions. So the prior of pushes on the marked nodes matters little; if the filter used all
 marks, errors of that prior would look like errors of constants.
 """
 
@@ -37,7 +37,7 @@ class Pass:
 
     The log likelihood is composite: a sum over frames that are not independent of each other.
 
-    scores: gradient of the log likelihood by each direction, frame by frame, (n_frames, n)
+    scores: gradient of the log likelihood along each direction, frame by frame, (n_frames, n)
     information: its Fisher information, (n, n); log_likelihood: of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
     effect: sum of the squared shares of each direction in the target's error [m²], (n, n)

@@ -16,8 +16,8 @@ from estimators.identification.stretch import affordable, frame_seconds
 from estimators.tissue.settings import FilterSettings
 
 SCREENED = 100
-"""Number of consecutive frames, those with most motion, for the search from all starts; choice: fewer do not contain
-half a swing of the phantom, more take longer. The best start continues with all frames."""
+"""Number of consecutive frames, those with most motion, for the search from all starts; choice: fewer frames do not
+contain half a swing of the phantom, more take longer. The best start continues with all frames."""
 
 PASSES_A_SEARCH = 6
 """Expected number of passes of the filter, for the progress and for the number of frames that the time allows."""

@@ -38,8 +38,8 @@ def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
     It is the largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a
-    prior of unit variance added to both. Source: [pauli2011]. Differs from it, which takes the mean ratio: the model's
-    errors may be all the evidence for one direction.
+    prior of unit variance added to both. Source: [pauli2011]. That source takes the mean ratio; here it is the largest:
+    the model's errors may be all the evidence for one direction.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -71,9 +71,9 @@ def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     """A covariance of constants at theta, (n,), limited by the prior, (n, n), and the number of limited directions.
 
     cov: in prior standard deviations, (n, n)
-    The ambiguity of a search is unbounded, but the error of the constants is not. If the data contain no information,
-    the mean square error at a point is B = 1 + theta theta', by the prior and the distance from it: for each direction
-    of [cov, B] the smaller one is kept.
+    The ambiguity of a search is unbounded, but the error of the constants is not. Without information in the data, the
+    mean square error of theta is B = 1 + theta theta': the prior variance plus the squared distance from the prior
+    mean. In each direction the smaller of cov and B is kept.
     """
     B = np.eye(len(theta)) + np.outer(theta, theta)
     root = np.linalg.cholesky(B)

@@ -39,8 +39,8 @@ At = Callable[[Floats], Pass]
 class Optimum:
     """Result of a search: theta (n,), in prior standard deviations, and the pass at this point.
 
-    at_start: the pass at its start; passes: number of passes
-    converged: whether the last step was below noise; in_time: whether it finished
+    at_start: the pass at the search's start; passes: number of passes
+    converged: whether a further step would be below `CONVERGED`; in_time: whether the time sufficed
     times: factor by which the log likelihood overstates the frames' information, see `times_counted` [1]
     """
 

@@ -89,7 +89,7 @@ def tune_strain(
 ) -> TuningResult:
     """Estimate the discrepancy's level from a recording: the largest level that the marks do not reject.
 
-    Levels are compared by the likelihood of each mark given the others of its frame; the joint likelihood hardly
+    Levels are compared by the likelihood of each mark given the other marks of its frame; the joint likelihood hardly
     depends on how well marks predict a hidden position. The standard error is that of the level's logarithm, for equal
     prior probabilities of the levels.
 

@@ -17,7 +17,7 @@ PROBED = 3
 
 TIMED = 3
 """Number of timed passes, of which the quickest counts; numerical: an interruption takes longer than a few frames, and
-a fit that counted it would give up although there is time."""
+a fit that included it would stop although there is time."""
 
 
 def from_first_marks(frames: Frames) -> Frames:

@@ -1,6 +1,6 @@
 """Pose error of a camera or tracker from reference marks, correction of marks, and registration of a body.
 
-Other pose motions belong here.
+A new model of pose motion belongs here.
 """
 
 from estimators.pose.pose_filter import CameraMove, PoseEstimate, PoseFilter

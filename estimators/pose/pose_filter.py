@@ -26,7 +26,7 @@ START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Fewest reference marks with which one can be found wrong: with two, either may be."""
+"""Fewest reference marks among which a wrong one can be found: with two, either may be wrong."""
 
 
 SURE = 10.0

@@ -20,7 +20,7 @@ LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: the linearised covariance fails above it."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Most Newton steps, and squared normalised step by 1 + chi-square below which they end; numerical."""
+"""Most Newton steps, and squared normalised step, divided by 1 + chi-square, below which they end; numerical."""
 
 ROUNDING = 1e-9
 """Relative increase of chi-square that rounding explains; numerical: a step that increases it by more is halved."""

@@ -13,7 +13,7 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Largest number of coordinates of hidden masses; of more, only as many slowest motions are used [1]; numerical."""
+"""Largest number of coordinates of hidden masses; of more, only this many slowest motions count [1]; numerical."""
 
 KEPT = 64
 """Largest number of frame kinds (interval and visible marks) whose matrices are cached; it bounds the memory."""
@@ -24,7 +24,7 @@ class OpenLoopCovariance:
 
     Between frames, a marked mass moves straight from one measured position to the next, each with the noise of its
     mark; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mass without a
-    visible mark stays where it was.
+    visible mark stays at its last place.
 
     State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.
     """
@@ -96,7 +96,7 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Effect on the hidden masses of their own state, of the marked ones' error at the start and at the end.
+        """Effects on the hidden masses: of their own state, of the marked masses' errors at the start and the end.
 
         Also the covariance from unknown force.
         """

@@ -24,10 +24,10 @@ from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
 """Longest time between two additions of noise [s]; choice: the error is 23 µm and 0.5 % of the covariance after 0.2 s;
-the computation takes half the time of 1/240 s."""
+the computation takes half the time of that with 1/240 s."""
 
 LOOSE = 1e-11
-"""Relative stiffness below which it is rounding: nothing resists."""
+"""Relative stiffness that counts as a rounding error: nothing resists the motion."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
 """Nodes and weights on (-1, 1); up to steps of twice the correlation time only rounding errors remain."""
@@ -167,9 +167,9 @@ def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
 
 
 def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
-    """Covariance at a time [s] from zero for dx/dt = A x + white noise of this density; (n, n).
+    """Covariance (n, n), from zero, after this time [s] of dx/dt = A x + white noise of this density.
 
-    Source: [vanloan1978]. Unlike Lyapunov's equation it needs no damping.
+    Source: [vanloan1978]. Unlike Lyapunov's equation, this needs no damping.
     """
     n = len(A)
     step, doublings = seconds, 0

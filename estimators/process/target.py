@@ -16,7 +16,7 @@ class TargetPoint:
     """A point of the tissue, position = sum_i weights_i x_i + offset; by default a node.
 
     nodes: n names; weights: their weights, (n,), with sum 1; offset_m: offset of constant direction [m], (dim,),
-    none if empty; sd_m: uncertainty of the offset, one standard deviation for each axis [m]
+    zero if empty; sd_m: uncertainty of the offset, one standard deviation for each axis [m]
     """
 
     nodes: tuple[str, ...]
@@ -41,8 +41,8 @@ class TargetMap:
     error_rows: states that estimate the error of the offset; None where the offset is exact
     reached_m2: variance of each coordinate [m²] if only the largest distance of the target's nodes from their anchors
         is known (without anchors: from the farthest node); held: whether the body has anchors
-    Every state begins with the free coordinates; any other states may follow. A state of the network alone has no error
-    of the offset.
+    Every state begins with the free coordinates; any other states may follow. A state of the network alone contains no
+    error of the offset.
     """
 
     point: TargetPoint

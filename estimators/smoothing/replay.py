@@ -77,7 +77,7 @@ class Replay:
         newest = self.tissue.time_s
         late = newest is not None and event.time_s < newest
         later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
-        began = later[0].before.time_s if later else None  # None: at the filter's own state
+        began = later[0].before.time_s if later else None  # None: no later event, the filter's own state
         unkept = not later or (began is not None and began > event.time_s)
         if newest is not None and late and (unkept or event.time_s < newest - self.horizon_s):
             self.late["rejected"] += 1

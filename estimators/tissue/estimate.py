@@ -99,7 +99,7 @@ class CommonShift:
     """Test whether one common shift of all marks in a frame, including rejected ones, explains their innovations.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
-    nis_of_one: the same after the best shift of a single mark, which equals omitting it
+    nis_of_one: NIS that remains after the best shift of a single mark, which equals omitting this mark
     """
 
     n_marks: int
@@ -122,7 +122,7 @@ class TargetEstimate:
     gain: share of the open loop's variance of the target that the filter removes, at most 1; negative if the filter,
     which considers pokes and wrong constants, is more uncertain than the open loop
     information_share: for each node, relative increase of the target's variance without its mark in this frame
-    shift: how well one common shift of all marks explains them; None without marks, and for marks at a start
+    shift: how well a common shift of all marks explains their innovations; None without marks, and for marks at a start
     """
 
     time_s: float

@@ -16,7 +16,7 @@ class Outlying:
     """The last measurement of a mark or a fix beyond the gate.
 
     since_s, last_s: time of the first such measurement in an unbroken series, and of the last [s]
-    position, cov: of the last one [m], (dim,), [m²], (dim, dim)
+    position, cov: the last measurement [m], (dim,), and its covariance [m²], (dim, dim)
     """
 
     since_s: float

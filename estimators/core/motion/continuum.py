@@ -22,7 +22,7 @@ APART = 1e-3
 """Least difference between the two roots of a mode, and between a force's rate and a root [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
-"""Largest omitted share of the mean square displacement by a source of forces [1]; numerical."""
+"""Largest omitted share of the mean square displacement due to a source of forces [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
 """Signs of the two states of a force: the long one, and the one that decays within its smooth time [1]."""
@@ -44,7 +44,7 @@ class ContinuumSpan(Span):
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
         """The span of a network with a continuum; the first coordinate is always 1, the others are modes [m]."""
         solid = network.continuum
-        assert solid is not None  # by the caller
+        assert solid is not None  # the caller checks it
         drawn = network.positions[network.free].reshape(-1, 1)
         masses = np.repeat(network.masses[network.free], network.dim)
         r = len(solid.rates)
@@ -80,7 +80,7 @@ class ContinuumMotion:
         self, network: MassSpringNetwork, disturbances: Disturbances, uncertainty: ParameterUncertainty | None = None
     ) -> None:
         solid = network.continuum
-        assert solid is not None  # by the caller
+        assert solid is not None  # the caller checks it
         self.is_linear = True
         self.extent_m, self.span = solid.extent_m, ContinuumSpan.of(network)
         held = solid.rates[solid.rates > 1e-6 * solid.rates.max()]
@@ -92,7 +92,7 @@ class ContinuumMotion:
         self._fading = 1.0 / np.array([disturbances.slow_s, disturbances.smooth_s])
         self.fading_s = np.repeat(1.0 / self._fading, n_forces)
         shared = 1.0 / (self._fading[:, None] + self._fading)
-        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # of the noise that gives a force variance 1
+        self._density = 1.0 / (SIGNS @ shared @ SIGNS)  # density of the noise that gives a force variance 1
         self.force_cov = np.kron(self._density * shared, np.eye(n_forces))
         root = np.sqrt((0.25 * solid.damping**2 - solid.rates).astype(complex))
         root = np.where(np.abs(root) < APART, APART, root)
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Derivative of coordinates and velocities by the previous state, (2 n, 2 n + n_f), and decay of the forces."""
+        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay of the forces."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -204,7 +204,7 @@ class ContinuumMotion:
 def _effective(push: Floats, by_force: Floats) -> Floats:
     """The fewest columns (n_modes, any) of accelerations with the same displacements up to a share `LEFT_OUT`.
 
-    by_force: displacement of each mode by its acceleration [s²], (n_modes, 1)
+    by_force: displacement of each mode per unit of its acceleration [s²], (n_modes, 1)
     """
     _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()

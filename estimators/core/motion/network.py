@@ -51,7 +51,7 @@ WEAK = 1e-2
 """Largest omitted force of a source, relative to the source's largest force [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""Nodes above which a body may be reduced, and the most shapes then, relative to the nodes [1]; choice."""
+"""Number of nodes above which a body may be reduced, and then its most shapes, relative to that number [1]; choice."""
 
 
 class NetworkMotion:
@@ -83,7 +83,7 @@ class NetworkMotion:
         is_led, each = np.array([name in led for name in marked]), np.eye(len(free))
         may_be_pushed = self._may_be_pushed(nodes).astype(float)
         smooth = np.outer(may_be_pushed, may_be_pushed) * matern(apart, disturbances.smooth * self.extent_m)
-        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # and on all mass: gravity's direction
+        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # and uniform: gravity turns
         pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": slow}
         self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes, disturbances)
         is_whole = self.span.matrix.shape[1] == assembly.n
@@ -202,7 +202,7 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 def principal(columns: Floats) -> Floats:
     """The fewest columns with the effect of columns (n, any), whose coefficients are independent with equal variance.
 
-    Columns that all matter are returned unchanged.
+    If all columns matter, they are returned unchanged.
     """
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)
