@@ -19,6 +19,7 @@ class AdviceSettings:
     step_s: interval between start times [s]; choice
     stale_s: age above which an estimate gives no guidance [s]; choice
     coasting_s: time without any mark above which an estimate gives no guidance [s]; choice
+    needle_s: time without a new pose above which a tracked needle counts as unseen [s]; choice: ten poses at 10 Hz
     overshot_m: depth beyond the aim from which a tip has to be retracted [m]; choice
     abort: hit probability, as a share of go, below which a needle inside after GO has to stop; choice
     abort_s: time of uninterrupted guidance after which such a stop ends [s]; choice
@@ -30,6 +31,7 @@ class AdviceSettings:
     step_s: float = 0.1
     stale_s: float = 0.1
     coasting_s: float = 0.2
+    needle_s: float = 1.0
     overshot_m: float = 1e-3
     abort: float = 0.5
     abort_s: float = 0.5
@@ -37,7 +39,7 @@ class AdviceSettings:
     def __post_init__(self) -> None:
         if not (0.0 < self.go <= 1.0 and 0.0 <= self.worth <= 1.0 and 0.0 <= self.abort <= 1.0):
             raise ValueError(f"advice go, worth, abort: expected 0 to 1, found {self.go}, {self.worth}, {self.abort}")
-        for name in ("step_s", "stale_s"):
+        for name in ("step_s", "stale_s", "needle_s"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"advice {name}: expected more than 0, found {getattr(self, name)}")
         for name in ("horizon_s", "coasting_s", "overshot_m", "abort_s"):

@@ -81,6 +81,7 @@ class AdviceTable(Strict):
     step_s: Annotated[float, Field(ge=0.001)] = SETTINGS.step_s
     stale_s: Positive = SETTINGS.stale_s
     coasting_s: NotNegative = SETTINGS.coasting_s
+    needle_s: Positive = SETTINGS.needle_s
     overshot_mm: NotNegative = 1e3 * SETTINGS.overshot_m
     abort: Part = SETTINGS.abort
     abort_s: NotNegative = SETTINGS.abort_s

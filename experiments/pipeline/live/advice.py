@@ -26,7 +26,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.pipeline.advise import BreathingPath, header, reach_s, row
 from experiments.pipeline.live.outputs import LiveTable
 
-UNSEEN = "the needle's tracker does not see it"
+UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker has sent no pose"
 
 
 class LiveAdvice:
@@ -37,12 +37,13 @@ class LiveAdvice:
     unstated: covariance of the target by unstated errors [m²], (dim, dim); None: zero
     origin_s: zero of the source's own time, used in rows, on the clock [s]
     State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle
-    moves if it is tracked, and whether its tracker lost it; whether the needle has to stop.
+    moves if it is tracked; posed_s, the time of its last pose [s], inf if no tracker sent one, -inf while its tracker
+    does not see it; whether the needle has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
         self.plan, self._stated, self._unstated = plan, plan.insertion, unstated
-        self._watch, self._unseen = AbortWatch(), False
+        self._watch, self.posed_s = AbortWatch(), np.inf
         self._push = plan.push_on(tissue.network, tissue.target.point)
         self.counts = Counter({str(advice): 0 for advice in Advice})
         self._dim = tissue.network.dim
@@ -63,11 +64,6 @@ class LiveAdvice:
         if np.shape(tip_m) != (dim,) or np.shape(direction) != (dim,):
             raise ValueError(f"needle: expected {dim} coordinates, found {len(tip_m)}, {len(direction)}")
         self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
-        self._unseen = False
-
-    def needle_unseen(self) -> None:
-        """Record that the tracker does not see the needle: there is no advice until it does."""
-        self._unseen = True
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
         """The advice at now_s [s], from the estimate of the newest frame; its row is written.
@@ -88,7 +84,9 @@ class LiveAdvice:
     def _said(
         self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, of_s: float, fault: str | None = None
     ) -> Guidance:
-        fault = UNSEEN if self._unseen else fault
+        silent_s, most_s = now_s - self.posed_s, self.plan.settings.needle_s
+        if silent_s > most_s:
+            fault = UNSEEN if np.isinf(silent_s) else f"{SILENT} for {silent_s:.1f} s, more than {most_s:g} s"
         none = None if fault is None else Guidance(Advice.NO_GUIDANCE, fault)
         found = none or self._guided(tissue, estimate, now_s)
         guided = self._watch.checked(found, self.plan.insertion, self.plan.settings, now_s)

@@ -268,11 +268,12 @@ class Session:
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
-    def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> None:
-        """Write an action to the journals; time_s: its time [s], by default the present."""
+    def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> float:
+        """Write an action to the journals; time_s: its time [s], by default the present, which is returned."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
+        return now_s
 
     def pause(self, on: bool) -> None:
         """Pause or resume the use of frames; meanwhile there is no advice."""
@@ -312,12 +313,13 @@ class Session:
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError without a needle."""
-        self._needle().needle_at(tip_m, direction)
-        self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
+        needle = self._needle()
+        needle.needle_at(tip_m, direction)
+        needle.posed_s = self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
         """Record that the tracked needle is no longer visible. Raises ValueError without a needle."""
-        self._needle().needle_unseen()
+        self._needle().posed_s = -np.inf
         self._note(Act.NEEDLE)
 
     def _needle(self) -> LiveAdvice:

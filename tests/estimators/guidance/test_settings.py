@@ -13,7 +13,7 @@ EXACT = AdviceSettings(stale_s=0.125, coasting_s=0.25)
 
 
 def test_defaults():
-    expected = (0.9, 0.05, 2.0, 0.1, 0.1, 0.2, 1e-3, 0.5, 0.5)
+    expected = (0.9, 0.05, 2.0, 0.1, 0.1, 0.2, 1.0, 1e-3, 0.5, 0.5)
     assert AdviceSettings() == AdviceSettings(*expected)
 
 
@@ -25,6 +25,7 @@ def test_defaults():
         ("abort", (0.0, 0.5, 1.0), (-1e-9, 1.0 + 1e-9, np.nan)),
         ("abort_s", (0.0, 10.0), (-1e-9, np.inf, np.nan)),
         ("step_s", (1e-9, 10.0), (0.0, -0.1, np.inf, np.nan)),
+        ("needle_s", (1e-9, 10.0), (0.0, -0.1, np.inf, np.nan)),
         ("stale_s", (1e-9, 10.0), (0.0, -0.1, np.inf, np.nan)),
         ("horizon_s", (0.0, 10.0), (-1e-9, np.inf, np.nan)),
         ("coasting_s", (0.0, 10.0), (-1e-9, np.inf, np.nan)),

@@ -304,3 +304,21 @@ def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_d
     within = ((times > 0.44) & (times < 0.56)) | ((times > 0.84) & (times < 0.96))
     assert unseen[within].all()
     assert not unseen[(times < 0.36) | ((times > 0.62) & (times < 0.76)) | (times > 1.02)].any()
+
+
+def test_a_tracker_that_sends_no_more_poses_does_not_see_the_needle(tmp_path, plan, image):
+    """Poses until 0.5 s, inside from 0.3 s on; a pose outside at 1.2 s; the rule is 0.4 s (needle_s)."""
+    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(45), 9), image), [], 101.6)
+
+    def tracked(session: Session) -> None:
+        now = source.now - 100.0
+        if now < 0.5 or now > 1.2:
+            session.needle_at(np.array([0.0, 0.21 if 0.3 < now < 1.2 else 0.22]), np.array([0.0, -1.0]))
+
+    plan = replace(plan, settings=replace(plan.settings, needle_s=0.4))
+    rows = run(source, tmp_path, plan, attend=tracked)[1]
+    times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
+    silent = reasons.str.contains(r"the needle's tracker has sent no pose for 0\.\d s, more than 0\.4 s$")
+    assert silent[(times > 0.92) & (times < 1.18)].all()
+    assert set(rows["advice"][silent]) == {"ABORT"}
+    assert not silent[(times < 0.86) | (times > 1.24)].any()
