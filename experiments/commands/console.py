@@ -81,7 +81,7 @@ def fit_lines(ours: Row) -> list[str]:
 
 
 def withheld_table(ours: Row) -> Table:
-    """One row for each mark: errors of a filter's prediction without it, from the object in summary.json."""
+    """One row for each mark: errors of its prediction by a filter without this mark, from summary.json."""
     heads = ("frames", "mean error [mm]", "mean NEES", "error / predicted")
     table = _table("Marks predicted as if hidden", ["mark"], *heads)
     for node, one in ours["check_marks"].items():
@@ -298,7 +298,7 @@ def calibration_lines(done: Calibration) -> list[str]:
 
 
 def registration_table(report: Mapping[str, Any]) -> Table:
-    """One row for each point: its residual, and its distance from the place that the other points predict."""
+    """One row for each point: its residual, and its distance from the position that the other points predict."""
     table = _table(
         f"Registration by {counted(len(report['points']), 'point')}", ["point"], "residual", "left out", "expected"
     )
@@ -306,7 +306,7 @@ def registration_table(report: Mapping[str, Any]) -> Table:
         table.add_row(
             row["name"], *(_number(row[key], ".2f") for key in ("residual_mm", "left_out_mm", "left_out_expected_mm"))
         )
-    table.caption = "Distances in mm; left out: from the place that the other points predict."
+    table.caption = "Distances in mm; left out: from the position that the other points predict."
     return table
 
 

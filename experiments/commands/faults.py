@@ -32,7 +32,7 @@ EXPECTED = (
 
 
 def one_line(fault: TyperException, command: str, arguments: Sequence[str]) -> str:
-    """The error of a call of `command`, such as `softaim track`, with these arguments, in one line."""
+    """One line that reports an error in a call of `command`, such as `softaim track`, with these arguments."""
     message = " ".join(fault.format_message().split()).removesuffix(".")
     for form, text in FORMS:
         if (parts := re.fullmatch(form, message)) is not None:
@@ -61,5 +61,5 @@ def _value(arguments: Sequence[str], option: str) -> str:
 
 
 def refused(fault: OSError) -> InputError:
-    """The operating system's error about a name as an InputError; a long name is shortened."""
+    """An InputError for the operating system's error about a file name; a long name is shortened."""
     return InputError.at(shown(str(fault.filename)), "a name that can be used", (fault.strerror or "a fault").lower())

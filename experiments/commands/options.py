@@ -24,7 +24,7 @@ ScenarioName = Annotated[
     typer.Argument(help=f"Scenario file, or shipped scenario: {', '.join(SHIPPED)}.", autocompletion=scenarios),
 ]
 Out = Annotated[Path, typer.Option("--out", help="Output folder; created if missing.", show_default=False)]
-Force = Annotated[bool, typer.Option("--force", help="Write into a folder that is not empty.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a non-empty folder.")]
 RecordingFolder = Annotated[Path, typer.Argument(help="Folder of the recording.")]
 Fps = Annotated[
     float | None,
@@ -32,7 +32,7 @@ Fps = Annotated[
         "--fps",
         min=0.001,
         max=1e5,
-        help="Frame rate [frames/s] of pictures or the phantom; replaces a film's own.",
+        help="Frame rate [frames/s] of a picture folder or the phantom; replaces a film's rate.",
     ),
 ]
 SceneFile = Annotated[Path | None, typer.Option("--scene", help="Scene file to use in place of the recording's.")]

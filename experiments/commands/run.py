@@ -128,9 +128,9 @@ class Run:
     def folder(
         self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = (), growing: bool = False
     ) -> Iterator[Path]:
-        """An output folder, as of `output_folder`; at the end it receives the run's provenance and log.
+        """An output folder from `output_folder`; at the end it receives the run's provenance and log.
 
-        inputs: files and folders that are read, None for one that is not given; growing: as of `growing_folder`
+        inputs: files and folders that are read, None if not given; growing: use `growing_folder` instead
         """
         from experiments.errors import InputError
         from experiments.formats.outputs import growing_folder, output_folder
@@ -192,9 +192,9 @@ class Run:
 
     @contextmanager
     def file(self, path: Path, *, force: bool = False, inputs: Sequence[Path | None] = ()) -> Iterator[BinaryIO]:
-        """An output file, as of `streamed_file`; at the end the run's provenance is written beside it.
+        """An output file from `streamed_file`; at the end the run's provenance is written beside it.
 
-        inputs: files and folders that are read, None for one that is not given. Raises InputError.
+        inputs: files and folders that are read, None if not given. Raises InputError.
         """
         from experiments.formats.outputs import check_new, check_outside, streamed_file
         from experiments.formats.provenance import beside

@@ -60,7 +60,7 @@ def to_stderr(line: str) -> None:
 
 @contextmanager
 def progress_lines(first_s: float = FIRST_S, say: Callable[[str], None] = to_stderr) -> Iterator[Stage]:
-    """As `progress`, but with lines after first_s [s], twice first_s, and so on, even if the work stalls."""
+    """Show progress as lines, not as a bar: after first_s [s], twice first_s, and so on, even if the work stalls."""
     over, began = threading.Event(), time.monotonic()
     reached = [("", 0.0)]
 

@@ -209,7 +209,7 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
     with _accepted(path, "a folder that can be read"):
         taken = any(entry != work for entry in final.iterdir())
     if taken and not force:
-        raise InputError.at(path, "an empty or new folder", "files in it; --force writes beside and over them")
+        raise InputError.at(path, "an empty or new folder", "files in it; --force adds to them or replaces them")
 
 
 def _fresh_folder(path: Path, final: Path) -> Path:

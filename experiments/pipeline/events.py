@@ -20,7 +20,7 @@ CONSTANTS = ("simulate", "identify")
 """Steps after which the constants are those of the tissue: it was simulated with them, or they were identified."""
 
 SAGS = 1e-3
-"""Least reported difference between rest and drawing, relative to the network's size: drawings are no finer."""
+"""Least reported difference between rest and drawing, relative to the network's size; drawings are no more accurate."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -127,7 +127,7 @@ def report_swap(swap: IdentitySwap) -> None:
     report_event(
         swap.time_s,
         "swap",
-        f"{', '.join(first)} and {last} had been exchanged since {swap.since_s:.2f} s; corrected",
+        f"{', '.join(first)} and {last} had exchanged names since {swap.since_s:.2f} s; corrected",
     )
 
 

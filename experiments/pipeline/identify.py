@@ -52,7 +52,7 @@ def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
-        raise InputError.at(recording.folder, what, "films of cameras in space, which show no marks inside")
+        raise InputError.at(recording.folder, what, "films of cameras in space, which show no inner marks")
 
 
 def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Frames:
@@ -123,7 +123,7 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
         raise InputError.at(
             recording.folder,
             "constants that fit better than the scene's",
-            f"a log likelihood of {found.log_likelihood:.1f}, with the scene's {found.log_likelihood_before:.1f}",
+            f"a log likelihood of {found.log_likelihood:.1f}, below the scene's {found.log_likelihood_before:.1f}",
         )
     if found.target_error_m is None or found.target_error_before_m is None:
         return
@@ -131,7 +131,7 @@ def check_fit(recording: Recording, found: IdentificationResult) -> None:
         raise InputError.at(
             recording.folder,
             f"constants that predict {recording.scene.target.node} without its mark as well as the scene's",
-            f"an error of {1e3 * found.target_error_m:.2f} mm in place of {1e3 * found.target_error_before_m:.2f} mm",
+            f"an error of {1e3 * found.target_error_m:.2f} mm instead of {1e3 * found.target_error_before_m:.2f} mm",
         )
 
 

@@ -123,9 +123,9 @@ def _check_reading(path: Path, points: Points, plain_m: float) -> None:
             if fits(rms_m, plain_m, size):
                 words = [
                     *(["the body mirrored"] if mirrored < 0.0 else []),
-                    *([f"lengths in {unit} for mm"] if unit else []),
+                    *([f"lengths in {unit} instead of mm"] if unit else []),
                 ]
-                found = f"those that fit to {1e3 * plain_m:.3g} mm, with {' and '.join(words)} to {1e3 * rms_m:.3g} mm"
+                found = f"points that fit to {1e3 * plain_m:.3g} mm, with {' and '.join(words)} to {1e3 * rms_m:.3g} mm"
                 raise InputError.at(path, "points on the body as drawn", found)
 
 
@@ -177,14 +177,14 @@ def registration_report(done: Registered) -> dict[str, Any]:
 def registration_lines(done: Registered) -> Iterator[str]:
     """The registration in words."""
     report = registration_report(done)
-    yield f"Rms residual {report['rms_mm']:.3g} mm; by the stated errors {report['expected_rms_mm']:.3g} mm"
+    yield f"Rms residual {report['rms_mm']:.3g} mm; expected from stated errors {report['expected_rms_mm']:.3g} mm"
     if done.contradicted:
         better = f"; the fit improves most without {done.suspect}" if done.suspect else ""
         yield f"The residuals contradict the stated errors (p = {report['p_value']:.1g}){better}"
     moved = ", ".join(f"{x:.2f}" for x in report["translation_mm"])
     yield f"Turned by {report['angle_deg']:.2f} degrees about the origin, then moved by ({moved}) mm"
-    with_default = "" if done.stated else f", with {1e3 * USUAL.position_m:g} mm for the place, which was not stated"
+    with_default = "" if done.stated else f", with {1e3 * USUAL.position_m:g} mm for the position, which was not stated"
     yield (
-        f"Registration error at the target {report['target_error_mm']:.3g} mm an axis; "
+        f"Registration error at the target {report['target_error_mm']:.3g} mm per axis; "
         f"position_sd_mm is now {report['position_sd_mm']:.3g}{with_default}"
     )

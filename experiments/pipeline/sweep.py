@@ -209,7 +209,7 @@ def _check_folder(folder: Path, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError.at(folder, "a folder", "a file")
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / STUDY).is_file():
-        raise InputError.at(folder, "a new folder or that of a sweep", "other files in it; --force writes beside them")
+        raise InputError.at(folder, "a new folder or that of a sweep", "other files in it; --force adds to them")
 
 
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:

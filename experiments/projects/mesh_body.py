@@ -150,7 +150,7 @@ def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
     body: of the file, None for a surface
     """
     if of.fixed is None:
-        raise InputError.at("--fixed", f"where the body is held, {WALL_FORMS}", f"none; {extents(places)}")
+        raise InputError.at("--fixed", f"the fixed nodes, {WALL_FORMS}", f"none; {extents(places)}")
     plane = PLANE.fullmatch(of.fixed.strip())
     if plane and not len(beyond(places, plane)):
         raise InputError.at("--fixed", "a part of the body", f"none; {extents(places)}")
@@ -287,7 +287,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
         raise _outside(of, mesh.nodes) from None
     if weight < LEAST_FREE:
         found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
-        raise InputError.at("--target", "a place that can move", found)
+        raise InputError.at("--target", "a position that can move", found)
     return place
 
 
@@ -300,7 +300,7 @@ def _drawn(
         with suppress(MeshError):
             if _free_weight(place, mesh, anchored) >= LEAST_FREE:
                 return np.asarray(place)
-    raise InputError.at("--target-sd-mm", "a deviation that leaves the target inside the body", shown(of.target_sd_mm))
+    raise InputError.at("--target-sd-mm", "an SD that leaves the target inside the body", shown(of.target_sd_mm))
 
 
 def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:

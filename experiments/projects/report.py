@@ -113,10 +113,10 @@ def _scene(done: SceneCheck) -> str:
 def _rest(done: SceneCheck) -> str:
     offsets, network = 1e3 * done.offsets_m, done.scene.network
     if offsets.max() <= 1e3 * _drawn_to(done):
-        return f"it rests as drawn, within {offsets.max():.2f} mm"
+        return f"the body rests as drawn, within {offsets.max():.2f} mm"
     node, target = network.names[int(offsets.argmax())], done.scene.target.node
     return (
-        f"it rests up to {offsets.max():.1f} mm from its drawing (node {node});"
+        f"the body rests up to {offsets.max():.1f} mm from its drawing (node {node});"
         f" the target {target} {offsets[network.index(target)]:.1f} mm"
     )
 
@@ -129,14 +129,14 @@ def _motion(done: SceneCheck) -> str:
     if len(motion.decays_s):
         parts.append(f"non-oscillating motions decay to 1/e within {motion.decays_s[0]:.2g} s")
     if not done.scene.network.fixed.any():
-        parts.append("it has no anchors: it can drift and turn as a whole")
+        parts.append("without anchors the body can drift and turn as a whole")
     if _has_friction(done):
-        parts.append("dry friction is left out")
+        parts.append("dry friction is neglected")
     return "; ".join(parts)
 
 
 def _steps(done: SceneCheck) -> str:
-    own = f"the filter takes implicit ones of at most {1e3 * done.step_s:.2g} ms"
+    own = f"the filter takes implicit steps of at most {1e3 * done.step_s:.2g} ms"
     return f"explicit steps are stable up to {1e3 * done.stable_s:.2g} ms; {own}"
 
 
@@ -152,11 +152,11 @@ def _marks(done: SceneCheck) -> str:
 def _target(done: SceneCheck) -> str:
     quiet, pushed, own = (f"{1e3 * sigma:.2g} mm" for sigma in (done.quiet_m, done.pushed_m, done.sigma_m))
     if done.sigma_m < SURER * done.quiet_m and not _has_friction(done):
-        own += ", because it also assumes that neighbours move alike, which the bound leaves out"
+        own += ", because the filter also assumes that neighbouring nodes move alike, unlike the bound"
     return (
         f"with marks accurate to {_accuracy(done)} at {1.0 / done.interval_s:.3g} frames/s and exact constants, its"
         f" sigma on each axis is at least {quiet} without pushes, {pushed} if all marks are always pushed;"
-        f" this scene's filter has at rest {own}"
+        f" the filter reports {own} at rest"
     )
 
 
@@ -180,13 +180,13 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
     node = scene.target.node
     if node in scene.measured_nodes and not scene.target.offset_m:
         yield Missing(
-            f"the target {node} has a measured mark: the filter sees its target",
-            f"measured = false in the [[mark]] of {node}, if it will be hidden",
+            f"the target {node} has a measured mark: the filter uses the target's mark",
+            f"measured = false in the [[mark]] of {node}, if the target will be hidden",
         )
     elif node not in {mark.node for mark in scene.marks}:
         yield Missing(
-            f"the target {node} has no mark: nothing can be identified or scored",
-            "a [[mark]] with measured = false, seen in the calibration recording only",
+            f"the target {node} has no mark, so nothing can be identified or scored",
+            "a [[mark]] with measured = false, visible only in the calibration recording",
         )
     if scene.target.position_sd_m is None:
         yield Missing(
@@ -203,11 +203,11 @@ def _of_target(done: SceneCheck) -> Iterator[Missing]:
         yield Missing(
             f"the filter's sigma, {1e3 * done.sigma_m:.2g} mm, is below the lower bound,"
             f" {1e3 * done.quiet_m:.2g} mm: at rest it treats dry friction as drag",
-            "softaim track --check, which widens its covariance accordingly",
+            "softaim track --check, which increases the covariance accordingly",
         )
     if (probability := best_hit(done)) < SURE:
         yield Missing(
-            f"the target cannot be known well enough: even without pushes, the best aim lies within"
+            f"the target's accuracy is too low: even without pushes, the best aim lies within"
             f" {1e3 * scene.target.radius_m:g} mm of it with a probability of {probability:.0%} at most",
             "more or nearer marks, a finer camera, or a larger radius_mm",
         )
@@ -220,9 +220,9 @@ def _of_rest(done: SceneCheck) -> Iterator[Missing]:
     apart = network.positions[network.springs[:, 1]] - network.positions[network.springs[:, 0]]
     as_drawn = np.allclose(np.linalg.norm(apart, axis=1), network.rest_lengths, rtol=1e-6)
     yield Missing(
-        "rest lengths are the distances drawn, and gravity stretches springs: the network does not rest as drawn"
+        "rest lengths equal the drawn distances, but gravity stretches springs, so the network does not rest as drawn"
         if as_drawn
-        else "rest lengths do not fit the drawing: the network does not rest as drawn",
+        else "rest lengths do not fit the drawing, so the network does not rest as drawn",
         "softaim identify RECORDING --at-rest --out rest.toml, on a recording of the body at rest",
     )
 
@@ -240,7 +240,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
     if bare and scene.target.node in marked:
         yield Missing(
             f"{counted(len(bare), 'free node')} without a mark, {_names(bare)}: rest lengths cannot be found there",
-            "a [[mark]] with measured = false on each that is seen in the recording at rest",
+            "a [[mark]] with measured = false on each node visible in the recording at rest",
         )
 
 
@@ -251,7 +251,7 @@ def _view(done: SceneCheck) -> str:
     if view is None:
         return ""
     (x0, y0), (x1, y1) = 1e3 * view.min(axis=0), 1e3 * view.max(axis=0)
-    return f"; it sees x {x0:.0f} to {x1:.0f} mm, y {y0:.0f} to {y1:.0f} mm; softaim register moves the body"
+    return f"; the camera sees x {x0:.0f} to {x1:.0f} mm, y {y0:.0f} to {y1:.0f} mm; softaim register moves the body"
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
@@ -267,7 +267,7 @@ def _why_unfound(done: SceneCheck) -> tuple[str, str]:
 def _of_tables(done: SceneCheck) -> Iterator[Missing]:
     scene = done.scene
     for lens in scene.lenses:
-        yield Missing(f"camera {lens.name} has a lens but no pose: its pictures cannot be used", POSE)
+        yield Missing(f"camera {lens.name} has a lens but no pose, so its pictures cannot be used", POSE)
     if not scene.cameras and not scene.lenses and scene.network.dim == 2:
         yield Missing(
             "no camera: films cannot be simulated or read",
@@ -277,9 +277,9 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
         yield Missing(unnoticed, "three or more [[reference.mark]] on anchors or on the rig")
     left_out = steps_left_out(scene, "track")
     if "identify" in left_out:
-        yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is also seen")
+        yield Missing(left_out["identify"], "softaim identify, on a recording in which the target is visible")
     if "tune" in left_out:
-        yield Missing(left_out["tune"], "softaim tune, on a recording like those to come")
+        yield Missing(left_out["tune"], "softaim tune, on a recording with typical motion")
 
 
 def best_hit(done: SceneCheck) -> float:

@@ -67,7 +67,7 @@ UNSEEN = {"command": "needle_unseen"}
 
 
 class NeedleUnseen(_Command):
-    """Record that the tracker does not see the needle: there is no advice until its position is sent again."""
+    """Record that the tracker does not see the needle: there is no advice until the needle's position is sent again."""
 
     command: Literal["needle_unseen"]
 

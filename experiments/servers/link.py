@@ -150,7 +150,7 @@ class Link:
             self._changed.notify_all()
         if not ended:
             LOG.warning(
-                "page and network: their process ended (%s); the run continues without them", type(error).__name__
+                "the process of page and network ended (%s); the run continues without them", type(error).__name__
             )
 
 

@@ -138,14 +138,14 @@ def case_of(
     deepest_m = DEEPEST_M if usual else way_m(truth, plan) + BEYOND_M
     line = plan.insertion.entry + np.array([[0.0], [deepest_m]]) * plan.insertion.axis
     if needle_path is not None and ahead @ plan.insertion.axis <= 0.0:
-        raise InputError.at(f"{needle_path}: direction", "that of a line toward the target", "one away from it")
+        raise InputError.at(f"{needle_path}: direction", "a direction toward the target", "one away from it")
     if needle_path is not None and truth.mesh is not None:
         away_m = outside_m(truth.mesh, np.linspace(line[0], line[1], N_ALONG))
         if away_m[0] > FAR_M:
             expected, found = f"a place within {1e3 * FAR_M:g} mm of the body", f"{1e3 * away_m[0]:.3g} mm outside"
             raise InputError.at(f"{needle_path}: entry_mm", expected, found)
         if away_m.min() > ON_SKIN_M:
-            raise InputError.at(f"{needle_path}: direction", "that of a line into the body", "one that passes it")
+            raise InputError.at(f"{needle_path}: direction", "a direction into the body", "one past it")
     return Case(
         scenario,
         FIRST_SEED if of_phantom else scenario.seed,

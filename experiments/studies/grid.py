@@ -40,7 +40,7 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
     command = re.search(r"python -m [\w.]+", text)
     parser = argparse.ArgumentParser(prog=command and command[0], description=text.split("\n", maxsplit=1)[0])
     if out:
-        parser.add_argument("--out", type=Path, required=True, help="folder; an interrupted study continues")
+        parser.add_argument("--out", type=Path, required=True, help="output folder; run again to continue")
     if page:
         own = DOCS / page
         parser.add_argument("--page", action="store_const", const=own, help=f"rewrite the tables of docs/{page}")
@@ -50,8 +50,8 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
     """Add `--seeds`, or another name, and `--first-seed`, for `seeds_of`."""
-    parser.add_argument(runs, dest="n_seeds", type=_count, default=n, help="runs of each case: %(default)s")
-    parser.add_argument("--first-seed", type=int, default=first, help="of them: %(default)s")
+    parser.add_argument(runs, dest="n_seeds", type=_count, default=n, help="runs of each case; default: %(default)s")
+    parser.add_argument("--first-seed", type=int, default=first, help="first seed; default: %(default)s")
 
 
 def _count(text: str) -> int:

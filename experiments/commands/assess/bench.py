@@ -7,7 +7,7 @@ from experiments.commands.terminal import print_table
 
 
 def bench(run: Run) -> Answer:
-    """Measure the speed of filter and live loop, and of reference implementations."""
+    """Measure the speed of the filter, the live loop and reference implementations."""
     from experiments.commands.console import bench_table
     from experiments.studies.bench import bench as measured
 

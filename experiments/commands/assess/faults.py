@@ -19,14 +19,14 @@ def faults(
     run: Run,
     out: Out,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="Name of a fault, once per fault; default: all.")
+        list[str] | None, typer.Option("--only", help="Name of a fault to test; repeat for several; default: all.")
     ] = None,
     seeds: Annotated[int, typer.Option("--seeds", min=1, help="Number of runs of each fault.")] = 20,
     first_seed: Annotated[int, typer.Option("--first-seed", min=0, help="Seed of the first run.")] = 8000,
     processes: Processes = None,
     scheduler: Scheduler = None,
     force: Force = False,
-    page: Annotated[bool, typer.Option("--page", help="Rewrite docs/faults.md of the current folder.")] = False,
+    page: Annotated[bool, typer.Option("--page", help="Rewrite docs/faults.md in the current folder.")] = False,
 ) -> Answer:
     """Test live runs with faults of camera, tissue, needle and system; run again to continue."""
     from experiments.extras import require

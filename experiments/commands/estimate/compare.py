@@ -17,7 +17,7 @@ def compare(
     out: Out,
     scene: SceneFile = None,
     methods: Annotated[
-        str | None, typer.Option("--methods", help="Methods, separated by commas; default: all.")
+        str | None, typer.Option("--methods", help="Names of methods, separated by commas; default: all.")
     ] = None,
     vector: Vector = None,
     force: Force = False,

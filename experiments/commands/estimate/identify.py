@@ -14,10 +14,10 @@ from experiments.commands.terminal import print_table
 
 def identify(
     run: Run,
-    recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the hidden mark.")],
+    recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the target's mark.")],
     out: SceneOut,
     scene: SceneFile = None,
-    at_rest: Annotated[bool, typer.Option("--at-rest", help="For tissue at rest: correct only rest lengths.")] = False,
+    at_rest: Annotated[bool, typer.Option("--at-rest", help="Correct only rest lengths, from tissue at rest.")] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:

@@ -35,7 +35,7 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop after this many seconds; opening a camera does not count."),
+        typer.Option("--duration", min=0.0, help="Stop after this time [s], without the time to open a camera."),
     ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; adds advice.")] = None,

@@ -21,7 +21,7 @@ def replay(run: Run, recording: RecordingFolder, out: Out, force: Force = False)
     fault = None
     if done.begun and done.different:
         name, row = next(iter(done.different.items()))
-        found = f"another row {row}: was another version used?"
+        found = f"a different row {row}: was another version of Softaim used?"
         fault = InputError.at(recording / name, "the rows of the recorded run", found)
 
     def show() -> None:

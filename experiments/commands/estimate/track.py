@@ -17,7 +17,7 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark without using it; if inaccurate, inflate covariance.")
+        bool, typer.Option("--check", help="Predict each mark from the others; if inaccurate, inflate the covariance.")
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,

@@ -12,7 +12,7 @@ from experiments.commands.run import Answer, Run
 from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
-"""File name extensions for other programs: the first for PLUS, the second for 3D Slicer."""
+"""File name extensions by format; of the two for `plus`, PLUS uses the first and 3D Slicer the second."""
 
 
 def export(
@@ -27,7 +27,7 @@ def export(
     start: Annotated[
         str | None,
         typer.Option(
-            "--start", help="Time of the first frame, as 2026-01-31T09:00:00Z; default: times count from 1970."
+            "--start", help="Time of the first frame, such as 2026-01-31T09:00:00Z; default: recorded time since 1970."
         ),
     ] = None,
     scene: SceneFile = None,

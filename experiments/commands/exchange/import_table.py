@@ -16,7 +16,7 @@ from experiments.plain import counted
 def import_table(
     run: Run,
     table: Annotated[Path, typer.Argument(help="CSV file of DeepLabCut, or analysis CSV file of SLEAP.")],
-    scene: Annotated[Path, typer.Option("--scene", help="Scene file with these marks.", show_default=False)],
+    scene: Annotated[Path, typer.Option("--scene", help="Scene file with the table's marks.", show_default=False)],
     out: Out,
     fps: Annotated[
         float | None, typer.Option("--fps", min=0.001, max=1e5, help="Frame rate of the film [frames/s].")
@@ -25,15 +25,15 @@ def import_table(
         Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
     ] = None,
     least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of a position that is used.")
+        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of used positions.")
     ] = 0.6,
     sd_px: Annotated[
         float,
-        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, one SD per axis [px]."),
+        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, SD per axis [px]."),
     ] = 1.0,
     rename: Annotated[
         list[str] | None,
-        typer.Option("--rename", help="Node of a body part with another name, PART=NODE; PART= omits the part."),
+        typer.Option("--rename", help="PART=NODE: node of a body part with another name; PART= omits the part."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
@@ -45,7 +45,7 @@ def import_table(
         str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="Name of the animal, or of the track in SLEAP, if several.")
+        str | None, typer.Option("--individual", help="With several animals: name of one, in SLEAP of its track.")
     ] = None,
     force: Force = False,
 ) -> Answer:

@@ -18,7 +18,7 @@ def insert(
     out: Out,
     runs: Annotated[int, typer.Option("--runs", min=1, help="Number of runs of each policy.")] = 2000,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene of the filter; default: the scenario's.")] = None,
-    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: a needle from above.")] = None,
+    needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; default: insertion from above.")] = None,
     seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed of the first run.")] = None,
     speed_mm_s: Annotated[
         float | None, typer.Option("--speed-mm-s", min=10.0, max=1000.0, help="Needle speed [mm/s]; default: 50.")

@@ -15,11 +15,11 @@ from experiments.commands.terminal import print_table
 
 def calibrate(
     run: Run,
-    board: Annotated[str, typer.Option("--board", help="Inner corners, such as 9x6; for ChArUco: squares.")],
+    board: Annotated[str, typer.Option("--board", help="Inner corners per side, such as 9x6; for ChArUco: squares.")],
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
-    pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a folder of them, or a film.")] = None,
-    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER for each camera.")] = None,
+    pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,
+    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER of each camera.")] = None,
     charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
     plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board in the phantom's plane.")] = None,

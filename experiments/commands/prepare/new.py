@@ -60,15 +60,15 @@ def new(
     ] = None,
     target_sd_mm: Annotated[
         float | None,
-        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: SD of the target per axis [mm]; default: 0."),
+        typer.Option("--target-sd-mm", min=0.0, help="With --mesh: SD of target position per axis [mm]; default: 0."),
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1; with --region: field of labels."),
+        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1; with --region: of labels."),
     ] = None,
     region: Annotated[
         list[str] | None,
-        typer.Option("--region", help="With --mesh, LABEL=TISSUE: fat, gland, fibrous, skin, fascia, muscle; repeat."),
+        typer.Option("--region", help="With --mesh, LABEL=TISSUE (repeat): fat, gland, fibrous, skin, fascia, muscle."),
     ] = None,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the simulated tissue's random deviations from the scene.")

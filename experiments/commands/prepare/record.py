@@ -23,10 +23,10 @@ def record(
     out: Annotated[Path | None, typer.Option("--out", help="Folder of the recording; new or empty.")] = None,
     scene: Annotated[Path | None, typer.Option("--scene", help="Scene file to copy into the recording.")] = None,
     codec: Annotated[str, typer.Option("--codec", help="FFV1: lossless; MJPG: smaller files.")] = "FFV1",
-    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this many seconds.")] = None,
+    seconds: Annotated[float | None, typer.Option("--seconds", min=0.0, help="Stop after this time [s].")] = None,
     fps: Fps = None,
     recover: Annotated[
-        Path | None, typer.Option("--recover", help="Folder of a killed recording; joins its pieces in place.")
+        Path | None, typer.Option("--recover", help="Folder of a killed recording, whose pieces are joined.")
     ] = None,
     force: Force = False,
 ) -> Answer:

@@ -15,7 +15,7 @@ from experiments.commands.terminal import print_table
 def register(
     run: Run,
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
-    points: Annotated[Path, typer.Option("--points", help="Table of points like marks.csv, or a recording with one.")],
+    points: Annotated[Path, typer.Option("--points", help="Points in the form of marks.csv, or a recording.")],
     out: Annotated[
         Path, typer.Option("--out", help="Scene file to write; its mesh is written beside it.", show_default=False)
     ],

@@ -14,9 +14,9 @@ def simulate(
     run: Run,
     scenario: ScenarioName,
     out: Out,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed in place of the scenario's.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Seed; replaces the scenario's.")] = None,
     runs: Annotated[
-        int | None, typer.Option("--runs", min=1, help="Number of recordings, with successive seeds, in OUT/seed-N.")
+        int | None, typer.Option("--runs", min=1, help="Number of recordings OUT/seed-N, with successive seeds.")
     ] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Write a film; with --no-film only marks.csv.")] = True,
     force: Force = False,

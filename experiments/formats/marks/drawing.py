@@ -73,7 +73,7 @@ def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
     expected, found = (_rms(places - places.mean(axis=0)) for places in (drawn, np.array([seen_m[n] for n in nodes])))
     if expected / RESIZED <= found <= RESIZED * expected:
         return None
-    return f"marks: expected them some {1e3 * expected:.3g} mm about their middle, found {1e3 * found:.3g} mm"
+    return f"marks: expected a spread of some {1e3 * expected:.3g} mm, found {1e3 * found:.3g} mm"
 
 
 def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:
@@ -117,7 +117,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
             return None
         what = ", or with ".join(one.words for one in simplest)
         return (
-            f"the first marks lie {1e3 * plain:.3g} mm from the scene's drawing, and fit it to "
+            f"the first marks lie {1e3 * plain:.3g} mm from the scene's drawing, but would fit within "
             f"{1e3 * best:.3g} mm with {what}; positions are in mm, x right, y up, z toward the camera"
         )
     return None
@@ -139,7 +139,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
         if changes:
             yield Reading(words, changes, seen @ axes.T)
         for unit, length_mm in LENGTHS_MM.items():
-            of = f"lengths in {unit} for mm"
+            of = f"lengths in {unit} instead of mm"
             yield Reading(f"{of}, {words}" if changes else of, changes + 1, length_mm * seen @ axes.T)
     for camera in scene.cameras[:1]:
         if ((seen < 0.0) | (1e3 * seen > camera.size_px)).any():

@@ -107,7 +107,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
     if not (stretched and off.max() > size_m):
         return None
     return SceneError(
-        f"network: expected rest within its size, {1e3 * size_m:.4g} mm, of its drawing,"
+        f"network: expected a rest shape within {1e3 * size_m:.4g} mm, its size, of the drawing,"
         f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
     )
 

@@ -120,7 +120,7 @@ def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, 
         process.kill()
         process.join()
     if process.exitcode:
-        LOG.warning("the compiling process ended with %d: pictures will freeze for a while", process.exitcode)
+        LOG.warning("compiling ended with exit code %d, so pictures will freeze for a while", process.exitcode)
     return n_shown
 
 

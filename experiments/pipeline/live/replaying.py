@@ -124,7 +124,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
         case Act.BEGIN:
             pass
         case _:
-            raise InputError.at(folder / JOURNAL, "an act that this version knows", str(done.act))
+            raise InputError.at(folder / JOURNAL, "an action that this version knows", str(done.act))
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:

@@ -157,7 +157,7 @@ class Session:
     def _check_filter(self) -> None:
         """Restart if the filter's state is not finite, because marks would not repair it."""
         if not self.line.filter.is_finite:
-            report_event(self._own_s(self._clock()), "filter", "its state is not finite: it restarts")
+            report_event(self._own_s(self._clock()), "filter", "the state is not finite, so the filter restarts")
             self._restart()
 
     def _restart(self) -> None:

@@ -27,20 +27,20 @@ ONE_ERROR = 0.999
 MOST_NEES = 2.0
 """Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
 
-UNTESTED = "this does not test the hidden target: track --check, a fix, or a recording with the target in view does"
+UNTESTED = "this does not test the hidden target; track --check, a fix or a recording that shows the target does"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
 """Statuses of frames whose estimate was not based on fitting marks, in the order of a verdict."""
 
 
-NO_MARKS = "no marks were used after the start: the estimate is a prediction by the model  "
+NO_MARKS = "no marks were used after the start: the estimate is a prediction by the model "
 LOOK = "(is the hue right? softaim hue)"
 CHECK = "(do times, positions and nodes of the table fit the scene?)"
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Mean NIS of the frames of a run, and its 95 % band for a right model and right noise levels.
+    """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
     frames: their number; degrees: mean degrees of freedom of a frame, two or three for each mark; low, high: the band
     """
@@ -53,7 +53,7 @@ class Fit:
 
     @property
     def ratio(self) -> float:
-        """Ratio of observed to predicted innovations: 1 is right."""
+        """Ratio of observed to predicted innovations, ideally 1."""
         return float(np.sqrt(self.mean_nis / self.degrees))
 
     @property
@@ -152,7 +152,7 @@ def verdict(
     of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
         together,
-        f"{counted(frozen, 'frame')} frozen: their values repeat those before" if frozen else None,
+        f"{counted(frozen, 'frame')} frozen: their values repeat earlier ones" if frozen else None,
         f"{counted(refused, 'mark')} refused" if refused else None,
     ]
     return "; ".join(part for part in (of_marks, of_target, *counts) if part)
@@ -189,7 +189,7 @@ class Withheld:
 
 
 def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
-    """The figures of the predictions of one mark, one or more."""
+    """The figures of one or more predictions of one mark."""
     errors = np.array([one.error for one in checks])
     nees = float(np.mean([one.nees for one in checks]))
     distances = np.linalg.norm(errors, axis=1)
@@ -202,7 +202,7 @@ def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)
     ratio = withheld[worst].ratio
-    meant = "the hidden target's error may be so, too" if ratio > 1.0 else "the target's sigma is plausible"
+    meant = "the hidden target's error may also be larger" if ratio > 1.0 else "the target's sigma is plausible"
     widened = f"was multiplied by {scale**0.5:.2f} on average" if scale > 1.0 else "is unchanged"
     return (
         f"errors of marks predicted as if hidden are up to {ratio:.2f} times as large as predicted, mark noise included"

@@ -98,10 +98,10 @@ def _shown(row: Any) -> tuple[str, ...]:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the missing runs of the folder, and write the table."""
     parser = study_options(__doc__, page="ablation.md")
-    parser.add_argument("--only", action="append", default=[], help="a mechanism; again for more; default: all")
-    parser.add_argument("--bodies", action="append", default=[], help="a body; again for more; default: all")
+    parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
+    parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")
     parser.add_argument("--seeds", type=int, default=1, help=f"runs of each body, from {FIRST_SEED} on: %(default)s")
-    parser.add_argument("--lungs", type=Path, help="folder of case1.csv and others; default: no lungs")
+    parser.add_argument("--lungs", type=Path, help="folder with case1.csv and so on; default: no lungs")
     given = parser.parse_args(arguments)
     bodies = chosen("--bodies", given.bodies, [*BODIES] if given.lungs is None else [*BODIES, LUNG])
     off = dict.fromkeys([WHOLE, *chosen("--only", given.only, SWITCHES)])

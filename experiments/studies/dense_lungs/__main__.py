@@ -51,9 +51,9 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the results of a folder of tables; returns 1 if a method failed."""
     parser = study_options(__doc__, out=False, page="zoo.md")
-    parser.add_argument("folder", type=Path, help="of tables of landmarks, one for each person")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the results, new or empty")
-    parser.add_argument("--stiffness-factor", type=float, default=1.0, help="on all springs; default: %(default)s")
+    parser.add_argument("folder", type=Path, help="folder of landmark tables, one for each person")
+    parser.add_argument("--out", type=Path, required=True, help="output folder, new or empty")
+    parser.add_argument("--stiffness-factor", type=float, default=1.0, help="factor on all stiffnesses: %(default)s")
     given = parser.parse_args(arguments)
     constants, factor = DenseConstants(), given.stiffness_factor
     if not 0.0 < factor < np.inf:

@@ -170,7 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Do the fits, print the table, and write it to the page."""
     parser = study_options(__doc__, page="identification.md")
     parser.add_argument("--runs", type=int, default=N_RUNS)
-    parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="the first one")
+    parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="first seed")
     given = parser.parse_args(arguments)
     seeds = range(given.seeds, given.seeds + given.runs)
     cases = grid(duration_s=[LONG_S], seed=seeds, phantom=["built-in", "five-mass"])

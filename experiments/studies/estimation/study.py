@@ -222,7 +222,7 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the named parts, or all, and store their figures."""
     parser = study_options(__doc__)
-    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="default: all")
+    parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts of the study; default: all")
     parser.add_argument("--runs", type=int, default=100)
     chosen = parser.parse_args(arguments)
     study = Study(chosen.out, chosen.runs, chosen_workers(chosen))

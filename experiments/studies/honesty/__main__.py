@@ -45,9 +45,9 @@ def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the missing runs of the folder, and write cells.csv."""
     parser = study_options(__doc__)
-    parser.add_argument("--bodies", action="append", choices=list(BODIES), help="again for more")
-    parser.add_argument("--pushes", action="append", choices=list(PUSHES), help="again for more")
-    parser.add_argument("--seconds", type=float, default=20.0, help="of each run: %(default)s")
+    parser.add_argument("--bodies", action="append", choices=list(BODIES), help="body; repeat for several")
+    parser.add_argument("--pushes", action="append", choices=list(PUSHES), help="push; repeat for several")
+    parser.add_argument("--seconds", type=float, default=20.0, help="length of a run [s]: %(default)s")
     add_seeds(parser, 20, 0)
     given = parser.parse_args(arguments)
     cases = grid(

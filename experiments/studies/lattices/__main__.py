@@ -39,9 +39,9 @@ FEWEST_CELLS = 6
 def main(arguments: Sequence[str] | None = None) -> None:
     """Write the results."""
     parser = study_options(__doc__, out=False, page="lattices.md")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the results, new or empty")
-    parser.add_argument("--structures", default="", help="separated by commas; default: all")
-    parser.add_argument("--cells", type=int, default=CELLS, help="along a side: %(default)s")
+    parser.add_argument("--out", type=Path, required=True, help="output folder, new or empty")
+    parser.add_argument("--structures", default="", help="structures, separated by commas; default: all")
+    parser.add_argument("--cells", type=int, default=CELLS, help="cells along a side; default: %(default)s")
     add_seeds(parser, 6, 1000)
     given = parser.parse_args(arguments)
     if given.cells < FEWEST_CELLS:

@@ -31,7 +31,7 @@ def run(job: tuple[Lung, str]) -> Inner:
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table of a folder of landmarks."""
     parser = study_options(__doc__, out=False, page="zoo.md")
-    parser.add_argument("folder", type=Path, help="of case1.csv and others")
+    parser.add_argument("folder", type=Path, help="folder with case1.csv and so on")
     given = parser.parse_args(arguments)
     jobs = [(lung, seen) for seen in SEEN for lung in read_lungs(given.folder)]
     found: list[Inner] = runs_of(run, jobs, workers_for(len(jobs), chosen_workers(given)))

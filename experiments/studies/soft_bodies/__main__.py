@@ -64,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Write the results of the study."""
     parser = study_options(__doc__, page="meshes.md")
     add_seeds(parser, 6, 20)
-    parser.add_argument("--bodies", action="append", choices=list(BODIES), help="again for more")
+    parser.add_argument("--bodies", action="append", choices=list(BODIES), help="name of a body; repeat for several")
     given = parser.parse_args(arguments)
     cases = grid(body=given.bodies or BODIES, seed=seeds_of(given))
     found = summary(kept_runs(run, cases, given.out, chosen_workers(given)))

@@ -50,9 +50,9 @@ def _seeds(text: str) -> range:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the cases that the arguments choose; returns 1 if some of them failed."""
     parser = study_options(__doc__, page="zoo.md")
-    parser.add_argument("--quick", action="store_true", help="a few seconds of three bodies")
-    parser.add_argument("--seeds", default=f"{REPORT_SEEDS[0]}-{REPORT_SEEDS[-1]}", help="A-B, both included")
-    parser.add_argument("--bodies", default=",".join(BODIES), help="names, with commas between them")
+    parser.add_argument("--quick", action="store_true", help="run only a few seconds of three bodies")
+    parser.add_argument("--seeds", default=f"{REPORT_SEEDS[0]}-{REPORT_SEEDS[-1]}", help="seeds A-B, both included")
+    parser.add_argument("--bodies", default=",".join(BODIES), help="names of bodies, separated by commas")
     given = parser.parse_args(arguments)
     bodies, seeds = chosen("--bodies", given.bodies.split(","), BODIES), _seeds(given.seeds)
     tables = [asdict(case) for case in (quick_cases() if given.quick else cases(bodies, seeds))]

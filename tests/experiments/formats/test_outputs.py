@@ -71,7 +71,7 @@ def test_nothing_appears_after_an_exception(tmp_path: Path, out: Path, error: ty
 def test_a_folder_with_files_is_refused_before_any_work(tmp_path: Path):
     (tmp_path / "mine.txt").write_text("mine")
     with (
-        pytest.raises(InputError, match=r"expected an empty or new folder, found files in it; --force writes"),
+        pytest.raises(InputError, match=r"expected an empty or new folder, found files in it; --force adds"),
         output_folder(tmp_path),
     ):
         pytest.fail("work was begun")

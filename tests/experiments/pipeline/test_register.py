@@ -93,7 +93,7 @@ def test_the_error_at_the_target_joins_that_of_its_place(good: Path, capfd: pyte
         found = register("--force")
         assert 1e3 * found.target.position_sd_m == pytest.approx(np.hypot(before_mm, tre_mm), rel=1e-6)
         shown = capfd.readouterr().out
-        assert ("with 3 mm for the place, which was not stated" in shown) == (position_sd_m is None)
+        assert ("with 3 mm for the position, which was not stated" in shown) == (position_sd_m is None)
 
 
 def test_a_wrong_point_is_named_and_widens_the_error(good: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -83,7 +83,7 @@ def test_track_tells_swaps_and_counts_them(scene, places, tmp_path, capsys):
     recording = write_recording(tmp_path / "rec", scene, frames, 1e3 * NOISE_M)
     assert softaim("track", recording, "--out", tmp_path / "out") == 0
     *_, reported = capsys.readouterr().err.splitlines(keepends=True)
-    assert reported == "softaim: 0.67 s: swap: M3 and M4 had been exchanged since 0.67 s; corrected\n"
+    assert reported == "softaim: 0.67 s: swap: M3 and M4 had exchanged names since 0.67 s; corrected\n"
     assert json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]["swaps_undone"] == 1
 
 
@@ -95,5 +95,5 @@ def test_live_tells_a_swap(scene, places, tmp_path, monkeypatch, capsys):
     width, height = scene.cameras[0].size_px
     session.take(Frame(0, 3.2, np.zeros((height, width, 3), dtype=np.uint8)))
     session.close()
-    said = "3.20 s: swap: M1, M3 and M4 had been exchanged since 2.10 s; corrected"
+    said = "3.20 s: swap: M1, M3 and M4 had exchanged names since 2.10 s; corrected"
     assert capsys.readouterr().err == f"softaim: {said}\n"

@@ -149,11 +149,11 @@ LACKS = {
     "1 mark not found in the picture or table: M3; M3: too small in the picture (0.1 px across": lambda s: replace(
         s, marks=tuple(replace(m, diameter_m=1e-4) if m.node == "M3" else m for m in s.marks)
     ),
-    "the target cannot be known well enough": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),
+    "the target's accuracy is too low": lambda s: replace(s, target=Target("M2", 1e-4, position_sd_m=0.0)),
     "rest lengths do not fit the drawing": lambda s: replace(
         s, network=replace(s.network, rest_lengths=1.1 * s.network.rest_lengths)
     ),
-    "rest lengths are the distances drawn": lambda s: replace(
+    "rest lengths equal the drawn distances": lambda s: replace(
         s, network=replace(s.network, rest_lengths=spans(s.network))
     ),
 }
@@ -182,9 +182,9 @@ def test_marks_outside_of_the_picture_are_reported_with_what_the_camera_sees(who
     aside = replace(scene, cameras=(camera,))
     unfound = _seen(aside, rest_shape(scene.network), None, None)[2]
     (line,) = [one.next for one in missing(replace(whole, scene=aside, unfound=unfound)) if "not found" in one.what]
-    assert line.endswith("it sees x -99 to 699 mm, y -99 to 499 mm; softaim register moves the body")
+    assert line.endswith("the camera sees x -99 to 699 mm, y -99 to 499 mm; softaim register moves the body")
     (near,) = [one.next for one in missing(replace(whole, unfound={"M3": None})) if "not found" in one.what]
-    assert "it sees" not in near
+    assert "the camera sees" not in near
 
 
 def test_marks_that_tell_nothing_are_said_to(tmp_path) -> None:

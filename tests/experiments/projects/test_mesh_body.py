@@ -186,9 +186,9 @@ def test_its_files_are_read_and_explained(soft: Path) -> None:
         ),
         (
             ["--fixed", "x<6", "--target", "4,9,9"],
-            "--target: expected a place that can move, found 4,9,9, which --fixed x<6",
+            "--target: expected a position that can move, found 4,9,9, which --fixed x<6",
         ),
-        (["--target-sd-mm", "1e5"], "--target-sd-mm: expected a deviation that leaves the target inside the body"),
+        (["--target-sd-mm", "1e5"], "--target-sd-mm: expected an SD that leaves the target inside the body"),
         (["--target", "6,10"], '--target: expected x,y,z [mm], found "6,10"'),
         (["--field", "none"], '--field: expected a field of body.vtu, glandularity, height, label, part, found "none"'),
         (["--field", "height"], "--field: expected height from 0 (fat) to 1 (gland), found 1.25 to 28.75"),

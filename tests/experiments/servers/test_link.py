@@ -91,7 +91,7 @@ def test_the_loop_goes_on_when_the_process_is_killed(capfd):
         assert time.process_time() - began < 1.0
         with pytest.raises(OSError, match="refused"):
             socket.create_connection((LOOPBACK, port), 1.0)
-    assert capfd.readouterr().err.count("page and network: their process ended") == 1
+    assert capfd.readouterr().err.count("the process of page and network ended") == 1
 
 
 def test_numbers_that_json_cannot_hold_are_null():

@@ -167,11 +167,11 @@ def test_live_advice_keeps_its_breathing_model_through_a_fix(tmp_path: Path) -> 
             "0.0, 0.0, -1.0",
             "needle.toml: entry_mm: expected a place within 50 mm of the body, found 100 mm outside",
         ),
-        (34.0, "0.0, 0.0, 1.0", "needle.toml: direction: expected that of a line toward the target, found one away"),
+        (34.0, "0.0, 0.0, 1.0", "needle.toml: direction: expected a direction toward the target, found one away"),
         (
             34.0,
             "1.0, 0.0, -0.1",
-            "needle.toml: direction: expected that of a line into the body, found one that passes",
+            "needle.toml: direction: expected a direction into the body, found one past",
         ),
     ],
 )

@@ -27,9 +27,9 @@ from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the missing runs of the folder, and write the tables."""
     parser = study_options(__doc__, page="faults.md")
-    parser.add_argument("--only", action="append", default=[], help="a row's name; again for more; default: all")
+    parser.add_argument("--only", action="append", default=[], help="name of a row; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help=f"of {', '.join(BODIES)}; again for more")
-    parser.add_argument("--seconds", type=float, help="of each run; default: 12, of the breast 8")
+    parser.add_argument("--seconds", type=float, help="length of a run [s]; default: 12, for the breast 8")
     add_seeds(parser, 20, 0)
     given = parser.parse_args(arguments)
     worlds, bodies = chosen("--only", given.only, WORLDS), chosen("--bodies", given.bodies, BODIES)

@@ -88,7 +88,7 @@ FARTHER = {"target_error_m": 3e-3, "target_error_before_m": 2e-3}
     ("worse", "message"),
     [
         (LESS_LIKELY, "expected constants that fit better than the scene's"),
-        (FARTHER, "found an error of 3.00 mm in place of 2.00 mm"),
+        (FARTHER, "found an error of 3.00 mm instead of 2.00 mm"),
     ],
 )
 def test_a_scene_that_fits_worse_is_not_written(recording, run, monkeypatch, capsys, tmp_path, worse, message):

@@ -71,7 +71,7 @@ def test_values_that_freeze_are_no_marks(tmp_path, caplog) -> None:
     ("changed", "words"),
     [
         (lambda _k, p: p * [1.0, -1.0], "y mirrored: (x, -y) for (x, y)"),
-        (lambda _k, p: np.round(1e-3 * p, 6), "lengths in m for mm"),
+        (lambda _k, p: np.round(1e-3 * p, 6), "lengths in m instead of mm"),
     ],
     ids=["y down", "in m"],
 )

@@ -27,7 +27,7 @@ def test_errors_of_one_mark():
         (
             (0.9, 1.5),
             2.25,
-            "1.50 times as large as predicted, mark noise included (B): the hidden target's error may be so, too; the",
+            "1.50 times as large as predicted, mark noise included (B): the hidden target's error may also be larger",
         ),
     ],
 )

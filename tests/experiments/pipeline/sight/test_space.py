@@ -245,6 +245,6 @@ def test_constants_are_not_identified_from_films_that_do_not_show_the_target(tmp
     folder = recorded(tmp_path, breast(), duration_s=0.1)
     assert softaim("identify", folder, "--out", tmp_path / "found.toml") == 2
     what = "marks.csv with the marks of T (softaim simulate --no-film)"
-    found = "films of cameras in space, which show no marks inside"
+    found = "films of cameras in space, which show no inner marks"
     assert capsys.readouterr().err == f"softaim: {folder}: expected {what}, found {found}\n"
     check_shown(read_recording(folder), ["S1"])  # on the skin, which films show

@@ -110,7 +110,7 @@ def test_marks_in_another_unit_are_refused_in_every_frame(bench) -> None:
         frame = bench.marks.next(0.0)
         assert (frame is None) == (k == 1)
     (text,) = [event.text for event in bench.marks.take_events() if event.kind is EventKind.REFUSED]
-    assert re.fullmatch(r"1 of another size: marks: expected them some \d+ mm about their middle, found 0.\d+ mm", text)
+    assert re.fullmatch(r"1 of another size: marks: expected a spread of some \d+ mm, found 0.\d+ mm", text)
 
 
 def test_a_sender_that_falls_silent_is_blocked_and_resumes(bench) -> None:
