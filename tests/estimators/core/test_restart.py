@@ -19,7 +19,7 @@ class Followed:
     def __init__(self, moves: float) -> None:
         places = [[-0.05, -0.05], [0.05, -0.05], [0.05, 0.05], [-0.05, 0.05], [0.0, 0.0]]
         springs = [(0, 1), (1, 2), (2, 3), (3, 0), (0, 4), (1, 4), (2, 4), (3, 4)]
-        self.network, self.moves = build_network(places, springs, damping=0.3), moves
+        self.network, self.moves, self.jump_m = build_network(places, springs, damping=0.3), moves, 0.0
         self.rng, self.tissue = np.random.default_rng(1), TissueFilter(self.network, "N4", self.network.names[:4])
         for k in range(LAST):
             self.frame(k)
@@ -28,7 +28,7 @@ class Followed:
         """The next frame: error of the target [m], and status."""
         done = self.moves * min(k / 60, 1.0)
         cos, sin = np.cos(np.pi * done), np.sin(np.pi * done)
-        truth = self.network.positions @ np.array([[cos, sin], [-sin, cos]]) + [0.3 * done, 0.0]
+        truth = self.network.positions @ np.array([[cos, sin], [-sin, cos]]) + [0.3 * done + self.jump_m, 0.0]
         noisy = truth + SD_M * self.rng.normal(size=truth.shape)
         names = self.network.names[:4] if seen else ()
         marks = [MarkMeasurement(name, noisy[i], SD_M**2 * np.eye(2)) for i, name in enumerate(names)]
@@ -83,3 +83,23 @@ def test_marks_that_a_restart_refuses_lead_to_one_as_drawn():
     assert found[0][1] is Status.LOST
     assert found[-1][1] is Status.TRACKING
     assert found[-1][0] < 2e-3
+
+
+def test_a_body_that_jumps_is_found_with_its_second_frame():
+    """All four marks contradict the prediction; a restart after one frame would follow a glitch."""
+    followed = Followed(moves=0.0)
+    followed.jump_m = 0.1
+    found = [followed.frame(LAST + k) for k in range(20)]
+    assert [status for _, status in found[:2]] == [Status.COASTING, Status.DIVERGED]
+    assert max(error for error, _ in found[1:]) < 5e-3
+    assert found[-1][1] is Status.TRACKING
+
+
+def test_a_glitch_of_all_marks_in_one_frame_is_not_followed():
+    followed = Followed(moves=0.0)
+    followed.jump_m = 0.1
+    assert followed.frame(LAST)[1] is Status.COASTING
+    followed.jump_m = 0.0
+    found = [followed.frame(LAST + k) for k in range(1, 5)]
+    assert {status for _, status in found} == {Status.TRACKING}
+    assert followed.tissue.repairs["restarted"] == 0
