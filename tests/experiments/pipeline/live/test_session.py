@@ -226,7 +226,7 @@ def test_a_filter_whose_state_is_no_number_restarts_and_says_so(tmp_path, image,
             session.line.filter.filter.covs[:] = np.nan
 
     session, rows, _ = run(Clocked(frames, [], 101.3), tmp_path, attend=attend)
-    assert sum("its state is not finite" in record.message for record in caplog.records) == 1
+    assert sum("the state is not finite" in record.message for record in caplog.records) == 1
     assert session.counters.frames == len(frames)
     assert session.integrity.contradiction.reason == "made up"
     status = [row["status"] for row in rows]
