@@ -15,7 +15,7 @@ seconds, kilograms and newtons; arrays have a row for each node or frame.
     FilterSettings        assumptions about unknown forces
     MarkMeasurement       measured position of a mark with its covariance
     TargetEstimate        estimated position of the target: mean, covariance, status
-    Status                state of the filter: whether an estimate can be relied upon
+    Status                state of the filter: whether an estimate can be trusted
     identify_constants    identification of stiffness, damping, rest lengths from a recording
     tune_strain           estimation of the model's error from a recording
     fixed_interval        smoother
@@ -163,7 +163,7 @@ _NAMES_OF = {
 _HOMES = {name: module for module, names in _NAMES_OF.items() for name in names}
 
 
-if not TYPE_CHECKING:  # a type checker would assume that every name exists
+if not TYPE_CHECKING:  # with it, a type checker would assume that every name exists
 
     def __getattr__(name: str) -> Any:
         if name == "__version__":

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 LONGEST_SHOWN = 60
-"""Largest number of characters of a found value in a message, so that the line fits a terminal."""
+"""Largest number of characters shown of a found value, so that the message fits a line of a terminal."""
 
 SOME_NAMES = 5
 """Largest number of names in a message; choice."""
@@ -29,7 +29,7 @@ class InputError(Exception):
 
 
 def shown(value: object) -> str:
-    """A found value for a message: on one line, as in a file, shortened if long."""
+    """A found value as text for a message: on one line, written as in a file, shortened if long."""
     if isinstance(value, dict):
         return "a table"
     # a float by repr: json would write nan as NaN
@@ -40,7 +40,7 @@ def shown(value: object) -> str:
 
 
 def no_node(name: object, names: Iterable[str]) -> str:
-    """Part of a message: no node has this name; the most similar names of nodes, some of the others."""
+    """Part of a message for an unknown node: its name, the nodes with the most similar names, and some others."""
     known = list(names)
     similar = get_close_matches(str(name), known, n=1)
     first = [*similar, *(one for one in known if one not in similar)]

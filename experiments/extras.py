@@ -1,4 +1,4 @@
-"""Extras: packages that some commands need and the plain installation omits."""
+"""Extras: packages that some commands need and that are not installed by default."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def needed(extra: str) -> str:
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError for an extra that is not installed; asked_by: what needs it."""
+    """Raise InputError for an extra that is not installed; asked_by: what needs it, for the message."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

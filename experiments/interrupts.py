@@ -11,10 +11,10 @@ from types import FrameType
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt for every form of an interrupt in this context.
+    """In this context, raise KeyboardInterrupt whatever form an interrupt has.
 
-    An interrupt during a kernel appears as SystemError, "returned a result with an exception set", with the interrupt
-    as its cause.
+    An interrupt during a compiled kernel appears as SystemError, "returned a result with an exception set", whose cause
+    is the interrupt.
     """
     try:
         yield
@@ -29,7 +29,7 @@ def as_interrupts() -> Iterator[None]:
 
 @contextmanager
 def terminations() -> Iterator[None]:
-    """Treat SIGTERM, by which scripts and service managers end a program, as Ctrl-C in this context."""
+    """In this context, treat SIGTERM, with which scripts and service managers end a program, as Ctrl-C."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread can receive it
         return

@@ -1,4 +1,4 @@
-"""Folder of compiled kernels: numba uses that of the code, else the user's, else it does not load."""
+"""Folder of compiled kernels: numba uses that of the code or of the user, and fails if it can write to neither."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def keep_kernels() -> None:
     users = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     stated = [Path(os.environ[VARIABLE])] if os.environ.get(VARIABLE) else []
     if not any(map(can_be_written, [*stated, CODE, users])):
-        # with an unpredictable name: its content is executed
+        # its name is unpredictable, because its content is executed
         os.environ[VARIABLE] = tempfile.mkdtemp(prefix="softaim-kernels-")
         atexit.register(shutil.rmtree, os.environ[VARIABLE], ignore_errors=True)
 

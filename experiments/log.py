@@ -15,16 +15,16 @@ LOG = logging.getLogger("softaim")
 
 
 MOST_WAITING = 1000
-"""Largest number of lines waiting for a reader of standard error; choice: softaim.log has all."""
+"""Largest number of lines that wait for a reader of standard error; choice: softaim.log has all lines."""
 
 LAST_S = 0.5
-"""Time for which the end of `StandardError.unwaited` waits for a reader of the last lines [s]; choice."""
+"""Time that `StandardError.unwaited` waits at its end until the last lines are read [s]; choice."""
 
 
 class StandardError(logging.Handler):
     """Lines on standard error, `softaim: text`; each replaces a status line on a terminal.
 
-    State: the lines that wait for a thread; None if each is written at once.
+    State: the lines that wait for the writing thread; None if each line is written at once.
     """
 
     def __init__(self, level: int) -> None:
@@ -68,25 +68,25 @@ class StandardError(logging.Handler):
 def _write(line: str) -> None:
     if sys.stderr is None:  # the program was called without one
         return
-    with suppress(OSError, ValueError):  # there is no reader any more
+    with suppress(OSError, ValueError):  # the reader of standard error has gone
         clear = "\r\x1b[K" if sys.stderr.isatty() else ""
         print(f"{clear}{line}", file=sys.stderr, flush=True)
 
 
 class Kept(logging.Handler):
-    """Keeps every line with its time (UTC) and level, in order, for a file that is written at the end."""
+    """Stores every line with its time (UTC) and level, in order, for a file that is written at the end."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
         self.lines: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a record."""
+        """Store a record."""
         at = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(record.created))
         self.lines.append(f"{at}.{int(record.msecs):03d}Z {record.levelname:<7} {record.getMessage()}")
 
     def text(self) -> str:
-        """The lines in the form of a file."""
+        """The stored lines as the content of a file."""
         return "".join(f"{line}\n" for line in self.lines)
 
 

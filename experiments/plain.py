@@ -1,4 +1,4 @@
-"""Values in the form of messages or reports: as JSON, and counts in words."""
+"""Values for messages and reports: as JSON, and counts with nouns."""
 
 from __future__ import annotations
 
@@ -21,5 +21,5 @@ def plain(value: Any) -> Any:
 
 
 def counted(n: int, one: str, many: str = "") -> str:
-    """A number of things in words; many: their plural, by default with an s."""
+    """A number with its noun, such as `2 marks`; many: the plural, by default with an s."""
     return f"{n} {one if n == 1 else many or one + 's'}"

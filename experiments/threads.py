@@ -1,6 +1,6 @@
-"""One thread for each library that would start more: for about twenty states and parts of a picture, more only wait.
+"""One thread for each library that would start several: for some twenty states, or parts of pictures, more only wait.
 
-Also the start of helper processes, and a thread that prepares items in advance.
+It also starts helper processes, and has a thread that prepares items in advance.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ ONE_THREAD = dict.fromkeys(
     ),
     1,
 )
-"""Environment of a process that works alone, or as one of as many workers as there are cores."""
+"""Environment of a process that works alone, or as one worker per core."""
 
 
 def one_thread_each() -> None:
-    """Set these variables if the user has not; call before NumPy and OpenCV are loaded."""
+    """Set the variables of ONE_THREAD that the user has not set; call before NumPy and OpenCV are loaded."""
     for name, n_threads in ONE_THREAD.items():
         os.environ.setdefault(name, str(n_threads))
 
 
 def begin_helper() -> None:
-    """Start a helper process: one thread per library; it ignores Ctrl-C, because the other process ends it."""
+    """Prepare a helper process: one thread per library; it ignores Ctrl-C, because its parent process ends it."""
     one_thread_each()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -13,7 +13,7 @@ Names to start with:
     Expected              expected position of a mark
     Detection             detected centre with its covariance
     LostMark, Reason      reason why a mark was not found
-    Distractor            new thing in a mark's colour that is no mark
+    Distractor            new object in a mark's colour that is no mark
     PlaneCamera           camera: mapping between pixels and a plane
     Board, find_board, calibrate    camera calibration
     synthetic_run         synthetic frames with known truth

@@ -11,4 +11,4 @@ Image = NDArray[np.uint8]
 """A picture of 8 bits, (height, width, 3) in the order BGR, or (height, width)."""
 
 Picture = NDArray[Any]
-"""A picture with the types of OpenCV's stubs: integers or floating-point numbers, shaped as `Image`."""
+"""A picture of integers or floating-point numbers, the type in OpenCV's stubs; shaped as `Image`."""

@@ -3,4 +3,4 @@
 Distribution and storage of runs belong here.
 """
 
-# Dask and pyarrow, the extra `cluster`, are imported where they are used: runs in the own process need neither.
+# Dask and pyarrow, the extra `cluster`, are imported where they are used: runs in this process need neither.

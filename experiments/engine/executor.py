@@ -1,7 +1,7 @@
 """Results of runs as they finish: in this process, or by Dask in batches of limited time, with dead workers replaced.
 
-A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, its runs are done singly
-at the end; a run whose workers then die again is a failure.
+A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, each of its runs is repeated
+alone at the end; a run whose worker dies again has failed.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 BATCH_S = 1.0
-"""Time of a batch [s]; choice: sending and gathering one takes about 10 ms, a hundredth of it."""
+"""Time of a batch [s]; choice: sending and collecting a batch takes about 10 ms."""
 
 AHEAD = 2
-"""Number of batches sent for each worker: one is done while the next one waits at the scheduler."""
+"""Number of batches sent for each worker: it works on one while the next one waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -39,7 +39,7 @@ class RunsFailedError(Exception):
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
-    """Outcomes of the jobs as they finish; outside this process jobs and results must be picklable."""
+    """Outcomes of the jobs as they finish; jobs and results for other processes must be picklable."""
     if workers.own_process:
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
@@ -52,7 +52,7 @@ def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]
 def results(
     work: Work, jobs: Sequence[Any], workers: Workers, advance: Callable[[float], None] = lambda _share: None
 ) -> list[Any]:
-    """The result of each job, in the order of the jobs. Raises RunsFailedError when all are done."""
+    """The result of each job, in the order of the jobs. Raises RunsFailedError at the end if any failed."""
     runs: dict[int, Run] = {}
     for run in finished(work, jobs, workers):
         runs[run.index] = run
@@ -67,7 +67,7 @@ def results(
 
 
 def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -> list[Run]:
-    """Runs of a batch, at least one, until BATCH_S is over; results pickled."""
+    """Runs of a batch, at least one, until BATCH_S is over; their results are pickled."""
     began = time.perf_counter()
     runs = []
     for index, job in zip(indices, jobs, strict=True):
@@ -82,9 +82,9 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 
 
 class _Sending:
-    """Pending jobs: waiting ones, ones to be done singly, and sent batches.
+    """Pending jobs: waiting jobs, jobs to be repeated alone, and sent batches.
 
-    local: ends after a time without workers; a cluster may get its workers later
+    local: whether to stop after a time without workers; a cluster may get its workers later
     """
 
     def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
@@ -118,7 +118,7 @@ class _Sending:
                 self.count_workers()
 
     def count_workers(self) -> None:
-        """Update the number of workers. Raises InputError after a long time without any."""
+        """Update the number of workers. Raises InputError after a long time without workers."""
         now = time.monotonic()
         if now - self.counted <= COUNTED_EACH_S:
             return
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes of a returned batch; its remaining runs wait again."""
+        """The outcomes of a returned batch; runs that it did not reach wait again."""
         from distributed import CancelledError, KilledWorker
 
         try:

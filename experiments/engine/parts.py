@@ -1,4 +1,4 @@
-"""Rows of runs in Parquet files that are each written completely, so that a kill loses only the last seconds."""
+"""Rows of runs in several Parquet files, each written at once, so that a kill loses only the last seconds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ KEPT = "kept"
 """The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Time between two parts [s], and as a share of the time since the first part; choice: about a thousand parts per
-day."""
+"""Time between two parts: at least these seconds [s] and this share of the time since the first part [1]; choice: about
+a thousand parts per day."""
 
 
 class Parts:
     """Rows waiting for the next part.
 
-    folder: of the parts; rows: not yet written; began, written: time of the first row and of the last part [s]
+    folder: folder of the parts; rows: rows not yet written; began, written: times of the start and the last part [s]
     """
 
     def __init__(self, folder: Path) -> None:
@@ -69,7 +69,7 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def read_parts(folder: Path) -> pa.Table | None:
-    """The rows of all parts, with integers as floats where another part has floats; None without parts."""
+    """The rows of all parts; a column with floats in any part is float in all. None without parts."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

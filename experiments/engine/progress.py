@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def run_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A function of the completed share that moves the bar; without a terminal on standard error there is no bar."""
+    """A function that sets the bar to a completed share; if standard error is not a terminal, there is no bar."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 

@@ -1,4 +1,4 @@
-"""One run of a study: a function and a job, its outcome, its key and its record if it failed."""
+"""One run of a study: its function and job, its outcome, its key, and its record if it failed."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from pathlib import Path
 from typing import Any
 
 Case = Mapping[str, Any]
-"""A run's own record in JSON types: its seed and its parameters."""
+"""The seed and the parameters of a run, in JSON types."""
 
 Work = Callable[[Any], Any]
-"""The work of a run: a function of a module, or a `functools.partial` of one whose keywords do not change
+"""The work of a run: a function of a module, or a `functools.partial` of one with keywords that do not change
 results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
 KEY_DIGITS = 16
-"""Number of hexadecimal digits of a key: 64 bit; among a million runs two share one with a probability of 3e-8."""
+"""Number of hexadecimal digits of a key: 64 bit; the probability that two of a million runs share a key is 3e-8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
     """The outcome of one job.
 
-    index: of the job; seconds: time of the function in its last try; result: its return value, None if it failed
-    failure: last line of the traceback, None without failure; trace: all of it
+    index: index of the job; seconds: time of the function's last try [s]; result: its return value, None if it failed
+    failure: last line of the traceback, None without failure; trace: the whole traceback
     """
 
     index: int
@@ -61,7 +61,7 @@ def last_line(fault: BaseException) -> str:
 def importable(work: Work) -> Work:
     """The same function under its importable name. Raises ValueError if there is none.
 
-    A study run by `python -m` is `__main__` only in its own process.
+    The module of a study that `python -m` runs is named `__main__` only in its own process.
     """
     if isinstance(work, partial):
         if work.args:
@@ -83,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """The module to import for a function; for nested work the innermost one's."""
+    """The module to import for a function; for nested partials, that of the innermost function."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)
@@ -99,7 +99,7 @@ def named_work(name: str) -> Work:
 
 @cache
 def program() -> str:
-    """A digest of the source of the four packages, which identifies the program's state in results."""
+    """A digest of the source of the four packages; it identifies the program's state in results."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)
@@ -110,6 +110,6 @@ def program() -> str:
 
 
 def key_of(work: Work, case: Case) -> str:
-    """The key of a run, from its function's name and its case; raises TypeError for values foreign to JSON."""
+    """The key of a run, from its function's name and its case; TypeError for values that JSON cannot represent."""
     text = json.dumps([name_of(work), case], sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()[:KEY_DIGITS]

@@ -1,4 +1,4 @@
-"""Use of other cores for the passes of one estimation: processes that start only if that saves time."""
+"""Use of other cores for the passes of one estimation: their processes start only if that saves time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """A map, such as that of a pool of processes."""
 
 WORTH_S = 4.0
-"""Time of several calls here [s] above which further ones are shared: a process needs two seconds to start."""
+"""Time of a map in this process [s] after which further maps use other processes, which start in two seconds."""
 
 
 NEEDED = "estimators"
-"""Package that a process imports when it starts ahead: most of its two seconds."""
+"""Package that a process imports when it starts in advance: most of its start of two seconds."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The results in the order of the items: the pool works from the first on, this process from the last.
+    """The results in the order of the items: the pool starts with the first item, this process with the last.
 
-    This process does the work that a killed process leaves.
+    This process does the unfinished work of a killed process.
     """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
@@ -50,10 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map in this process, and for calls of `WORTH_S` or more also in one process for each other core.
+    """A map that runs in this process; once one took `WORTH_S`, also in a process for each other core.
 
-    n_cores: by default all. Functions and arguments must be picklable.
-    ahead: the processes start now, while this one does other work, and take part from the first call on
+    n_cores: number of cores, by default all. Functions and arguments must be picklable.
+    ahead: whether the processes start now, while this one does other work, and help from the first call on
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

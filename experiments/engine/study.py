@@ -1,8 +1,8 @@
 """A study: one function and many cases; runs are stored as they finish, and an interrupted study can be continued.
 
-The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases: numbers and texts
-of the case, of the result, and those of OWN; `failures/`, a file for each failed run; and `kept/`, all runs ever done
-in it.
+The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases, with numbers and
+texts of the case and of the result, and the columns of OWN; `failures/`, a file for each failed run; and `kept/`, all
+runs ever done.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
 RUNS = "runs.parquet"
 FAILURES = "failures"
 OWN = ("seconds", "failure", "command", "program", "key")
-"""Columns of the engine: time of a run, its failure and the command that repeats it, digest of the source, key."""
+"""Columns of the engine: a run's time, its failure, the command that repeats it, the source's digest, the key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """The runs of a study.
 
-    table: as in runs.parquet; n_runs, n_done: number of runs of the study, and of new ones
+    table: content of runs.parquet; n_runs, n_done: number of all runs, and of new ones
     failures: one line for each run that failed, with the command that repeats it
     """
 
@@ -63,9 +63,9 @@ def run_study(
     workers: Workers,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> Study:
-    """Do the missing and the failed runs of the folder, and write its table.
+    """Do the runs that failed or are missing in the folder, and write the folder's table.
 
-    work: returns one mapping of columns, or a list of them, with numbers, texts, booleans, lists of numbers
+    work: returns one mapping of columns, or a list of mappings, with numbers, texts, booleans, lists of numbers
     cases: different mappings of JSON types; their top-level numbers and texts become columns
     advance: called with the completed share
 
@@ -131,7 +131,7 @@ def _columns(table: pa.Table, *names: str) -> list[list[Any]]:
 
 
 def _noted(run: Run, case: Case, key: str, folder: Path, name: str) -> str | None:
-    """Write a failed run's record; returns the command that repeats it. Otherwise remove the record; returns None."""
+    """Write a failed run's record and return the command that repeats it; after success, remove it and return None."""
     path = folder / FAILURES / f"{key}.json"
     if run.failure is None:
         path.unlink(missing_ok=True)
@@ -148,7 +148,7 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
-    """Rows of these runs, in order; for a run that was done twice one of them, preferably a success.
+    """Rows of these runs, in order; if a run was done twice, only one result is used, preferably a success.
 
     Rows of a run are contiguous in a part, in the order of its function.
     """

@@ -25,17 +25,17 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""Dask's monitoring intervals: the defaults take 12 % of a core, these 1 %; its dashboard is not used here."""
+"""Dask's monitoring: the default intervals take 12 % of a core, these 1 %; the dashboard is off."""
 
 DEATHS = 2
-"""Number of deaths of local workers in a batch before its runs are done singly, and in a run before it is a failure;
-choice: one death may have an external cause."""
+"""Number of deaths of local workers in a batch after which its runs are repeated alone, and in a run after which it has
+failed; choice: one death may have an external cause."""
 
 REACHED_S = 30.0
-"""Timeout of a scheduler [s]."""
+"""Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Number of insertions, a second each, below which they finish before workers have started; choice."""
+"""Number of runs below which this process does them all: it finishes before workers have started; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -45,7 +45,7 @@ NO_WORKER_S = 300.0
 class Workers:
     """Where runs are done: number of local processes, or a scheduler.
 
-    n_processes: 1 is this process, None one per core
+    n_processes: 1 for this process alone, None for one per core
     scheduler: address of a Dask scheduler, `tcp://host:8786`; n_processes is not used then
     """
 
@@ -69,7 +69,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The workers of a command that does not need the extra: as chosen, or this process for few runs."""
+    """The workers of a command that also runs without the extra: the chosen ones, or this process for few runs."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -98,9 +98,9 @@ def chosen_workers(chosen: argparse.Namespace) -> Workers:
 
 @contextmanager
 def connected(workers: Workers, module: str) -> Iterator[Client]:
-    """A client of a local cluster of these processes, closed at the end, or of the scheduler. Raises InputError.
+    """A client of the scheduler, or of a local cluster that is closed at the end. Raises InputError.
 
-    module: of the work, imported once for all local processes
+    module: module of the work, imported once for all local processes
     """
     require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client
@@ -128,10 +128,10 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
     settings = {
         "distributed.worker.multiprocessing-method": method,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
-        # Ctrl-C reaches all processes of a terminal; this one closes the others
+        # Ctrl-C reaches all processes of a terminal; this process closes the others
         "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
-        # no second batch waits on a worker, since it would count as failed if the worker died
+        # a worker has no second waiting batch: it would count as failed if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
         # on a busy machine a worker may take longer to return than the default timeout of 15 s
         "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
@@ -151,7 +151,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """The module; for a study run by `python -m` its imports, because it is run again in each worker."""
+    """The module; for a study run by `python -m` its imports, because each worker runs the module again."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:
@@ -161,9 +161,9 @@ def _needed_by(module: str) -> list[str]:
 
 
 def _start_forkserver(module: str) -> None:
-    """Start the process from which workers are forked, once, with their imports loaded.
+    """Start, once, the process from which workers are forked, with their imports loaded.
 
-    Without it each worker would import for seconds, also each replacement.
+    Without this process each worker, and each replacement, would import for seconds.
     """
     from multiprocessing import forkserver
 

@@ -1,6 +1,6 @@
 """Films of what the camera saw: estimates, marks, reasons.
 
-Another drawing belongs here.
+A new kind of drawing belongs here.
 """
 
 # Import each from its own module.

@@ -1,4 +1,4 @@
-"""Annotated films of a run over a recording: film.avi or one for each camera, and worst.png."""
+"""Annotated films of a run over a recording: film.avi, or a film for each camera, and worst.png."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ FILM, WORST = "film.avi", "worst.png"
 
 
 class Film:
-    """Writes film.avi into a folder frame by frame, and worst.png at its end; as a context manager.
+    """A context manager that writes film.avi into a folder frame by frame, and worst.png at the end.
 
     In space each camera has a film, film.NAME.avi. Marks of another tracker are drawn on a plain background;
     InputError for those in space without cameras.
-    State: the writer of each camera, begun with its first frame; the worst frames.
+    State: the writer of each camera, created with its first frame; the worst frames.
     """
 
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:

@@ -1,6 +1,6 @@
 """One annotated frame: marks, network, target, needle, status and reasons, in pixels.
 
-Independent of scenes and filters: `views` makes an `Overlay` of a step. All ellipses contain 95 %.
+Independent of scenes and filters: `views` makes the `Overlay`. All ellipses contain 95 %.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from experiments.film.strokes import (
 from vision.arrays import Image
 
 WITHIN_95 = 2.447746830680816
-"""Root of the chi-square quantile, 2 degrees of freedom, 95 %: semi-axes of an ellipse in standard deviations."""
+"""Root of the 95 % quantile of chi-square, 2 degrees of freedom: an ellipse's semi-axes in standard deviations."""
 LIGHT: Colour = (255, 255, 255)
 SPRING: Colour = (215, 215, 215)
 TARGET: Colour = (66, 228, 240)
@@ -54,10 +54,10 @@ class Fate(StrEnum):
 class MarkDrawn:
     """A mark as drawn: its name, its hue [degrees], its result in the frame.
 
-    center_px, cov_px2: its detection, (2,), (2, 2); None for a lost one
+    center_px, cov_px2: its detection, (2,), (2, 2); None for a lost mark
     expected_px, expected_cov_px2: its prediction; None if it is not known
-    shape_px: its image is center + shape_px @ unit disc, (2, 2)
-    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False for scoring only
+    shape_px: matrix from the unit disc to its image about the center, (2, 2)
+    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False if it only scores estimates
     """
 
     name: str
@@ -75,7 +75,7 @@ class MarkDrawn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleDrawn:
-    """A needle: points from its entry to its tip, (2, 2), its line ahead, (2, 2); the aim and its covariance."""
+    """A needle: its entry and tip, (2, 2), the ends of its line beyond the tip, (2, 2), the aim and its covariance."""
 
     shaft_px: Floats
     ahead_px: Floats
@@ -90,7 +90,7 @@ class Overlay:
     status, status_colour: a word, and its colour; facts: text beside it, such as the time
     nodes_px: (n, 2), NaN for nodes outside the view; names: of nodes, empty for those without a label; fixed: (n,)
     springs: pairs of nodes, (m, 2)
-    target_px, target_cov_px2: (2,), (2, 2), None if not known; target_shape_px: its own size, (2, 2)
+    target_px, target_cov_px2: (2,), (2, 2), None if not known; target_shape_px: as `shape_px` of a mark, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint
     advice, advice_colour: a word and its colour, both empty without a needle
     """
@@ -122,7 +122,7 @@ def drawn(image: Image, overlay: Overlay) -> Image:
 
 
 def sketched(image: Image, overlay: Overlay) -> Image:
-    """A copy of a frame, as for `drawn`, with the overlay without its words."""
+    """A copy of a frame, as in `drawn`, with the overlay but without its text."""
     canvas = np.ascontiguousarray(image).copy()
     scale = scale_of(canvas)
     _network(canvas, overlay, scale)
@@ -216,7 +216,7 @@ def _needle(canvas: Image, needle: NeedleDrawn, scale: float) -> None:
 
 
 def _names(canvas: Image, overlay: Overlay, scale: float, rows: tuple[float, float]) -> None:
-    """Names of nodes and of marks, to the upper right of them, between these rows."""
+    """Write the names of nodes and marks to their upper right, between these rows of the picture."""
     up = text_height(scale)
 
     def draw(name: str, right: float, above: float, colour: Colour) -> None:
@@ -241,7 +241,7 @@ def _is_inside(canvas: Image, place_px: Floats) -> bool:
 
 
 def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]:
-    """Draw status and facts at the top, advice below, reasons at the lower edge; returns the free rows between."""
+    """Write status and facts at the top, advice below, reasons at the lower edge; returns first and last free row."""
     height, width = canvas.shape[:2]
     pad, line, large = 5.0 * scale, text_height(scale), 1.3 * scale
     room = width - 2.0 * pad
@@ -268,7 +268,7 @@ def _words(canvas: Image, overlay: Overlay, scale: float) -> tuple[float, float]
 
 
 def wrapped(text: str, room_px: float, scale: float) -> list[str]:
-    """The text in lines no wider than this [px], broken between words."""
+    """The lines of a text, broken between words to be no wider than `room_px` [px]."""
     if not text or text_width(text, scale) <= room_px:
         return [text] if text else []
     lines: list[str] = []

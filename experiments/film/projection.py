@@ -1,6 +1,6 @@
 """Projection of places, covariances and shapes into the picture of a camera, in the plane or in space.
 
-Image axes: u right, v down, pixels; the world in metres. What is behind the camera is NaN or zero.
+Image axes: u right, v down, pixels; the world in metres. Results are NaN or zero for points behind the camera.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from experiments.pipeline.sight.space import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500
-"""Number of points of a line that are tested for the view; numerical: its end is within some pixels of the edge."""
+"""Number of points on a line that are tested for visibility; numerical: its end is off by some pixels."""
 
 
 class View(Protocol):
@@ -39,10 +39,10 @@ class View(Protocol):
         """The image of a mark at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """The image of a ball of a radius [m] about a position [m], (dim,), alike, (2, 2) [px]."""
+        """The image of a ball of this radius [m] at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether the mark of a node may be visible at a position [m], (dim,); in space not at an unknown one, None."""
+        """Whether a node's mark may be visible at a position [m], (dim,); in space False if that is unknown, None."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -80,7 +80,7 @@ class PlaneView:
             return np.full(2, np.nan)
 
     def line(self, ends_m: Floats) -> Floats:
-        """See `View`: all of it."""
+        """See `View`: the whole line counts as visible."""
         return self.places(ends_m)
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
@@ -100,7 +100,7 @@ class PlaneView:
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """See `View`: always."""
+        """See `View`: always True."""
         return True
 
 

@@ -1,8 +1,8 @@
 """Speed of a film with its overlay at 640x480: what `softaim bench` shows as film_640x480.
 
 Recordings of 30 frames/s need 33 ms per frame. Processor times on a busy machine: tracking 4.1 ms, projecting and
-drawing 3.4, compression 3.7, 11.2 in all; 32.5 with one of four marks missing in every frame, of which the finder
-takes 25, because it then searches the whole picture each time.
+drawing 3.4 ms, compression 3.7 ms, in all 11.2 ms. With one of four marks missing in every frame the sum is 32.5 ms, of
+which 25 ms are the search for it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vision.arrays import Image
 
 
 def film_640x480(scene: Scene, times_s: Sequence[float], images: Sequence[Image]) -> dict[str, float]:
-    """Medians over frames [ms]: tracking, with reasons recorded; projecting and drawing; compression; all of it."""
+    """Medians over frames [ms] of the times for tracking with reasons, projecting and drawing, compression, and all."""
     line, camera, seconds = Line(scene, explain=True), scene.cameras[0], []
     with TemporaryDirectory() as folder, VideoWriter(Path(folder) / "film.avi", camera.size_px, 30.0) as writer:
         for time_s, image in zip(times_s, images, strict=True):

@@ -20,12 +20,12 @@ DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 NEAR_PX = 1e4
-"""Distance within which lines need no clipping [px]: OpenCV's integers can represent it."""
+"""Largest coordinate at which lines need no clipping [px]: OpenCV's integers can represent it."""
 TEXT_PX = 16.0
 """Height of a line of text in a picture of 480 px [px]."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_PX = 30.0
-"""Height of a line of that font at scale 1 [px]."""
+"""Height of a line of OpenCV's font at scale 1 [px]."""
 
 
 def segments_of(points_px: Floats) -> Floats:
@@ -34,7 +34,7 @@ def segments_of(points_px: Floats) -> Floats:
 
 
 def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
-    """Draw pieces of lines, (n, 2, 2) [px], those parts that lie in the picture; edge: width of the dark edge [px]."""
+    """Draw the parts of line pieces, (n, 2, 2) [px], that lie in the picture; edge: width of the dark edge [px]."""
     inside = segments if _is_near(segments) else clipped(segments, image.shape[1::-1])
     if len(inside):
         _draw(image, list(_fixed(inside)), colour, width, edge)
@@ -49,12 +49,12 @@ def draw_line(image: Image, points_px: Floats, colour: Colour, width: int, *, ed
 
 
 def _is_near(places: Floats) -> bool:
-    """Whether all positions are finite and within this range."""
+    """Whether all positions are finite and within NEAR_PX."""
     return places.size > 0 and bool(np.abs(places).max() < NEAR_PX)
 
 
 def _fixed(places: Floats) -> Picture:
-    """Positions in OpenCV's form for parts of pixels."""
+    """Positions as OpenCV's integers for fractions of pixels."""
     return np.round(places * 2**SHIFT).astype(np.int32)
 
 
@@ -71,9 +71,9 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
 
 
 def clipped(segments: Floats, size_px: Sequence[int], margin_px: float = 8.0) -> Floats:
-    """The parts of segments (n, 2, 2) within a picture and a margin around it; others, or non-finite ones, are dropped.
+    """The parts of segments (n, 2, 2) within a picture and its margin; segments outside or not finite are dropped.
 
-    By Liang and Barsky: each of four half planes cuts the interval of t in a + t (b - a).
+    Liang and Barsky's method: each of four half planes limits the interval of t in a + t (b - a).
     """
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
@@ -111,7 +111,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not np.isfinite(along[-1]) or along[-1] == 0.0:
         return np.zeros((0, 2, 2))
-    # a line far outside the picture gets longer dashes: no more than a picture can show
+    # a line far outside the picture gets longer dashes, which limits their number
     starts = np.arange(0.0, along[-1], max(2.0 * dash_px, along[-1] / 500.0))
     half = 0.5 * (starts[1] - starts[0]) if len(starts) > 1 else dash_px
     ends = np.minimum(starts + half, along[-1])
@@ -120,7 +120,7 @@ def dashed(points_px: Floats, dash_px: float) -> Floats:
 
 
 def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw a line of text with a dark edge, its upper left corner there, moved into the picture; its width [px]."""
+    """Draw text with a dark edge; its upper left corner is `at_px`, moved if outside. Returns its width [px]."""
     ink, edge = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     ink, edge = ink[: part.shape[0], : part.shape[1]], edge[: part.shape[0], : part.shape[1]]
@@ -129,7 +129,7 @@ def draw_text(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colour, scale: float) -> int:
-    """Draw a dark word on a plate of this colour, placed as by `draw_text`; its width [px]."""
+    """Draw a dark word on a plate of this colour, placed as in `draw_text`; returns its width [px]."""
     ink, _ = _letters(text, round(scale * TEXT_PX / FONT_PX, 3))
     part = _room(image, at_px, ink)
     part[:] = colour
@@ -138,7 +138,7 @@ def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def _room(image: Image, at_px: tuple[float, float], ink: Picture) -> Image:
-    """The part of a picture that letters cover, shifted into the picture."""
+    """The part of a picture that the letters at this place cover, shifted to lie inside."""
     (height, width), (rows, columns) = ink.shape[:2], image.shape[:2]
     left = int(np.clip(round(at_px[0]), 0, max(columns - width, 0)))
     top = int(np.clip(round(at_px[1]), 0, max(rows - height, 0)))
@@ -167,7 +167,7 @@ def text_width(text: str, scale: float) -> int:
 
 @lru_cache(maxsize=512)
 def _letters(text: str, font_scale: float) -> tuple[Picture, Picture]:
-    """Coverage of pixels by letters, and by letters with their dark edge, (height, width, 1) float32 each."""
+    """Coverage of pixels [1] by letters, and by letters with their dark edge, each (height, width, 1) float32."""
     (width, height), below = cv2.getTextSize(text, FONT, font_scale, 1)
     pad = 2
     canvas = np.zeros((height + below + 2 * pad, width + 2 * pad), dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""Pixels that the keys of marks' hues select in a film: shares frame by frame, coloured in the frames."""
+"""Pixels in the hue ranges of a scene's marks: their share of each frame of a film, and frames that show them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue: their nodes, their colour range, area of all of them and least area of the smallest [px]."""
+    """Marks of one hue: nodes, colour range, total area and least area of the smallest mark [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """The pixels that each kind's keys select. State: pixels by kind and frame; frames with least and most pixels."""
+    """Pixels in each kind's colour range. State: their number by kind and frame; frames with least and most."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]
@@ -55,7 +55,7 @@ class Taken:
     stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
 
     def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
-        """Count a frame; keep it if it has the least or the most pixels of a kind."""
+        """Count the pixels of a frame; store it if it has the least or the most of a kind."""
         self.times_s.append(time_s)
         self.pixels.append(list(pixels))
         for k, n in enumerate(pixels):
@@ -100,7 +100,7 @@ def kinds_of(scene: Scene) -> tuple[Kind, ...]:
 
 
 def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int]) -> Image:
-    """A frame in grey, with each kind's pixels in its hue, and shares in words; classes: of its pixels, from 1."""
+    """A grey frame with each kind's pixels in its hue and their shares as text; classes: kind of each pixel, from 1."""
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     picture = np.asarray(cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     darken(picture, 0.0, len(picture))
@@ -118,7 +118,7 @@ def painted(image: Image, classes: Picture, taken: Taken, pixels: Sequence[int])
 def taken_over(
     source: str, scene_path: Path | None, folder: Path | None, *, film: bool = False, fps: float | None = None
 ) -> Taken:
-    """The pixels that keys select in each frame of a film, folder of pictures or recording; optionally written.
+    """Count each kind's pixels in a film, folder of pictures or recording; write tables and pictures into `folder`.
 
     folder: an existing one for hue.csv, hue.png and, with film, film.avi. Raises InputError.
     """

@@ -48,13 +48,13 @@ GROUND = 60
 GROUND_PX = (640, 480)
 """Size of the plain background for marks without pictures [px]."""
 GROUND_SHARE = 0.6
-"""Share of the background for the network as drawn: the rest is for its motion and for text."""
+"""Share of the background that the network at rest covers: the rest is for its motion and for text."""
 MOST_NAMED = 40
 """Largest number of nodes in a network that are all labelled: more labels would hide the picture."""
 
 
 def ground_camera(scene: Scene) -> PlaneCamera:
-    """A camera square to the plane that sees the network in the middle; InputError in space."""
+    """A camera perpendicular to the plane, with the network at its centre; InputError in space."""
     if scene.network.dim != 2:
         raise InputError.at("--film", "a flat scene, or cameras with lens and pose in it", "one in space without them")
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
@@ -92,9 +92,9 @@ def overlay_of(
     guidance: Guidance | None = None,
     plan: NeedlePlan | None = None,
 ) -> Overlay:
-    """The annotation of a step in the picture of a camera; line: its state after the step.
+    """The annotation of a step in the picture of a camera; line: the pipeline after that step.
 
-    guidance, plan: the advice at that moment, and its needle
+    guidance, plan: the advice at the time of the step, and its needle
     """
     scene, estimate = line.scene, step.estimates[FILTER]
     view = view_of(scene, camera)
@@ -123,12 +123,12 @@ def overlay_of(
 
 
 def node_places(line: Line) -> Floats:
-    """Positions of all nodes that the filter expects now [m], (n_nodes, dim)."""
+    """Positions of all nodes that the filter predicts now [m], (n_nodes, dim)."""
     return line.filter.positions
 
 
 def facts(estimate: TargetEstimate, n_measured: int) -> str:
-    """Time, marks used and the target's standard deviation, for the text beside the status."""
+    """Text beside the status: time, number of marks used, and the target's standard deviation."""
     sigma = ""
     if estimate.cov is not None and np.isfinite(estimate.cov).all():
         sigma = f", sigma {1e3 * float(np.sqrt(np.linalg.eigvalsh(estimate.cov)[-1].clip(0.0))):.1f} mm"
@@ -136,7 +136,7 @@ def facts(estimate: TargetEstimate, n_measured: int) -> str:
 
 
 def advice_words(guidance: Guidance) -> str:
-    """The advice in short: the advice, the probability of a hit, the reason."""
+    """The advice in one line: the word, the probability of a hit, the reason."""
     what = str(guidance.advice).replace("_", " ")
     hit = "" if guidance.probability is None else f" {int(100.0 * guidance.probability)} %"
     return f"{what}{hit}: {guidance.reason}"

@@ -21,12 +21,12 @@ MOST_TILES = 6
 CAPTION_LINES = 2
 """Lines of text above a picture."""
 SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status.INITIALISING)
-"""Statuses, the worst first; a start is not a fault of the filter."""
+"""Statuses, the worst first; initialisation is last because it is not a fault of the filter."""
 
 
 @dataclass(slots=True, eq=False)
 class Still:
-    """The worst frame of a kind so far: its badness, the picture, and the number of frames of the kind."""
+    """The worst frame of a kind so far: its severity, its picture, and the number of frames of that kind."""
 
     badness: tuple[float, ...]
     picture: Image
@@ -34,16 +34,16 @@ class Still:
 
 
 class WorstFrames:
-    """Keeps the worst frame of each kind: a status, and the first fault of a mark with its reason.
+    """Stores the worst frame of each kind: a kind is a status and the first mark's fault with its reason.
 
-    State: a picture by kind; there are at most as many kinds as statuses times reasons.
+    State: a picture by kind; the number of kinds is at most that of statuses times that of reasons.
     """
 
     def __init__(self) -> None:
         self._stills: dict[tuple[str, str], Still] = {}
 
     def take(self, overlay: Overlay, picture: Image) -> None:
-        """Count a frame, drawn, and keep it if it is the worst of its kind."""
+        """Count a drawn frame, and store it if it is the worst of its kind."""
         missed = [mark for mark in overlay.marks if mark.fate is not Fate.FOUND and mark.measured]
         kind = overlay.status, _fault(missed[0]) if missed else ""
         badness = float(len(missed)), _spread(overlay)
@@ -56,7 +56,7 @@ class WorstFrames:
             known.badness, known.picture = badness, _tile(picture)
 
     def sheet(self) -> Image | None:
-        """Pictures in rows of two, the worst kinds first; without faults the most uncertain frame."""
+        """Pictures in rows of two, the worst kinds first; if there were no faults, the most uncertain frame."""
         faults = [kind for kind in self._stills if kind != (Status.TRACKING, "") and kind[0] != Status.INITIALISING]
         kinds = faults or list(self._stills)
         if not kinds:
@@ -80,7 +80,7 @@ def captioned(picture: Image, text: str) -> Image:
 
 
 def side_by_side(tiles: Sequence[Image]) -> Image:
-    """Pictures on a sheet in rows of two, the first MOST_TILES of them; smaller ones get a black edge."""
+    """Pictures on a sheet in rows of two, at most MOST_TILES of them; smaller pictures get a black edge."""
     tiles = tiles[:MOST_TILES]
     height, width = np.max([one.shape[:2] for one in tiles], axis=0)
     shown = [np.pad(one, ((height - len(one), 0), (0, width - one.shape[1]), (0, 0))) for one in tiles]
@@ -90,7 +90,7 @@ def side_by_side(tiles: Sequence[Image]) -> Image:
 
 
 def _fault(mark: MarkDrawn) -> str:
-    """The result for a mark, and the reason, without numbers."""
+    """The result for a mark and its reason as text without numbers."""
     return REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0]
 
 

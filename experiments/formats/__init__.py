@@ -1,4 +1,4 @@
 """Checked files: scenes, recordings, scenarios, needles, plans, tables.
 
-Another format belongs here, written with `outputs.py`.
+A new format belongs here; it is written with `outputs.py`.
 """

@@ -62,7 +62,7 @@ class CalibratedCamera:
     name, size_px: its name; width and height of its pictures [px]
     lens: matrix and distortion
     pose: world to camera [m]
-    uncertainty: as in `Calibration`, (n, 15), in metres
+    uncertainty: uncertain directions as in `Calibration`, (n, 15), lengths in metres
     reprojection_rms_px: root mean square residual [px]
     mm_per_px: size of a pixel on the plane at the picture's centre, across and down [mm]
     """
@@ -77,7 +77,7 @@ class CalibratedCamera:
 
 
 def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
-    """The lens from keys of a file; ValueError, `key: expected …, found …`."""
+    """The lens that these keys of a file describe; raises ValueError, `key: expected …, found …`."""
     A = np.array(matrix, dtype=float)
     if not (A[0, 0] > 0 and A[1, 1] > 0 and (A[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] == [0, 0, 0, 0, 1]).all()):
         raise ValueError(f"matrix: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], found {shown(matrix)}")
@@ -85,7 +85,7 @@ def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float])
 
 
 def checked_pose(rotation: Sequence[Sequence[float]], translation_mm: Sequence[float]) -> Pose:
-    """The pose from keys of a file; ValueError, `key: expected …, found …`."""
+    """The pose that these keys of a file describe; raises ValueError, `key: expected …, found …`."""
     R = np.array(rotation, dtype=float)
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
         raise ValueError(f"rotation: expected a rotation matrix, found {shown(rotation)}")

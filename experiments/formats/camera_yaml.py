@@ -1,4 +1,4 @@
-"""Lenses in the YAML formats of OpenCV and ROS (`camera_info`), written and read."""
+"""Reading and writing of lenses in the YAML formats of OpenCV and ROS (`camera_info`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from vision import Lens, quiet_opencv
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
-"""Numbers of coefficients in OpenCV's order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two of a tilted sensor."""
+"""Numbers of coefficients in OpenCV's order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two for a tilted sensor."""
 
 N_DLT = 11
 """Number of coefficients of a direct linear transformation, L1 to L11, of one camera."""
@@ -40,9 +40,9 @@ class LensFile:
 
 
 def read_lens_file(path: Path) -> LensFile | None:
-    """The lens of a file of OpenCV or ROS, recognised by its content; None for another file. Raises InputError.
+    """The lens of a file of OpenCV or ROS, recognised by its content; None for other formats. Raises InputError.
 
-    Camera files of other programs are refused with an instruction.
+    The error for another program's camera file says what to do.
     """
     text = read_text(path)
     if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
@@ -98,7 +98,7 @@ def read_opencv_yaml(path: Path) -> LensFile:
 
 
 def ros_text(content: LensFile) -> str:
-    """A lens in the format of ROS's camera_info_manager: matrix, distortion, no rectification."""
+    """A lens in the format of ROS's camera_info_manager: matrix and distortion, without rectification."""
     projection = np.column_stack([content.lens.matrix, np.zeros(3)])
     lines = [
         f"image_width: {content.size_px[0]}",

@@ -20,10 +20,10 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]` of a needle, as the filter assumes them; by default those in soft PVC (`docs/needle.md`).
+    """`[forces]` of a needle, which the filter assumes; by default those in soft PVC (`docs/needle.md`).
 
-    Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true one. A
-    puncture_N of 0: the skin has no resistance.
+    Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true constant. With
+    a puncture_N of 0 the skin has no resistance.
     """
 
     puncture_N: NotNegative = 0.8  # noqa: N815 (the format's own word)
@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The prediction of this needle's push on a network; the relative error is uniformly distributed."""
+        """The needle with its predicted push on a network; the push's relative error is uniformly distributed."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -50,16 +50,16 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel that distributes a needle's force over nodes [m]: from the study; it cannot be observed."""
+    """Width of the kernel that distributes a needle's force over nodes [m]: chosen, since it cannot be observed."""
     lengths = network.rest_lengths
-    if not len(lengths):  # points of a continuum: the nearest other one in place of a spring
+    if not len(lengths):  # points of a continuum: the distance to the nearest point replaces that of a spring
         places = network.positions
         lengths = np.sort(np.linalg.norm(places[:, None] - places, axis=2), axis=1)[:, 1]
     return 0.3 * float(np.median(lengths))
 
 
 class LesionTable(Strict):
-    """`[lesion]`: a ball by its radius, or an ellipsoid by its semi-axes, each a vector."""
+    """`[lesion]`: a ball, given by its radius, or an ellipsoid, given by its semi-axes as vectors."""
 
     radius_mm: Positive | None = None
     semi_axes_mm: Annotated[list[Coordinates], Field(min_length=2, max_length=3)] | None = None

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TIMES = ("time_s", "arrival_s")
-"""Columns with times on any clock, such as since 1970."""
+"""Columns with times that may be large, for example seconds since 1970."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of an operating system for a full disk or quota."""
@@ -25,10 +25,10 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @contextmanager
 def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A temporary folder whose files move to `path` after a clean exit, and are deleted after an exception.
+    """A temporary folder; its files move to `path` after a clean exit, and are deleted after an exception.
 
     force: write into a folder that is not empty; files with the same names are replaced, all others stay
-    inputs: folders that are read; a `path` that is, contains or lies in one of them is rejected even with force
+    inputs: folders that are read; a `path` that equals, contains or lies in one of them is rejected even with force
 
     Raises InputError, before any work is done, if `path` cannot be written.
     """
@@ -41,7 +41,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
         with _accepted(path, "room to write", FULL):
             work = _fresh_folder(path, final)
             yield work
-            _check_free(path, final, force, work)  # again: someone may have written there during a long run
+            _check_free(path, final, force, work)  # again: other programs may have written there meanwhile
             _hand_over(path, work, final)
     finally:
         if work is not None:
@@ -50,7 +50,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
 
 @contextmanager
 def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator[None]:
-    """Convert errors of the operating system, with any of these error numbers or all, into InputError with the path."""
+    """Convert errors of the operating system, all or those with these numbers, into InputError with the path."""
     try:
         yield
     except OSError as error:
@@ -68,10 +68,10 @@ def _probe(final: Path, folder: Path) -> None:
 
 @contextmanager
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A folder whose files are written to `path` directly, and stay after an exception.
+    """The folder `path`, in which files are written directly and stay after an exception.
 
     For output that cannot be repeated, such as a live run. A new folder without files is removed at the end.
-    force, inputs: as for `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
+    force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))
     for source in inputs:
@@ -95,7 +95,7 @@ def table_text(table: pd.DataFrame) -> str:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file atomically: its name has the old content or the new, never a part. Raises InputError."""
+    """Write a file atomically: its path has the old content or the new, never a part of it. Raises InputError."""
     write_together({path: content})
 
 
@@ -120,7 +120,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # before: an interrupt may come right after; the last file needs no backup
+                if path != paths[-1]:  # before the move: an interrupt may follow it; the last file needs no backup
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
@@ -143,9 +143,9 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
 
 @contextmanager
 def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] = dict) -> Iterator[BinaryIO]:
-    """A file to write incrementally; it moves to `path` after a clean exit; after an exception the old one stays.
+    """A file to write incrementally; it moves to `path` after a clean exit; after an exception the old file stays.
 
-    beside: files to write with it, requested once it is complete: all of them or none. Raises InputError.
+    beside: called when the file is complete; returns further files, of which all or none are written
     """
     final = _final(path)
     part = _part_of(final, final.parent)
@@ -174,7 +174,7 @@ def check_new(path: Path, force: bool) -> None:
 
 
 def _final(path: Path) -> Path:
-    final = Path(os.path.realpath(path))  # through a link, like a plain write
+    final = Path(os.path.realpath(path))  # writes through a symbolic link, like a plain write
     if os.path.isdir(final):
         raise InputError.at(path, "a file", "a folder")
     if os.path.exists(final) and not os.path.isfile(final):
@@ -187,7 +187,7 @@ def _part_of(final: Path, folder: Path) -> Path:
 
 
 def check_apart(path: Path, source: Path) -> None:
-    """Raise InputError if an output folder is, contains or lies in an input folder."""
+    """Raise InputError if an output folder equals, contains or lies in an input folder."""
     final = Path(os.path.realpath(path))
     read = Path(os.path.realpath(source))
     if final == read or read in final.parents or final in read.parents:
@@ -213,7 +213,7 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
 
 
 def _fresh_folder(path: Path, final: Path) -> Path:
-    """A new temporary folder on the file system of `final`: beside it if possible, else in it."""
+    """A new temporary folder on the file system of `final`: beside `final` if possible, else inside it."""
     places = [next((parent for parent in final.parents if os.path.exists(parent)), final)]
     if os.path.isdir(final):
         if not os.access(final, os.W_OK):
@@ -244,7 +244,7 @@ def _hand_over(path: Path, work: Path, final: Path) -> None:
 
 
 def _merge(path: Path, work: Path, final: Path) -> None:
-    """Move all files of one folder into another, replacing those with the same names; all of them or none."""
+    """Move all files of one folder into another, replacing those with the same names; either all or none are moved."""
     files = sorted(file.relative_to(work) for file in work.rglob("*") if not file.is_dir())
     for file in files:
         if (final / file).is_dir():

@@ -9,7 +9,7 @@ from experiments.formats.outputs import write_whole
 
 
 def replaced(text: str, parts: Mapping[str, str]) -> str:
-    """The text of a page with new content for these parts, by name; ValueError if the comments of one are missing."""
+    """A page's text with new content for these parts, by name; ValueError if a part's comments are missing."""
     for name, content in parts.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, found, rest = text.partition(start)
@@ -21,5 +21,5 @@ def replaced(text: str, parts: Mapping[str, str]) -> str:
 
 
 def rewrite_page(page: Path, parts: Mapping[str, str]) -> None:
-    """Replace parts of a page, by name: all of them, or none and a ValueError."""
+    """Replace parts of a page, by name; if one cannot be found, ValueError and the page does not change."""
     write_whole(page, replaced(page.read_text(encoding="utf-8"), parts))

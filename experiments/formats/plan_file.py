@@ -35,7 +35,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: a segment of skin in the plane, a box in space; about n of its points are tried."""
+    """`[entry]`: a segment of skin in the plane, or a box in space; about n of its points are tried as entries."""
 
     from_mm: Coordinates
     to_mm: Coordinates
@@ -55,7 +55,7 @@ class EntryTable(Strict):
 
 
 class ObstacleTable(Strict):
-    """`[[obstacle]]`: a ball with its centre, or a capsule with the ends of its axis."""
+    """`[[obstacle]]`: a ball, given by its centre, or a capsule, given by the ends of its axis."""
 
     name: Name
     kind: Kind = "other"

@@ -31,7 +31,7 @@ class Provenance:
     """Origin of an output.
 
     arguments: of the command line; program: digest of its source; inputs: files and folders that were read
-    scene: the used one, None without; left_out: steps that were not done on it
+    scene: the scene used, None without one; left_out: steps that were not done on it
     """
 
     command: str
@@ -55,7 +55,7 @@ def input_of(path: Path) -> Input:
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file; for a folder, that of its files' digests and names, in the order of names.
+    """SHA-256 of a file; for a folder, the SHA-256 of its files' digests and names, in the order of names.
 
     Raises InputError for an unreadable file.
     """
@@ -92,5 +92,5 @@ def _utc(time: datetime) -> str:
 
 
 def beside(path: Path) -> Path:
-    """The provenance file of a single file: my.provenance.json beside my.toml."""
+    """The path of a single file's provenance: my.provenance.json beside my.toml."""
     return path.with_name(f"{path.stem}.{PROVENANCE}")

@@ -60,7 +60,7 @@ class Fix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True positions of nodes, each with its own times. Filters do not use them.
+    """True positions of nodes; each node has its own times. Filters do not use them.
 
     times_s: by node, increasing [s], (n,)
     positions: by node [m], (n, dim)
@@ -75,7 +75,7 @@ class Truth:
         return tuple(self.times_s)
 
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
-        """Which of the times [s], (n,), the truth covers, and the node's positions then [m], (n, dim).
+        """Whether the truth covers each of the times [s], (n,), and the node's true positions [m], (n, dim).
 
         Interpolated linearly; NaN outside the truth's own times.
         KeyError for a node that is not among `nodes`.
@@ -97,10 +97,10 @@ class Recording:
     source: the video file, or the folder of pictures or of a film's pieces; None for marks.csv
         and for films in space
     films: of the cameras in space; exposures_s are then the times at which any of them exposed
-    marks: for each frame the marks by another tracker; None with pictures
+    marks: for each frame the marks from another tracker; None with pictures
     truth: true positions of nodes, if known
     fixes: direct measurements of the target, in order of time
-    aside: other axes or units that its first marks seem to have; None if they fit the drawing, or nothing simple fits
+    aside: message if the first marks seem to have other axes or units than the scene; None if they do not
     """
 
     folder: Path
@@ -191,7 +191,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames and the marks of each; without given times, the times of marks."""
+    """Exposure times of the frames and the marks of each; without given times, those in the file."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
@@ -216,7 +216,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Rows of a table like marks.csv, for any nodes and reference marks: times [s], (n,), and marks."""
+    """Times [s], (n,), and marks of a table like marks.csv, which may have any nodes and reference marks."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -225,7 +225,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The frame nearest to each time [s], (n,), the earlier of two, and its distance [s], (n,)."""
+    """The frame nearest to each time [s], (n,), the earlier of two equally near, and the time between [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)
@@ -233,7 +233,7 @@ def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int
 
 
 def _spread_columns(path: Path, dim: int) -> list[str]:
-    """Columns of a table for the accuracy of its marks: sd_mm, or those of a full covariance."""
+    """Columns of a table with the accuracy of its marks: sd_mm, or those of a full covariance."""
     named = next(read_rows(path, f"columns {', '.join(['time_s', 'sd_mm', *AXES[:dim], 'node'])}"))
     return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
 

@@ -21,7 +21,7 @@ STEPS = "STEPS.md"
 """File name of a project's page of steps, beside its scenarios."""
 
 MOST_STEPS = 1_000_000
-"""Largest number of frames, samples of a tremor, or pokes: more are a typing error; nine hours at 30 frames/s."""
+"""Largest number of frames, samples of a tremor, or pokes: more are a typing error. It is nine hours at 30 frames/s."""
 
 PAPER_SD_MM = 4.14
 """Standard deviation of the paper's marks for each axis [mm]."""
@@ -30,7 +30,7 @@ NEAR_SD_MM = 0.5
 """Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
 OPPOSITE = np.cos(np.radians(179.0))
-"""Cosine of the angle between two directions above which they are opposite."""
+"""Cosine of 179 degrees: directions with a larger angle between them are opposite."""
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Light = Literal["webcam", "paper"]
@@ -40,15 +40,15 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Deviation of the true constants from the scene's: relative standard deviations by kind, drawn for each constant with
-the seed. The filter uses the scene's constants."""
+"""Relative standard deviations, by kind, of the true constants from the scene's, which the filter uses; each deviation
+is drawn with the seed."""
 
 
 class SeenMarks(Strict):
     """Simulated errors of marks without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; known to the methods
-    lost: share of missing marks; outliers: share of marks at 30 to 150 mm from the true position
+    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; the methods know it
+    lost: share of missing marks; outliers: share of marks 30 to 150 mm from the true position
     """
 
     sd_mm: Positive = PAPER_SD_MM
@@ -68,7 +68,7 @@ class Marks(SeenMarks):
 
 
 class Camera(Strict):
-    """A camera square to the plane of the phantom."""
+    """A camera perpendicular to the plane of the phantom."""
 
     size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
     mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
@@ -92,7 +92,7 @@ class Video(Strict):
 
 
 class Scenario(Strict):
-    """A scenario file, version 1; after reading, `scene` is the path of the scene file from the current folder."""
+    """A scenario file, version 1; after reading, `scene` is the scene file's path relative to the current folder."""
 
     version: Literal[1]
     title: str = ""
@@ -168,7 +168,7 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """Read the scenario of this name or TOML file, and complete it for its own tissue; raises InputError."""
+    """Read a scenario by its name or TOML file, and complete it for its own tissue; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -177,7 +177,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """Read the scenario of this name or TOML file, without checking its nodes in its tissue; raises InputError."""
+    """Read a scenario by its name or TOML file, without comparing its nodes with its tissue; raises InputError."""
     if name in shipped():
         with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
             return _read(path)

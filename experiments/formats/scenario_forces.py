@@ -9,13 +9,13 @@ from pydantic import Field, model_validator
 from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict
 
 UPWARD = (0.3, 1.0, 0.0)
-"""Default direction of breathing; in the plane without the last component."""
+"""Default direction of breathing forces; in the plane without the last component."""
 
 Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table: noise acceleration on every free node, white below half of 1 / interval_s."""
+    """Tremor of the table: random acceleration of every free node, white noise below half of 1 / interval_s."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
@@ -31,7 +31,7 @@ class Release(Strict):
 class _Forces(Strict):
     """Forces on nodes.
 
-    nodes: by default all with a measured mark
+    nodes: by default all nodes with a measured mark
     acceleration_m_s2: the largest force divided by the node's mass
     shortest_s, longest_s: range from which the duration, or the period, is drawn
     """
@@ -51,9 +51,9 @@ class _Forces(Strict):
 class Pokes(_Forces):
     """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
-    Each size is drawn between the share `weakest` of the largest force and that force.
-    pause_s: mean of the exponential pause between two pokes
-    together: all of the nodes at once, in the same direction, instead of a random one
+    The size of each poke is drawn between `weakest` times the largest force and that force.
+    pause_s: mean of the pause between two pokes, which is exponentially distributed
+    together: whether each poke acts on all nodes, in the same direction, instead of on a random one
     """
 
     pause_s: Positive
@@ -64,8 +64,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
 
-    The period is constant in a run. direction: of the force and of the first wave; default `UPWARD`. Without nodes, the
-    whole mass of a continuum is accelerated.
+    The period is constant in a run. direction: of the force and its first half wave; default `UPWARD`. Without nodes,
+    the whole mass of a continuum is accelerated.
     """
 
     direction: Coordinates | None = None
@@ -78,9 +78,9 @@ class Breathing(_Forces):
 
 
 class Posture(Strict):
-    """Rotation of the body: gravity changes from one direction to another, at a rate that rises and falls.
+    """Rotation of the body: gravity turns from one direction to another, at a rate that rises and falls.
 
-    from_m_s2: by default that of the scene, under which the body rests as drawn
+    from_m_s2: first gravity [m/s²]; by default that of the scene, under which the body rests as drawn
     """
 
     from_m_s2: Coordinates | None = None
@@ -92,8 +92,8 @@ class Posture(Strict):
 class Press(Strict):
     """A probe or a plate presses on nodes, stays and withdraws.
 
-    force_n: total on all nodes, shared equally; rises_s: duration of the rise, and of the fall at the end, within
-    lasts_s
+    force_n: total force, shared equally by all nodes; rises_s: duration of the rise, and of the fall at the end, both
+    within lasts_s
     """
 
     nodes: Nodes

@@ -18,16 +18,16 @@ from experiments.formats.scene.schema import FilterTable
 from experiments.formats.toml_file import Name, Positive, Strict, read_toml, validated
 
 MOST_RUNS = 1_000_000
-"""Largest number of runs in a sweep: more are a typing error."""
+"""Largest number of runs in a sweep: more are probably a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
-"""Keys of a scenario that a grid may vary: marks are simulated without a film, seeds have their own keys."""
+"""Keys of a scenario that a grid may vary; not those of films, which a sweep does not make, and of seeds."""
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""Factors on the constants of the methods, by kind; the truth does not change."""
+"""Factors, by kind, on the constants that the methods use; the true constants do not change."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""First parts of the grid's keys, with the table that they vary."""
+"""The table that each first part of a grid's key varies."""
 
 
 class SweepFile(Strict):
@@ -55,7 +55,7 @@ class SweepFile(Strict):
 class Setup:
     """One combination of a grid.
 
-    at: its values by key in the grid; scenario, filter, marks, model: with these values, checked
+    at: its values by key of the grid; scenario, filter, marks, model: checked tables with these values
     """
 
     at: Mapping[str, Any]
@@ -69,8 +69,8 @@ class Setup:
 class Sweep:
     """A checked sweep, with its combinations in the order of the grid.
 
-    methods: as in the file, names not checked
-    scenario: its file, None for a shipped one
+    methods: names as in the file, not checked
+    scenario: file of the scenario, None for a shipped one
     scene: file of the tissue, by default the scenario's, None for the scenario's phantom
     """
 
@@ -133,7 +133,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A copy of a table with these values, by key without the first part."""
+    """A copy of a table with new values, which `at` has by key without its first part."""
     table = dict(start)
     for key, value in at.items():
         inner = table

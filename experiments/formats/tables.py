@@ -1,6 +1,6 @@
-"""CSV files read and written completely, with errors that name row and column.
+"""Reading of CSV files, with errors that name row and column, and writing of complete files.
 
-Rows are numbered like lines in an editor: the header is row 1.
+Rows are counted like lines in an editor: the header is row 1.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ CHUNK_ROWS = 50_000
 class Table:
     """Columns of a CSV file.
 
-    numbers: arrays (n_rows,), finite except in an `open_table`; texts: lists of n_rows
-    first_row: first row of the data, as line of an editor
+    numbers: arrays (n_rows,), finite unless made by `open_table`; texts: lists of n_rows entries
+    first_row: number of the first data row, counted like lines in an editor
     """
 
     path: Path
@@ -42,7 +42,7 @@ class Table:
         return f"{self.path}: row {row + self.first_row}: {column}"
 
     def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
-        """Raise InputError for the first invalid row, (n_rows,)."""
+        """Raise InputError for the first row for which `good`, (n_rows,), is false."""
         if not good.all():
             row = int(np.argmin(good))
             own = self.numbers.get(column)
@@ -50,15 +50,15 @@ class Table:
             raise InputError.at(self.place(row, column), expected, entry)
 
     def check_each(self, column: str, expected: Floats) -> None:
-        """Raise InputError for the first row whose number is not the expected one, (n_rows,)."""
+        """Raise InputError for the first row whose number differs from that in `expected`, (n_rows,)."""
         good = self.numbers[column] == expected
         if not good.all():
             self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
-        """Raise InputError for the first row whose number is less than the one before, or equal if strictly.
+        """Raise InputError for the first row whose number is less than that before it, or equal if `strictly`.
 
-        groups: (n_rows,); with them the one before is the last of the same group
+        groups: group of each row, (n_rows,); a row is then compared with the last row of its own group
         """
         groups = np.zeros(self.n_rows, dtype=np.int64) if groups is None else groups
         order = np.argsort(groups, kind="stable")
@@ -81,12 +81,12 @@ def read_table(
     rejected: Mapping[str, str] | None = None,
     torn: bool = False,
 ) -> Table:
-    """Read a CSV file with exactly these columns, in any order; spaces after commas, empty last lines are allowed.
+    """Read a CSV file with exactly these columns, in any order; it may have spaces after commas and empty last lines.
 
-    rejected: messages for possible columns that are not read, by name
+    rejected: error messages, by name, for columns that files often have but that cannot be used
     torn: omit an incomplete last line, as after a killed writer
 
-    Raises InputError for anything else, also for a number that is not finite.
+    Raises InputError for any other content, also for a number that is not finite.
     """
     rows = read_rows(path, f"columns {', '.join([*numbers, *texts])}", torn=torn)
     header = next(rows)
@@ -109,9 +109,9 @@ def read_table(
 
 
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
-    """Rows of a CSV file, header first, each as long as the header and on a separate line; at least one.
+    """Rows of a CSV file from the header on, at least one, each as long as the header and on one line.
 
-    expected: for the error message of an empty file; torn: as for `read_table`. Raises InputError.
+    expected: for the error message of an empty file; torn: as in `read_table`. Raises InputError.
     """
     text = read_text(path)
     if torn:
@@ -156,7 +156,7 @@ def _check_header(path: Path, header: list[str], columns: list[str], rejected: M
 
 def _numbers(entries: Sequence[str]) -> Floats | None:
     """The entries as numbers, None if one of them is not a finite number."""
-    # Python reads 1_000 and digits of other scripts as numbers; in a file they are errors
+    # Python also reads 1_000 and digits of other scripts as numbers; here they are errors
     whole = "".join(entries)
     if not whole.isascii() or "_" in whole:
         return None
@@ -168,7 +168,7 @@ def _numbers(entries: Sequence[str]) -> Floats | None:
 
 
 def _number_text(value: float) -> str:
-    """A number in short form: 3 and not 3.0."""
+    """A number in its shortest form: 3 and not 3.0."""
     return str(int(value)) if abs(value) < 1e15 and value == int(value) else repr(float(value))
 
 

@@ -1,4 +1,4 @@
-"""TOML files: read and checked against a model, with the position of the first fault; values written as TOML."""
+"""TOML files: reading, checks against a model, position of the first fault, and writing of values."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, data: Any) -> Any:
-        # first: a misspelt key is reported as such, not as a missing key
+        # unknown keys are reported first, since a misspelt key also looks like a missing one
         for key in data if isinstance(data, dict) else ():
             if key not in cls.model_fields:
                 raise PydanticCustomError("unknown_key", "{keys}", {"key": key, "keys": ", ".join(cls.model_fields)})
@@ -57,7 +57,7 @@ def read_toml(path: Path, model: type[Model]) -> Model:
         raise InputError.at(path, "TOML", "lists nested too deeply") from None
     except ValueError as error:  # TOMLDecodeError, or an integer too long for Python
         raise _not_toml(path, text, str(error)) from None
-    # first: keys of other versions are unknown here
+    # checked first, since keys of other versions are unknown
     version = data.get("version")
     if type(version) is not int or version != VERSION:
         raise InputError.at(f"{path}: version", str(VERSION), "none" if version is None else shown(version))
@@ -73,7 +73,7 @@ def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
-    """A table as the model; raises InputError for the first fault, its key after `place`."""
+    """A table as the model; raises InputError for the first fault, whose key follows `place` in the message."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -114,14 +114,14 @@ EXPECTED = {
     "too_long": "{max_length} entries or fewer",
     "literal_error": "{expected}",
 }
-"""The expected value in words, from pydantic's type of error."""
+"""Text on the expected value, by pydantic's type of error."""
 
 
 def _reported(error: ErrorDetails) -> str:
     kind, context, loc = error["type"], error.get("ctx", {}), error["loc"]
     if kind == "unknown_key":
         return f"{key_path((*loc, context['key']))}: expected one of {context['keys']}, found an unknown key"
-    if kind == "value_error":  # a check of a model's own, already in this form
+    if kind == "value_error":  # raised by a model's own check, already in this form
         return f"{key_path(loc)}: {context['error']}".removeprefix(": ")
     expected = EXPECTED[kind].format(**context) if kind in EXPECTED else error["msg"]
     if kind == "missing":
@@ -134,7 +134,7 @@ def _reported(error: ErrorDetails) -> str:
 
 
 def toml_number(value: float) -> str:
-    """A number with 15 digits: 178.9 and not 178.90000000000001, with a relative error of at most 1e-15."""
+    """A number with 15 digits: 178.9 and not 178.90000000000001; the relative error is at most 1e-15."""
     text = f"{value:.15g}"
     return text if set(text) & set(".e") else f"{text}.0"
 
@@ -161,7 +161,7 @@ def long_list(key: str, entries: Iterable[Any], number: Number = toml_number, wh
 
 
 def key_lines(table: Mapping[str, Any], number: Number = toml_number) -> list[str]:
-    """The lines of a table, one for each key, without None, matrices row by row."""
+    """The lines of a table, one for each key, without keys that are None; a matrix has a line for each row."""
     lines: list[str] = []
     for key, value in table.items():
         if isinstance(value, np.ndarray) and value.ndim == 2:

@@ -1,6 +1,6 @@
 """Detection, estimation and guidance for a recording or a live source.
 
-A new way of running them belongs here.
+A new way of running these belongs here.
 """
 
 # Import each from its own module, so that a subcommand loads only what it needs.

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SURE_M = 1e-9
-"""Standard deviation of a known position [m]; numerical: a zero covariance has no inverse."""
+"""Standard deviation used for a known position [m]; numerical: a zero covariance has no inverse."""
 
 
 SETTLED_S = 0.5
@@ -69,7 +69,7 @@ class BreathingPath:
             self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
 
     def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
-        """The filter's path, mixed with the model's while there is a breath."""
+        """The filter's path, mixed with that of the breathing model while the target breathes."""
         if self.model.breath() is None:
             return path
         breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
@@ -101,8 +101,8 @@ def advise(
 ) -> Advised:
     """Run the filter through every frame and advise at each, with the needle at the plan's position.
 
-    watch: called with each frame, its step and the advice. every_s: interval of advice, at the first frame after each
-    [s]; `watch` gets only those frames. Raises InputError, SourceError.
+    watch: called with each frame, its step and the advice. every_s: interval of advice [s], given at the first frame
+    after each interval; `watch` gets only those frames. Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
@@ -140,11 +140,11 @@ def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
 
 
 def observed_hits(done: Advised) -> Floats:
-    """Observed hit rate for an insertion by each frame's advice, given the true target, (n_frames,).
+    """Observed hit rate of insertions that follow each frame's advice, given the true target, (n_frames,).
 
-    It is the share of needles that hit, over the random errors of tip and push. NaN if no needle arrives, or if
-    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The truth has no
-    needle: its push is added as stated.
+    It is the share of needles that hit, with random errors of tip and push. NaN if no needle arrives, or if
+    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The true motion has
+    no needle, so its push is added as stated.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -163,7 +163,7 @@ def observed_hits(done: Advised) -> Floats:
         if not np.isfinite(place).all():
             continue
         axis, depth_m = plan.insertion.axis, plan.insertion.depth_m + float(done.guidance[k].depth_m or 0.0)
-        if depth_m < plan.needle.reach_m:  # the target is behind the needle
+        if depth_m < plan.needle.reach_m:  # the target lies behind the needle
             found[k] = 0.0
             continue
         tip = plan.insertion.entry + depth_m * axis
@@ -178,7 +178,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted and observed hit rate, over all frames with truth and over those with GO."""
+    """Mean predicted and observed hit rate, over all frames with truth and over frames with the advice GO."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)
@@ -192,7 +192,7 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """Prediction range of the path for a plan [s]."""
+    """Time ahead for which a plan needs the target's path [s]."""
     return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 
 
@@ -223,7 +223,7 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """advice.csv: a row for each frame; seconds, mm, degrees; empty without a value; `observed` with a truth."""
+    """Content of advice.csv, in seconds, mm and degrees: a row for each frame, `observed` only if truth is known."""
     import pandas as pd  # imported here: a live run does not need it and must start at once
 
     dim = done.recording.scene.network.dim

@@ -31,7 +31,7 @@ from vision import (
 from vision.cameras.board import larger_board
 
 Picture = Callable[[Calibration, str], bytes]
-"""Function that draws a calibration as a file of a form: png, pdf or svg."""
+"""Function that draws a calibration and returns the content of a file: png, pdf or svg."""
 
 Write = Callable[[Mapping[Path, str | bytes]], None]
 """Function that writes files together, by their paths."""
@@ -39,7 +39,7 @@ Write = Callable[[Mapping[Path, str | bytes]], None]
 
 @dataclass(frozen=True, slots=True)
 class AlsoWrite:
-    """Optional files besides camera.toml: for other programs, and a vector file, pdf or svg."""
+    """Optional files besides camera.toml: those for other programs, and a vector graphic, pdf or svg."""
 
     opencv_yaml: Path | None = None
     ros_yaml: Path | None = None
@@ -47,11 +47,11 @@ class AlsoWrite:
 
     @property
     def forms(self) -> tuple[str, ...]:
-        """Forms of a plot's files."""
+        """File formats of a plot."""
         return ("png",) if self.vector is None else ("png", self.vector)
 
     def pictures(self, out: Path) -> dict[str, Path]:
-        """Files of the plot of a calibration by form: camera.png beside camera.toml. Raises InputError."""
+        """Paths of a calibration's plot by format, such as camera.png beside camera.toml. Raises InputError."""
         if out.suffix.lower() != ".toml":
             raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
         return {form: out.with_suffix(f".{form}") for form in self.forms}
@@ -60,7 +60,7 @@ class AlsoWrite:
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """Board from the command's options; InputError names the option.
 
-    text: such as 9x6, inner corners of a chessboard or squares of a ChArUco board
+    text: such as 9x6, the numbers of inner corners of a chessboard or of squares of a ChArUco board
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -94,7 +94,7 @@ def views_of(
     views: list[View] = []
     left_out: list[str] = []
     size = (0, 0)
-    # the number is known only for files
+    # the number of pictures is known only for files
     expected = sum(_expected(path) for path in paths)
     for k, (picture, image) in enumerate(grey_pictures(paths), start=1):
         size = (image.shape[1], image.shape[0])
@@ -126,7 +126,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, and that of the plane if it is a separate file."""
+    """The pictures, with that of the plane if it is a separate file."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)
@@ -160,7 +160,7 @@ def calibrate_many(
     also: AlsoWrite,
     picture: Picture,
 ) -> list[Calibration]:
-    """Calibrate the cameras of one scene jointly; write NAME.toml and plots of each into a folder."""
+    """Calibrate the cameras of one scene jointly; write NAME.toml and plots of each camera into a folder."""
     with into as folder:
         done = calibrate_together(board, cameras, None if plane is None else plane.name)
         for camera in done:

@@ -1,9 +1,9 @@
-"""Comparison of the filter, the open loop and other methods on the marks of one recording: `softaim compare`.
+"""Comparison of the filter with the open loop and other methods on a recording's marks, for `softaim compare`.
 
-The track finds the marks once, and runs the filter and the open loop; the methods of `estimators.METHODS` get the
-same marks. Each method has the physics, the start and the force model of the filter. The extended, stock unscented and
-ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimum. The smoother
-uses the marks of all frames, and fixes like the filter.
+The marks are found once, while the filter and the open loop run; the methods of `estimators.METHODS` get the same
+marks. Each method has the filter's tissue model, initial state and force model. The extended, stock unscented and
+ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimal filter. The
+smoother uses the marks of all frames, and fixes like the filter.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def method_names() -> tuple[str, ...]:
 
 
 def chosen(text: str | None) -> tuple[str, ...]:
-    """The named methods, separated by commas, and those of a track; all if text is None. Raises InputError."""
+    """Methods by names separated by commas, with those of every track; all if text is None. Raises InputError."""
     names = method_names()
     named = names if text is None else [name.strip() for name in text.split(",")]
     for name in named:
@@ -44,7 +44,7 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """A track with the estimates of these methods, None: all; stage(name) is called with the completed share.
+    """A track with the estimates of these methods, all if None; stage(name) returns a function for progress.
 
     Raises InputError, SourceError, UnknownMethodError.
     """

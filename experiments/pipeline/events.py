@@ -17,7 +17,7 @@ from vision import Distractor, SourceOf
 DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
-"""Steps after which the constants are those of the tissue: it was simulated with them, or they were identified."""
+"""Steps after which the constants are the tissue's: those of its simulation, or identified ones."""
 
 SAGS = 1e-3
 """Least reported difference between rest and drawing, relative to the network's size; drawings are no more accurate."""
@@ -35,7 +35,7 @@ def rest_offsets(scene: Scene) -> Floats:
 
 
 def rest_is_known(scene: Scene) -> bool:
-    """Whether rest lengths were identified from the tissue at rest, and the network was not edited since."""
+    """Whether rest lengths were identified from the tissue at rest, and the network has not been edited since then."""
     return any(step.name == "at-rest" for step in scene.steps) and not _edited(scene)
 
 
@@ -44,10 +44,10 @@ def _edited(scene: Scene) -> bool:
 
 
 def rest_line(scene: Scene) -> str | None:
-    """A message if the network does not rest as drawn, so that the predicted target is displaced, too; else None.
+    """A message if the network does not rest as drawn, which displaces the predicted target; else None.
 
-    Usually its rest lengths are then the drawn lengths, which are right only without gravity. Also None if rest lengths
-    were identified since: then other constants may have changed the rest shape.
+    Usually the rest lengths are then the drawn lengths, which are right only without gravity. None, too, if they were
+    identified: then changes of other constants may have moved the rest shape.
     """
     if rest_is_known(scene):
         return None
@@ -62,7 +62,7 @@ def rest_line(scene: Scene) -> str | None:
 
 
 def scene_line(scene: Scene) -> str:
-    """One line on the assumptions: network, marks and target, uncertainty of constants, noise levels, steps done."""
+    """One line on a scene's assumptions: network, marks, target, uncertainty of constants, noise levels, steps done."""
     network, usual = scene.network, FilterSettings()
     known = "exact" if scene.uncertainty is None else f"uncertain in {len(scene.uncertainty.directions)} directions"
     solid = network.continuum
@@ -80,7 +80,7 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Steps missing before this one, and other limits of a scene: one line each, by name."""
+    """Steps that are missing before `before`, and other limits of a scene: one line for each, by name."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
@@ -95,12 +95,12 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 
 def is_identified(scene: Scene) -> bool:
-    """Whether the constants are those of the tissue: identified from it, or used to simulate it."""
+    """Whether the constants are the tissue's: identified from a recording, or used for its simulation."""
     return any(step.name in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """Reason why the constants are not those of the tissue; None if identified, or with a stated uncertainty."""
+    """Reason why the constants are not the tissue's; None if they are identified or their uncertainty is stated."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.name in CONSTANTS for step in scene.steps)
@@ -109,7 +109,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """Reason why the noise levels are not those of the tissue; None if they were tuned or stated."""
+    """Reason why the noise levels are not the tissue's; None if they were tuned or are stated."""
     usual, names = FilterSettings(), [step.name for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):
@@ -122,7 +122,7 @@ def _untuned(scene: Scene) -> str | None:
 
 
 def report_swap(swap: IdentitySwap) -> None:
-    """Report an exchange of marks."""
+    """Report that two marks exchanged their names."""
     *first, last = swap.nodes
     report_event(
         swap.time_s,
@@ -132,7 +132,7 @@ def report_swap(swap: IdentitySwap) -> None:
 
 
 def pose_line(scene: Scene) -> str | None:
-    """A message if no move of the camera or tracker can be detected; None with reference marks."""
+    """A message if moves of the camera or tracker cannot be detected; None with reference marks."""
     return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 

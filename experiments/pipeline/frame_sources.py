@@ -29,10 +29,10 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The frames of `spec`, and the scene: that of scene_path, else its own, or None.
+    """The frames of the source `spec`, and the scene of scene_path or else the source's own, or None.
 
-    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: for a folder of pictures without fps;
-    phantom: its process, if started ahead. Raises InputError, also if the scene has no camera.
+    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: for picture folders without fps;
+    phantom: its process, if already started. Raises InputError, also if the scene has no camera.
     """
     recording = _recording_in(spec, scene_path, fps)
     if recording is not None:
@@ -63,7 +63,7 @@ def open_source(
 def open_live(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
 ) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
-    """The newest frames of a source, or of several cameras in space, and the scene, as `open_source`."""
+    """The newest frames of a source, or of several cameras in space, and the scene, as in `open_source`."""
     named = by_camera(specs)
     if "" not in named:
         scene = None if scene_path is None else scene_in_space(scene_path, named)
@@ -80,7 +80,7 @@ def open_live(
 def open_each(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """Every frame of a source, with the key "", or of several cameras, by name, and the scene, as `open_source`."""
+    """Every frame of a source, by the key "", or of several cameras, by name; and the scene as in `open_source`."""
     named = by_camera(specs)
     if "" in named:
         scene, frames = open_source(named[""], scene_path, live=False, fps=fps)
@@ -97,7 +97,7 @@ def _recording_in(spec: str, scene_path: Path | None, fps: float | None) -> Reco
 
 
 def by_camera(specs: Sequence[str]) -> dict[str, str]:
-    """The sources by camera, from texts like NAME=SOURCE; "" for a single one without a name. InputError."""
+    """The sources by camera, from texts like NAME=SOURCE; the name is "" for a single source. Raises InputError."""
     named: dict[str, str] = {}
     for spec in specs:
         match = None if Path(spec).exists() else re.fullmatch(r"(\w[\w .-]*)=(.+)", spec)
@@ -110,7 +110,7 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
 
 
 def open_cameras(named: Mapping[str, str], *, live: bool, fps: float | None = None) -> dict[str, vision.Source]:
-    """The frames of each camera's source, as `vision.open_source`; raises InputError."""
+    """The frames of each camera's source, opened by `vision.open_source`; raises InputError."""
     try:
         return {name: vision.open_source(spec, live=live, fps=fps) for name, spec in named.items()}
     except vision.SourceError as error:
@@ -128,7 +128,7 @@ def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
 
 
 def without_fps(spec: str, fps: float | None, what: str) -> None:
-    """Raise InputError for a frame rate with a source that has its own times."""
+    """Raise InputError if a frame rate is stated for a source that has its own times."""
     if fps is not None:
         raise InputError.at(spec, f"no fps beside {what}", f"{fps:g}")
 
@@ -143,7 +143,7 @@ def filmed_scene(path: Path) -> Scene:
 
 
 def check_size(frame: vision.Frame | vision.Exposure, scene: Scene, camera: str = "") -> None:
-    """Raise InputError for a picture of another size than the scene's camera, in space that of this name."""
+    """Raise InputError if a picture's size differs from that of the scene's camera, in space the one of this name."""
     images = {camera: frame.image} if isinstance(frame, vision.Frame) else frame.images
     names = [one.name for one in scene.space_cameras] or [camera]
     for name, image in images.items():

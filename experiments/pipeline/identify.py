@@ -33,14 +33,14 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Ratio of the target's error without its mark, after to before, above which the scene is not written; choice: a
-recording of a minute determines it to a tenth."""
+"""Ratio of the target's errors, predicted without its mark, after and before identification, above which no scene is
+written; choice: a recording of a minute determines the ratio to a tenth."""
 
 MOST_SHARED = 0.5
 """Squared correlation of two constants above which they are reported as confounded; choice."""
 
 NAMED = 4
-"""Largest number of constants named for a combination, by weight, and of pairs named in a line."""
+"""Largest number of constants named for a combination, largest weights first, and of pairs named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
@@ -48,7 +48,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError for films in space if marks of these nodes are for scoring only: such marks are not searched."""
+    """Raise InputError if a film in space has marks for scoring only on these nodes: such marks are not searched."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -67,7 +67,7 @@ def marks_in(recording: Recording, advance: Advance = lambda _share: None) -> Fr
 
 
 def resting_scene(recording: Recording, frames: Frames) -> Scene:
-    """The scene with corrected rest lengths, so that it rests as in the recording; raises InputError."""
+    """The scene with rest lengths corrected so that it rests as in the recording; raises InputError."""
     network = recording.scene.network
     if network.continuum is not None:
         raise InputError.at("--at-rest", "a network of springs", "a mesh, which rests as drawn")
@@ -93,10 +93,10 @@ def identified_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, IdentificationResult]:
-    """The scene with the constants of a calibration recording and their uncertainty, and the full result.
+    """The scene with the constants identified from a recording and their uncertainty, and the full result.
 
     workers: processes that share the passes of the filter.
-    Raises InputError if the hidden mark is not visible, and if the result fits worse than the scene.
+    Raises InputError if the target's mark is not visible, or if the result fits worse than the scene.
     """
     scene = recording.scene
     try:
@@ -142,10 +142,10 @@ def tuned_scene(
     advance: Advance = lambda _share: None,
     workers: Workers = map,
 ) -> tuple[Scene, TuningResult]:
-    """The scene with the discrepancy level of the recording, and the full result.
+    """The scene with the discrepancy level tuned on a recording, and the full result.
 
     workers: processes that share the passes of the filter.
-    Raises InputError if the time is too short for any result.
+    Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
     try:
@@ -168,9 +168,9 @@ def tuned_scene(
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """One constant: its name, value [SI], relative standard error and relative change.
+    """One constant: its name, value [SI], relative standard error, and relative change by identification.
 
-    kept: whether it keeps the given value, because the recording does not determine it
+    kept: whether its value did not change, because the recording does not determine it
     """
 
     name: str
@@ -181,7 +181,7 @@ class Constant:
 
 
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[Constant]:
-    """The identified constants one by one; mesh: the mesh whose tissues have them."""
+    """The identified constants; mesh: the mesh to whose tissues they belong."""
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
         Constant(
@@ -198,7 +198,7 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations that the recording determines less than the prior does.
 
-    For each: the remaining share of the variance, and the constants with the largest weights.
+    Each has the remaining share of its prior variance, and the constants with the largest weights.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -212,16 +212,16 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 
 @dataclass(frozen=True, slots=True)
 class Confounded:
-    """Two confounded constants, or means of two kinds: their names, and the correlation of their errors."""
+    """Two confounded constants, or two kinds whose means are confounded: names, and correlation of the errors."""
 
     constants: tuple[str, str]
     correlation: float
 
 
 def confounded(found: IdentificationResult) -> list[Confounded]:
-    """Confounded pairs, strongest correlation first: constants, and means of whole kinds.
+    """Confounded pairs of constants, or of the means of whole kinds, strongest correlation first.
 
-    A combination of such a pair is known better than either; an error in one causes one in the other.
+    A combination of the two is known better than either; an error in one causes an error in the other.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -238,7 +238,7 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """For each kind, the constants that keep the given values because the recording does not determine them."""
+    """The constants of each kind whose values did not change, because the recording does not determine them."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:
@@ -247,7 +247,7 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
 
 
 def identification_report(found: IdentificationResult, mesh: SceneMesh | None = None) -> dict[str, object]:
-    """The output of `softaim identify --json`; mesh: the mesh whose tissues have the constants."""
+    """The output of `softaim identify --json`; mesh: the mesh to whose tissues the constants belong."""
     return {
         "passes": found.passes,
         "converged": found.converged,
@@ -303,7 +303,7 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
 
 
 def _known_badly(found: IdentificationResult) -> list[str]:
-    """Undetermined kinds, and confounded pairs, one line each."""
+    """Lines on undetermined constants by kind, and on confounded pairs."""
     lines = []
     if kept := not_determined(found):
         kinds = [group.kind for group in found.groups]

@@ -1,6 +1,6 @@
 """Integrity of estimates for guidance: contradictions between marks and model, and unobservable errors.
 
-The error budget uses what a scene states, and defaults otherwise; the mathematics is in `estimators.consistency`.
+The error budget uses the errors that a scene states, or defaults; the mathematics is in `estimators.consistency`.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
-"""Share of the variance whose sources are listed [1]."""
+"""Share of the variance that the listed sources explain together [1]."""
 
 SEEN = "marks and disturbances"
-"""Name of the source for the filter's covariance without considered errors."""
+"""Name of the source that is the filter's own covariance, without considered errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
     """Default standard deviations for a scene that states none.
 
-    stiffness, mass: relative, of each spring and node for the target [1]; for the balance of forces, of all springs
-    together, because independent ones would hide a cut spring; choice
+    stiffness, mass: relative, for each spring and node independently [1]; the balance of forces uses one error for all
+    springs, because independent errors would hide a cut spring; choice
     scale: relative, of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
     position_m: of the target's position in the tissue on each axis [m]; choice: the error of a registration from
     another picture
@@ -64,7 +64,7 @@ def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USU
 
 
 def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Floats], Floats] | None:
-    """Shift of marks by one sd along each direction of the calibration, stated or default; None: no camera."""
+    """Shift of marks by one sd along each direction of the calibration, stated or default; None without a camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -77,10 +77,10 @@ def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Float
 
 
 def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
-    """Sources of the target's error that marks do not show; the filter considers the stated ones.
+    """Sources of the target's error that marks do not reveal; the filter considers those that the scene states.
 
-    Errors of constants are stated in `[uncertainty]`, which `softaim identify` writes; of a camera's scale in
-    `scale_sd` or the `uncertainty` of its calibration; of the target's position in `position_sd_mm`.
+    `[uncertainty]`, which `softaim identify` writes, states errors of constants; `scale_sd`, or the `uncertainty` of a
+    calibration, those of a camera's scale; `position_sd_mm`, that of the target's position.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -101,7 +101,7 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = calibration_error(places).reshape(len(nodes) * dim, -1)
         found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not _is_unscaled(scene)))
-    if not scene.reference.marks:  # they move with the camera
+    if not scene.reference.marks:  # these marks move with the camera
         drift_m = scene.reference.drift_sd_m
         alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
         name = "drift of the camera" if drift_m is not None else "drift of the camera (default)"
@@ -109,7 +109,7 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
     sd_m = scene.target.position_sd_m
     place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
     found.append(_source("the target's position in the tissue", place, stated=sd_m is not None))
-    if not rest_is_known(scene):  # the change by identification is among the constants
+    if not rest_is_known(scene):  # changes by identification count as errors of constants
         sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
             network.positions[network.free].ravel()
         )
@@ -127,28 +127,28 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """The target's variance for advice [m²], all axes together, by source; empty without a covariance.
+    """The target's variance for advice [m²], summed over the axes, by source; empty without a covariance.
 
-    estimate: by the filter, without unconsidered errors
+    estimate: the filter's estimate, without unconsidered errors
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
     reported, considered = float(np.trace(estimate.cov)), sum(one.variance for one in budget if one.considered)
-    known = min(reported / considered, 1.0) if considered else 1.0  # fixes may have shown more than is stated
+    known = min(reported / considered, 1.0) if considered else 1.0  # fixes may have reduced the stated errors
     found = {one.name: one.variance * (known if one.considered else 1.0) for one in budget}
     found[SEEN] = reported - known * considered
     return found
 
 
 def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Share of each source in the target's variance for advice, the largest first; as `target_variances`."""
+    """Share of each source in the target's variance for advice, the largest first; see `target_variances`."""
     found = target_variances(budget, estimate)
     whole = sum(found.values()) or 1.0
     return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """The largest sources of the target's variance, together up to `MOST` of it."""
+    """Text with the largest sources of the target's variance, which explain `MOST` of it."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -159,7 +159,7 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the errors of the scene's camera are not stated; in space, of all cameras."""
+    """Whether the scene states no errors of its camera; in space, of any of its cameras."""
     if scene.space_cameras:
         return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None
@@ -167,7 +167,7 @@ def _is_unscaled(scene: Scene) -> bool:
 
 
 MEANS = 2.0
-"""Number of averaging times before guidance starts [1]."""
+"""Number of averaging times of the force balance before guidance starts [1]."""
 
 UNTESTED = "the forces on the marks have not been observed long enough to test them"
 
@@ -180,13 +180,13 @@ class IntegrityMonitor:
 
     budget: sources of the target's error; unstated: covariance of unconsidered errors [m²], (dim, dim)
     State: the contradiction; the balance of forces on the marks; tested_s, start of its test [s], None before marks;
-    largest delay of pictures [s], the delay that a person has acknowledged, and whether they come irregularly.
+    the largest delay of pictures [s], the delay that a person has acknowledged, and whether pictures come irregularly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # a leader moves all marks together
+        # a led node moves all marks together
         settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
         self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
@@ -196,8 +196,8 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns why there is no guidance, None if there is.
 
-        A body is monitored for `MEANS` averaging times from its first marks before guidance: a cut spring does not
-        show in innovations, and a poke may hide it in one average.
+        Before guidance a body is monitored for `MEANS` averaging times from its first marks: innovations do not show a
+        cut spring, and a poke may hide it in one average.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -206,11 +206,11 @@ class IntegrityMonitor:
         return self.contradiction.reason or (None if is_tested else UNTESTED)
 
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate with unstated errors in its covariance."""
+        """The estimate with unstated errors added to its covariance."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
 
     def largest_errors(self, estimate: TargetEstimate) -> str:
-        """The largest sources of the target's variance, for an estimate by the filter."""
+        """Text with the largest sources of the target's variance, for an estimate of the filter."""
         return shares_words(variance_shares(self.budget, estimate))
 
     def restart(self) -> None:
@@ -224,7 +224,7 @@ class IntegrityMonitor:
         self._known_late_s = self._late_s
 
     def dated(self, late_s: float, *, uneven: bool) -> bool:
-        """Set the largest delay of pictures after their times [s]; returns whether it changed."""
+        """Set the largest delay between a picture's time and its arrival [s]; returns whether it changed."""
         if (late_s, uneven) == (self._late_s, self._uneven):
             return False
         self._late_s, self._uneven = late_s, uneven

@@ -1,4 +1,4 @@
-"""Processing of one frame up to the target: detect, identify, predict, update; the paper's method on the same marks."""
+"""Processing of one frame, by the filter and by the paper's method: detect and identify marks, predict, update."""
 
 from __future__ import annotations
 
@@ -37,20 +37,20 @@ from vision import PlaneCamera
 OPEN_LOOP, FILTER = "open-loop", "filter"
 
 MOST_STATES = 600
-"""Number of coordinates and velocities of free nodes above which a command takes minutes to prepare; choice: 100 nodes
-in space. The commands refuse more, the filter does not."""
+"""Largest number of coordinates and velocities of free nodes that commands accept, since preparation takes minutes for
+more; choice: 100 nodes in space. The filter itself has no limit."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Default common error of fixes: that of an ultrasound probe's calibration; a scene should state its own."""
+"""Default error common to all fixes: that of an ultrasound probe's calibration; a scene should state its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sight:
-    """The marks that were searched in a frame, and why some were not found.
+    """The marks that were searched in a frame, and the reasons why some were not found.
 
     expected: by node, predicted position of its mark [m], (dim,), and covariance [m²], (dim, dim)
     lost: by node, why its mark was not found; None for another tracker's marks
-    came: new distractors in the colours of marks
+    came: new distractors, objects with the colour of a mark
     """
 
     expected: Mapping[str, tuple[Floats, Floats]]
@@ -63,13 +63,13 @@ class Step:
     """Result of one frame.
 
     estimates: by method
-    marks: all marks identified in the frame, including those for scoring only, by the present association; corrected by
-    reference marks if the scene has any
+    marks: all marks identified in the frame, including those for scoring only; corrected with reference marks if the
+    scene has any
     swap: a detected exchange of marks, None in almost all frames
     refused: nodes whose marks the gate rejected
     sight: the search for marks, None without `explain`
-    reference: result for the reference marks, None if the scene has none
-    detect_s, method_s: time for finding marks, and by method [s]; predict_s: the filter's prediction, before them
+    reference: result for the reference marks; None if the scene has none
+    detect_s, method_s: times of finding marks, and of each method [s]; predict_s: time of the filter's prediction [s]
     """
 
     estimates: dict[str, TargetEstimate]
@@ -93,32 +93,32 @@ class Step:
 
 
 AnyFrame = vision.Frame | vision.Exposure | None
-"""A frame of one camera, pictures of several in space, or None for another tracker's marks."""
+"""A frame of one camera, pictures of several cameras in space, or None for another tracker's marks."""
 
 
 class Watcher(Protocol):
     """Protocol of an observer of each frame and its step."""
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Called with the frame and its step, and the advice, if there is one; the line has the state after them."""
+        """Called after each step with the frame, the step, the line, and the advice if there is any."""
 
 
 class Film(Watcher, Protocol):
-    """Protocol of a film of the run; `finish` moves it to the folder of its tables."""
+    """Protocol of a film of the run."""
 
     def finish(self, folder: Path) -> None:
-        """End the film: no further frame comes."""
+        """End the film after the last frame, and move it to `folder`."""
 
 
 class Line:
     """Processing of the frames of one scene, in order of exposure, by all methods.
 
-    check: also predict each mark without using it, and inflate the covariance if that shows a wrong model
-    fixes: direct measurements of the target, used at their times; their common error is also estimated
-    explain: record in each step what was searched and why it was not found; estimates do not change
-    State: the filter, the names of its marks (identity), the filters that check it, the paper's open loop
-    (omitted with baseline=False), the marks' colours, the remaining fixes; with reference marks, the pose of the
-    camera or tracker; in space the sight of the cameras.
+    check: also predict each mark without using it, and inflate the covariance if that reveals a wrong model
+    fixes: direct measurements of the target, used at their times; the filter also estimates their common error
+    explain: record in each step which marks were searched and why some were not found; estimates do not change
+    State: the filter, the association of its marks, the filters that check it, the paper's open loop
+    (omitted with baseline=False), the marks' colours, the remaining fixes; the pose from reference marks; in space the
+    cameras' finders.
     """
 
     def __init__(
@@ -156,7 +156,7 @@ class Line:
 
     @property
     def camera(self) -> PlaneCamera:
-        """The scene's first camera with its present pose, from the reference marks."""
+        """The scene's first camera with its present pose, which the reference marks correct."""
         camera = self.scene.cameras[0]
         return camera if self.reference is None else self.reference.camera(camera)
 
@@ -194,7 +194,7 @@ class Line:
         return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
 
     def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
-        """The marks of the tissue, corrected by the reference marks among them, and the result for those."""
+        """The tissue's marks, corrected with the reference marks among `marks`, and the result for the latter."""
         by = self.reference
         if by is None:
             return marks, None
@@ -204,13 +204,13 @@ class Line:
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
     ) -> Sight | None:
-        """The search at the filter's time; None without `explain`."""
+        """The search for marks at the filter's time; None without `explain`."""
         if not self._explain:
             return None
         return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
 
     def _predict(self, exposure_s: float) -> None:
-        """Predict the filter to this time [s], and use the fixes until then."""
+        """Predict the filter to this time [s], and use the fixes up to it."""
         if self.checks is not None:
             for other in self.checks.without.values():
                 other.predict(exposure_s)
@@ -278,7 +278,7 @@ class Line:
 
 
 def check_followed(scene: Scene, place: object = "scene") -> None:
-    """Raise InputError if a filter of the scene's network would take seconds for a frame."""
+    """Raise InputError if a filter of the scene's network would take minutes to prepare."""
     network = scene.network
     if network.n_state > MOST_STATES:
         most, where = MOST_STATES // (2 * network.dim), "in the plane" if network.dim == 2 else "in space"
@@ -287,14 +287,14 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 
 
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
-    """Nodes of the marks that the gate rejected; counted: increase of the filter's counts.
+    """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
 
-    Except at a start, the estimate lists its marks; after an exchange of names the counts belong to another filter.
+    Except at a start, the estimate lists the used marks; after an exchange of names the counts are another filter's.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """The settings with a common error of fixes; the default if none is stated."""
+    """The settings with a common error of fixes, the default if they state none."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

@@ -28,7 +28,7 @@ from experiments.pipeline.track import each_frame
 Advance = Callable[[float], None]
 
 SHOWN = 4
-"""Number of next best paths in the list."""
+"""Number of paths in the list besides the best."""
 
 APART = 10e-3
 """Least distance between entries of different paths in the list [m]; choice."""
@@ -36,7 +36,7 @@ APART = 10e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan, its task, and its target estimate: `at rest`, or the filter's status and the estimate's time [s]."""
+    """A plan, its task, and its target: the status of the estimate or `at rest`, and the estimate's time [s]."""
 
     scene: Scene
     task: Task
@@ -49,7 +49,7 @@ class Planned:
 def planned(
     source: Path, plan_path: Path, stage: Callable[[str], Advance] = lambda _name: lambda _share: None
 ) -> Planned:
-    """Plan for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
+    """Plan paths for a recording's folder or a scene file; raises InputError, SourceError, NetworkError."""
     if source.is_dir():
         recording = read_recording(source, advance=stage("read"))
         advance = stage("track")
@@ -89,7 +89,7 @@ def planned(
 
 
 def table(done: Planned) -> pd.DataFrame:
-    """All paths for plan.csv, from the best on, rejected ones after the allowed."""
+    """All paths for plan.csv, the best first and rejected paths last."""
     found, axes = done.plan, AXES[: done.scene.network.dim]
     columns: dict[str, Any] = {"rank": np.arange(1, len(found.order) + 1)}
     for name, places in (("entry", found.entries), ("tip", found.tips), ("pushed", found.pushed)):
@@ -105,7 +105,7 @@ def table(done: Planned) -> pd.DataFrame:
 
 
 def next_best(found: Plan) -> list[int]:
-    """Rows of the best path and up to `SHOWN` others, whose entries are apart from each other."""
+    """Rows of the best path and of up to `SHOWN` others; their entries are at least `APART` from each other."""
     chosen: list[int] = []
     for k in found.order[: int(found.allowed.sum())]:
         if all(np.linalg.norm(found.entries[k] - found.entries[i]) >= APART for i in chosen):

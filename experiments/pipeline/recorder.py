@@ -1,8 +1,8 @@
 """Recording of frames as they arrive: what `softaim record` does.
 
-Unlike other output, a recording has its final name during writing, so that a killed program leaves what was written:
-the film in pieces of a second, each named when it is complete on the disk, then its rows of frames.csv. At the end the
-pieces are joined into one film.
+Unlike other output, a recording has its final name during writing, so that a killed program leaves what was written.
+The film is in pieces of a second; when a piece is complete on the disk it gets its name, then its rows are added to
+frames.csv. At the end the pieces are joined into one film.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from experiments.pipeline.frame_sources import by_camera, check_size, open_each
 from experiments.plain import counted
 
 PIECE_S = 1.0
-"""Length of a piece [s], the most that a kill may lose: promised in the README as the last second."""
+"""Length of a piece [s], the most that a kill may lose; the README promises that only the last second is lost."""
 
 TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
 """Files of a replaced recording that belong to its frames."""
@@ -41,7 +41,7 @@ Advance = Callable[[float], None]
 
 @dataclass(slots=True)
 class _Piece:
-    """The present piece: its first row, the position of that in frames.csv [bytes], its start, its times [s]."""
+    """The present piece: its first row, that row's position in frames.csv [bytes], its start, its frames' times [s]."""
 
     first_row: int
     begins_at: int
@@ -50,10 +50,10 @@ class _Piece:
 
 
 class Recorder:
-    """Writer of a recording that grows piece by piece. Disk errors raise InputError.
+    """Writer of a recording that grows in pieces. Disk errors raise InputError.
 
-    After an interruption at any moment, such as Ctrl-C, a piece can be finished again without duplicates.
-    State: the film's pieces, the present piece, the last exposure time [s], the fault that ended it.
+    After an interruption at any moment, such as Ctrl-C, a piece can be finished without duplicate frames.
+    State: the film's pieces, the present piece, the last exposure time [s], the error that ended it.
     """
 
     def __init__(
@@ -94,7 +94,7 @@ class Recorder:
         times = self._piece.times_s
         if times and frame.exposure_s - times[0] >= PIECE_S:
             self.finish_piece()
-        self.check()  # if frames are written more slowly than they come
+        self.check()  # also here, in case frames are written more slowly than they come
         if not self._piece.times_s:
             self._piece.began_s = self._clock()
         self._pieces.write(frame.image)
@@ -102,14 +102,14 @@ class Recorder:
         self._last_s = frame.exposure_s
 
     def check(self) -> None:
-        """Finish the piece if it is a second old."""
+        """Finish the present piece if it is a second old."""
         if self._piece.times_s and self._clock() - self._piece.began_s >= PIECE_S:
             self.finish_piece()
 
     def finish_piece(self) -> None:
-        """Name the present piece, then write its rows; both are synced to the disk.
+        """Give the present piece its name, then write its rows; both are synced to the disk.
 
-        Raises InputError if there is no room for them; then nothing more is recorded.
+        Raises InputError if the disk is full; then nothing more is recorded.
         """
         if self._fault is not None:
             raise self._fault
@@ -156,12 +156,12 @@ def record(
     force: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Record frames to a new folder until they end, the seconds are over or Ctrl-C; returns their number, in pieces.
+    """Record frames in pieces to a new folder until they end, `seconds` are over or Ctrl-C; returns their number.
 
-    sources: of one camera, or of several by name, each of which grows in `segments.NAME`
+    sources: source of one camera, or of several by name, whose pieces are in `segments.NAME`
     scene: checked against the frames' size; scene_path: its file, copied if given
     force: a recording in the folder is removed when the first frame comes
-    Nothing is written before the first frame. Raises InputError, SourceError; earlier frames are kept.
+    Nothing is written before the first frame. Raises InputError, SourceError; frames recorded before an error stay.
     """
     named = dict(sources) if isinstance(sources, Mapping) else {"": sources}
     recorders: dict[str, Recorder] = {}
@@ -181,7 +181,7 @@ def record(
             _copy_scene(scene, scene_path, folder / "scene.toml")
 
     def goes_on(name: str, wait_s: float) -> bool:
-        """Record the camera's next picture; returns whether more are to come."""
+        """Record the camera's next picture; returns whether its source continues."""
         frame = named[name].next(wait_s)
         report_source_events(named[name], name)
         if frame is None:
@@ -224,7 +224,7 @@ def remove_recording(folder: Path) -> None:
 
 
 def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
-    """Raise InputError for a folder that a recording cannot be written to."""
+    """Raise InputError if a recording cannot be written to a folder."""
     for path in read:
         check_apart(out, path)
     if out.exists() and not out.is_dir():
@@ -248,9 +248,9 @@ def rate_of(exposures_s: Floats) -> float:
 
 
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
-    """Join the pieces of a recording into a film of each camera; returns the frames. Raises InputError without frames.
+    """Join a recording's pieces into a film of each camera; returns the number of frames, InputError if there are none.
 
-    Incomplete rows, and frames without a row, are dropped. After a kill it can be repeated.
+    Incomplete rows, and frames without a row, are dropped. After a kill this can be repeated.
     """
     cameras = _growing(folder)
     if not cameras:
@@ -275,7 +275,7 @@ def join(folder: Path, advance: Advance = lambda _share: None) -> int:
 
 
 def _growing(folder: Path) -> list[Path]:
-    """Folders of cameras in a recording of several cameras that has not been joined."""
+    """Folders with the pieces of each camera, in a recording of several cameras that has not been joined."""
     return sorted(path.parent for path in folder.glob(f"{SEGMENTS}.*/frames.csv"))
 
 
@@ -313,8 +313,8 @@ def record_source(
 ) -> Recorded:
     """Record a source, or one for each of several cameras, NAME=SOURCE, to the new or empty folder `out`, and join it.
 
-    force: also to a folder with files; a recording in it is replaced when the first frame comes
-    Raises InputError; if the source fails, earlier frames are kept and joined first.
+    force: whether `out` may have files; a recording in it is replaced when the first frame comes
+    Raises InputError; if the source fails, the frames recorded before are joined first.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)

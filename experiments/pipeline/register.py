@@ -1,4 +1,4 @@
-"""Registration of a scene to a tracker's coordinates, by points measured on its body: what `softaim register` does."""
+"""Registration of a scene to a tracker's coordinates by points measured on the body: what `softaim register` does."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""Probability of the residuals below which they contradict the stated errors of the points [1]; choice."""
+"""Probability (p-value) of the residuals below which they contradict the points' stated errors [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: for each point its distance from the others' prediction, and the expected one [m]; None if undetermined
+    left_out: each point's distance from its prediction by the others, and the expected one [m]; None if undetermined
     suspect: the point without which the fit improves most; None if no point can be omitted
     target_sd_m: error of the registration at the target for each axis [m]
     stated: whether the scene states the error of the target's place
@@ -61,7 +61,7 @@ class Registered:
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """The scene moved to the points of a table, or of a folder's, in its first seconds; raises InputError.
+    """The scene moved to points measured in the first seconds of a table, or of a folder's table; raises InputError.
 
     mesh_file: file of the moved mesh
     """
@@ -92,7 +92,7 @@ def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Re
 
 
 def _points(scene: Scene, path: Path, seconds: float) -> Points:
-    """Points of a table: the mean of each in the first seconds."""
+    """Points of a table: the mean position of each in the first seconds."""
     times_s, rows = read_points(path, scene)
     last_s = times_s.min(initial=np.inf) + seconds + SAME_TIME_S
     used: dict[str, list[MarkRow]] = {}
@@ -114,7 +114,7 @@ def _points(scene: Scene, path: Path, seconds: float) -> Points:
 
 
 def _check_reading(path: Path, points: Points, plain_m: float) -> None:
-    """Raise InputError if the points fit much better with the body mirrored, or with lengths in another unit."""
+    """Raise InputError if the points fit much better when mirrored, or with lengths in another unit."""
     size, signs = float(np.ptp(points.drawn, axis=0).max()), np.ones(points.drawn.shape[1])
     for unit, length_mm in {"": 1.0, **LENGTHS_MM}.items():
         for mirrored in (1.0, -1.0):
@@ -130,7 +130,7 @@ def _check_reading(path: Path, points: Points, plain_m: float) -> None:
 
 
 def _target_sd(scene: Scene, found: Registration) -> float:
-    """Error of the registration at the target for each axis [m]: larger if residuals are larger than stated."""
+    """Registration error at the target on each axis [m]; increased if residuals exceed the stated errors."""
     target = scene.target
     place = scene.network.positions[[scene.network.index(target.node)]] + np.array(target.offset_m or 0.0)
     larger = max(1.0, np.sqrt(found.chi_square / found.degrees))
@@ -138,7 +138,7 @@ def _target_sd(scene: Scene, found: Registration) -> float:
 
 
 def _left_out(points: Points, k: int, others: Registration | None) -> tuple[float, float] | None:
-    """Distance of a point from its prediction by the others, and the expected distance [m]."""
+    """Distance of a point from its prediction by the other points, and the expected distance [m]."""
     if others is None:
         return None
     drawn = points.drawn[[k]]

@@ -1,7 +1,7 @@
-"""Grids of simulated runs: truth, marks and methods for each combination and seed: what `softaim sweep` does.
+"""Grids of simulated runs, with truth, marks and methods for each combination and seed: what `softaim sweep` does.
 
-Truth depends only on scenario and seed, errors of the marks only on the seed, so that combinations differ only by the
-grid's values.
+Truth depends only on scenario and seed, and errors of marks only on the seed; so only the grid's values make
+combinations differ.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
-"""Duration of forces for the check of a scenario before all runs [s]."""
+"""Duration of the forces with which a scenario is checked before all runs [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +80,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """Part of a scenario that a run needs; for a scene its text, not its path."""
+    """Part of a scenario that a run needs; it has the text of the scene, not its path."""
     true = true_scene(text, scenario, str(sweep.scene))
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
@@ -99,7 +99,7 @@ def _column(value: Any) -> str | int | float:
 
 
 def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
-    """Raise InputError before all runs for forces that do not fit the tissue."""
+    """Before all runs, raise InputError for forces that do not fit the tissue."""
     try:
         network = true_scene(text, scenario, str(sweep.scene)).network
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
@@ -109,7 +109,7 @@ def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
 
 
 def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:
-    """Raise InputError before all runs for led nodes that the tissue does not have."""
+    """Before all runs, raise InputError for led nodes that the tissue does not have."""
     if setup.filter.led_nodes:
         try:
             assumed_scene(true_scene(text, setup.scenario, str(sweep.scene)), {}, setup.filter, text)
@@ -123,14 +123,14 @@ def _tables(text: str, name: str) -> SceneFile:
 
 
 def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
-    """The scene of a scene file's text, or that of the scenario's phantom; without cameras, which are not needed."""
+    """The scene of a scene file's text or, if None, of the scenario's phantom, which is made without cameras."""
     if text is None:
         return replace(scene_of(scenario), cameras=())
     return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene of the methods: constants times these factors by kind, and the filter's table with these keys."""
+    """The scene that methods use: constants times these factors by kind, and the table `[filter]` with changed keys."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))
@@ -143,7 +143,7 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
 
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
-    """The truth of a scenario and a seed; cached in the folder `truths`, if there is one."""
+    """The truth of a scenario and a seed; cached in the folder `truths`, unless that is None."""
     network = true_scene(text, scenario).network
     if truths is None:
         return true_motion(true_network(network, scenario, seed), scenario, np.random.default_rng([seed, 1]))
@@ -160,9 +160,9 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
-    """One run: a row for each method, figures as in `softaim compare`, and mean error relative to the open loop.
+    """One run: a row for each method with the figures of `softaim compare`, and mean error relative to the open loop's.
 
-    truths: a folder for truths shared by runs of this machine
+    truths: a folder for truths that runs on this machine share
     """
     setup, seed = case["setup"], case["seed"]
     scenario, text = Scenario.model_validate(setup["scenario"]), setup["scene"]
@@ -189,7 +189,7 @@ def run_sweep(
 ) -> Swept:
     """Do the missing runs; write runs.parquet, runs.csv, summary.csv and summary.md in the folder.
 
-    force: also into a folder with other files. Raises InputError before any run for invalid input.
+    force: whether the folder may have other files. Raises InputError before any run for invalid input.
     """
     cases = cases_of(sweep)
     _check_folder(folder, force)
@@ -213,10 +213,10 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 
 def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
-    """A row for each combination and method, in the order of the grid: numbers of runs and failures, figures.
+    """A row for each combination and method, in the order of the grid: numbers of runs and failures, and figures.
 
     mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median;
-    by_open_loop: mean error relative to the open loop's
+    by_open_loop: mean error divided by the open loop's
     """
     keys = list(sweep.keys)
     rows = []
@@ -255,7 +255,7 @@ FORMS = {
 
 
 def cells(table: pd.DataFrame) -> list[list[str]]:
-    """The summary as text, heads first; keys of the grid with a single value are omitted."""
+    """The summary as text, headings first; keys of the grid with a single value are omitted."""
     names = [str(name) for name in table.columns if "." not in name or len(set(table[name])) > 1]
     forms = [FORMS.get(name, (name, None)) for name in names]
     rows = [

@@ -45,16 +45,16 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """Estimates of the methods on a recording.
+    """Estimates of all methods for a recording.
 
-    steps: one for each frame
-    truth, truth_cov: position of the target [m], (n_frames, dim), NaN where unknown, and covariance of its error [m²],
-    (n_frames, dim, dim): that of the mark which shows it
-    counts: marks rejected and covariances repaired by the filter; results of the check, if there was one
-    withheld: results of the check by node: figures of marks predicted as if hidden
+    steps: a step for each frame
+    truth, truth_cov: true position of the target [m], (n_frames, dim), NaN where unknown, and covariance of its error
+    [m²], (n_frames, dim, dim), which is that of the target's mark
+    counts: numbers of rejected marks and repaired covariances; results of the check, if there was one
+    withheld: results of the check by node, for marks predicted as if hidden
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
-    one_error: whether most of its reported variance is the error of its place in the tissue, the same in all frames
-    marks: by node, shares of frames found, refused and lost, and why
+    one_error: whether most of the target's variance is the constant error of its position in the tissue
+    marks: by node, shares of frames in which its mark was found, refused or lost, and why
     """
 
     recording: Recording
@@ -153,14 +153,14 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Ste
 
 
 def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
-    """The times [s] and given marks of a recording's frames, without marks for repeated values."""
+    """The times [s] and given marks of a recording's frames; frames with repeated values have no marks."""
     used, _ = without_repeats(recording.exposures_s, recording.marks or ())
     for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
         yield exposure_s, tuple(measurement(mark) for mark in marks)
 
 
 def frames_frozen(recording: Recording) -> int:
-    """Number of frames of given marks with repeated values, which are not used."""
+    """Number of frames of given marks that have repeated values and are therefore not used."""
     if recording.marks is None:
         return 0
     used, _ = without_repeats(recording.exposures_s, recording.marks)
@@ -175,8 +175,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    Its node's position comes from truth.csv, or from its own mark for scoring; the map of all estimates leads from the
-    node to the target.
+    The position of the target's node is from truth.csv or from the node's mark for scoring; the map from the node to
+    the target is that of all estimates.
     """
     scene = recording.scene
     node = scene.target.node
@@ -194,7 +194,7 @@ def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Float
 
 def table(done: Track, method: str) -> pd.DataFrame:
     """The estimates of one method for estimates.csv, with err_mm and nees if the truth is known."""
-    import pandas as pd  # here: a live run, which does not need it, must start at once
+    import pandas as pd  # imported here, because a live run does not need it and must start at once
 
     estimates = done.estimates(method)
     rows = pd.DataFrame([row(e) for e in estimates], columns=header(done.recording.scene.network.dim))
@@ -230,8 +230,8 @@ def _nees_or_infinite(error: Floats, cov: Floats) -> float:
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
     """The figures of summary.json for one method; None for non-finite numbers.
 
-    Figures that need truth are present if any frame has it, those that need a covariance or innovations if the method
-    has them.
+    Figures that need truth are present if any frame has truth; figures that need a covariance or innovations, if the
+    method has them.
     """
     rows, estimates = table(done, method), done.estimates(method)
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]

@@ -1,6 +1,6 @@
 """Figures of results, with matplotlib.
 
-Another figure belongs here.
+A new figure belongs here.
 """
 
-# Import each from its own module: all of them load the filter, which adds two seconds to a calibration's picture.
+# Import each from its own module: most load the filter, which takes two seconds that a calibration's plot need not.

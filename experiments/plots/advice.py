@@ -1,4 +1,4 @@
-"""Plot of advice on a needle: probability of a hit against its threshold, miss, and the reasons of the advice."""
+"""Plot of advice on a needle: probability of a hit with its threshold, the needle's miss, and reasons of the advice."""
 
 from __future__ import annotations
 
@@ -58,16 +58,16 @@ COLOURS = {
     Advice.NO_GUIDANCE: GREY,
 }
 LANE_MM = 6.5
-"""Printed height of a lane [mm], with a reason's text above its bars."""
+"""Printed height of the lane of one reason [mm], with its text above its bars."""
 
 MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Difference of probabilities that is invisible in print, and relative range of misses that counts as none."""
+"""Difference of probabilities that is invisible in print, and relative range up to which misses are constant [1]."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
-"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
+"""Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""
 
 OBSERVED = "observed: share of random errors of tip and push that hit the true target"
 """Note on the observed hits: the truth is one path and only the tip is random, so the share is between 0 and 1."""
@@ -84,7 +84,7 @@ def write_advice_plot(done: Advised, folder: Path, vector: str | None = None) ->
 def advice_figure(done: Advised) -> Figure:
     """The probability of a hit over time, the needle's miss, and a lane for each reason of the advice.
 
-    A constant miss is stated in words. In space the needle is shown in the body from two sides.
+    A constant miss is stated as text. In space the needle in the body is shown from two sides.
     """
     rows, reasons = table(done), reasons_of(done)
     lateral_mm = rows["lateral_mm"].to_numpy(dtype=np.float64)
@@ -117,7 +117,7 @@ def advice_figure(done: Advised) -> Figure:
 
 
 def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
-    """The needle and its latest aim in the body, and close up, from two sides; returns entries of a legend."""
+    """Draw the needle and its latest aim in the body, and close up, from two sides; returns entries of a legend."""
     scene, plan = done.recording.scene, done.plan
     aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
     at_rest = scene.network.positions[scene.network.index(scene.target.node)]
@@ -151,7 +151,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
-    if _differ(rows, "p_best"):  # on top and narrower, so that both are seen where they coincide
+    if _differ(rows, "p_best"):  # on top and narrower, so that both lines are visible where they coincide
         ax.plot(times, rows["p_best"], color=SKY, lw=0.7, label="insertion at the best later time")
     if _differ(rows, "p_turned"):
         ax.plot(times, rows["p_turned"], color=GREEN, lw=0.9, ls=":", label="after turning to the aim")
@@ -190,7 +190,7 @@ def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> None:
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:
-    """A lane for each reason: its text, and bars where it applied; a tick at each change of advice."""
+    """Draw a lane for each reason: its text, and bars while it applied; a tick at each change of advice."""
     times = np.array(done.times_s)
     for lane, (advice, words, held) in enumerate(reasons):
         ax.broken_barh(spans_of(times, held), (lane + 0.52, 0.42), facecolors=COLOURS[advice], lw=0)
@@ -212,9 +212,9 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
-    """The kinds of reasons in the order of the advice: advice, text, and the frames of each.
+    """The kinds of reasons, in the order of the advice: the advice, the text, and whether it applied in each frame.
 
-    Reasons that differ only in numbers are one kind, with the range of each number.
+    Reasons that differ only in numbers are one kind, whose text has the range of each number.
     """
     kinds: dict[tuple[Advice, str], list[int]] = {}
     for k, one in enumerate(done.guidance):

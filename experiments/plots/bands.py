@@ -1,4 +1,4 @@
-"""Coloured bands for periods of a condition: one artist for each condition."""
+"""Coloured bands for periods of a condition, drawn by one artist for each condition."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from experiments.arrays import Floats
 from experiments.plots.style import BLACK, GREY, VERMILLION
 
 STATUS_COLOURS = {Status.COASTING: GREY, Status.LOST: BLACK, Status.DIVERGED: VERMILLION}
-"""Colours of statuses of frames whose estimate is not based on fitting marks."""
+"""Colours of the statuses of frames whose estimate is not based on consistent marks."""
 
 FAINT = 0.25
 """Opacity of a band behind curves."""
@@ -22,7 +22,7 @@ K = TypeVar("K", Status, Advice)
 
 
 def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]:
-    """Start and length [s] of each run of frames with a condition, extended half-way to the adjacent frames."""
+    """Start and length [s] of each run of frames in which `held` is true, extended half-way to the adjacent frames."""
     if len(times_s) < 2:
         return []
     edges = np.concatenate([times_s[:1], 0.5 * (times_s[1:] + times_s[:-1]), times_s[-1:]])
@@ -34,7 +34,7 @@ def spans_of(times_s: Floats, held: Sequence[bool]) -> list[tuple[float, float]]
 def draw_bands(ax: Axes, times_s: Floats, kinds: Sequence[K], colours: Mapping[K, str]) -> None:
     """Colour the background by the kind of each frame: bands of full height for each kind with a colour.
 
-    The kind is the label.
+    The label of a band is its kind.
     """
     for kind, colour in colours.items():
         spans = spans_of(times_s, [one == kind for one in kinds])

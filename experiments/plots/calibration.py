@@ -13,13 +13,13 @@ MOST_ARROWS, MOST_NAMES = 2000, 30
 
 
 def calibration_picture(calibration: Calibration, form: str) -> bytes:
-    """A picture as a file of this form, png, pdf or svg."""
+    """The plot as the content of a file: png, pdf or svg."""
     return saved(calibration_figure(calibration), form)
 
 
 @styled
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Enlarged arrows from expected to detected corners, beside bars of the rms of each picture."""
+    """Enlarged arrows from expected to detected corners, and a bar chart of each picture's rms residual."""
     figure, [[area, bars]] = grid_figure(PAGE_MM, 78.0, ncols=2, width_ratios=(1.5, 1))
     _residuals(calibration, area)
     _bars(calibration, bars)
@@ -31,7 +31,7 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
     some = np.linspace(0, len(seen) - 1, min(MOST_ARROWS, len(seen))).astype(int)
     width, height = calibration.size_px
     rms = calibration.reprojection_rms_px
-    # a residual of one rms is drawn as a fortieth of the picture
+    # an arrow for the rms residual has a fortieth of the picture's width
     per_px = width / 40 / rms if rms > 0 else 1.0
     arrows = ax.quiver(
         *seen[some].T, *residuals[some].T, angles="xy", scale_units="xy", scale=1 / per_px, width=0.0015, color=OURS

@@ -1,4 +1,4 @@
-"""Picture of a scene's check: the network as drawn and at rest, names, marks, anchors, target, information of marks."""
+"""Plot of a scene's check: the network as drawn and at rest, marks, anchors, target, and each mark's information."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from experiments.plots.style import BLUE, GREY, HALO, PAGE_MM, SMALL_PT, VERMILL
 from experiments.projects.check import SceneCheck
 
 MANY = 30
-"""Largest number of nodes of a body whose unmarked nodes are labelled: more labels would be illegible."""
+"""Largest number of nodes for which unmarked nodes are also labelled: more labels would be illegible."""
 
 N_BARS = 20
-"""Largest number of marks whose share is drawn."""
+"""Largest number of marks whose share of information is drawn."""
 
 LEAST_BARS = 6
-"""Number of bars for which the axis has room at least, so that a single bar is not too wide."""
+"""Least number of bars for which the axis has room, so that a single bar is not too wide."""
 
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""Largest distance between drawn and rest positions that is invisible in print [mm]: then only one of them is drawn."""
+"""Largest distance between drawn and rest positions that is invisible in print [mm]: the plot then has only one."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""
@@ -36,7 +36,7 @@ VIEW_MM = 62.0
 
 @styled
 def check_figure(done: SceneCheck) -> Figure:
-    """The network as drawn and at rest, in space from two sides, and the share of information by mark."""
+    """The network as drawn and at rest, in space from two sides, and each mark's share of the information."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 
@@ -100,7 +100,7 @@ def _network(ax: Axes, done: SceneCheck) -> None:
             line.set(**style, **({"mfc": colour} if measured else {"mec": colour}))
     _target(ax, done, at)
     _names(ax, done, at)
-    # all are in the plot, with equal scales: a large sag is visible
+    # the plot contains all positions at equal scales, so that a large sag is visible
     both = np.vstack([at, rest])
     if scene.cameras and (view := scene.cameras[0].view_m) is not None:
         ax.add_patch(Polygon(1e3 * view, fc="none", ec="0.6", lw=0.8, ls=":", label="edge of the picture"))

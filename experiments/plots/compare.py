@@ -1,4 +1,4 @@
-"""Plot of a comparison: observed and predicted error of each method over time.
+"""Plot of a comparison: observed and predicted errors of each method over time.
 
 Without truth, the distance of each method from the filter replaces the error.
 """
@@ -28,10 +28,10 @@ def write_comparison_plot(done: Track, folder: Path, vector: str | None = None) 
 
 @styled
 def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time, and its predicted error: the root of the trace of its covariance.
+    """Error of each method over time, and its predicted error, the root of the trace of its covariance.
 
-    All have one scale; errors outside it are marked at the edge and counted. Without truth the distance from the
-    filter's estimate is drawn.
+    All methods have the same scale; errors outside the plot are marked at its edge and counted. Without truth the
+    distance from the filter's estimate is drawn.
     """
     methods = methods_of(done)
     figure, axes = grid_figure(PAGE_MM, 14.0 + 24.0 * len(methods), nrows=len(methods), sharex=True, sharey=True)
@@ -43,7 +43,7 @@ def comparison_figure(done: Track) -> Figure:
         _method(done, ax, method, off[method], predicted[method])
     axes[-1, 0].set_xlabel("time [s]")
     span(axes[-1, 0], done.times_s)
-    # the filter predicts an error, and with a truth has one
+    # the filter has a predicted error and, if truth is known, an observed one
     shown = methods.index(FILTER) if done.has_truth else _fullest(axes[:, 0])
     legend_below(figure, axes[shown, 0], 2)
     return figure

@@ -1,4 +1,4 @@
-"""Consistency of the covariance: observed against predicted errors, NEES and NIS, marks predicted as if hidden."""
+"""Plots on the covariance's consistency: observed over predicted errors, NEES and NIS, marks predicted as if hidden."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from experiments.plots.style import COLUMN_MM, OURS, PAGE_MM, SMALL_PT, TRUE, gr
 
 N_BINS = 8
 SPARED = 0.05
-"""Share of frames that may lie outside the plot at either end; they are counted."""
+"""Share of frames that may lie outside the plot at either end; the plot states their number."""
 
 NARROW = 3.0
-"""Ratio of the ends of an axis below which 1, 2 and 5 per decade are too few ticks."""
+"""Ratio of an axis's ends below which ticks at 1, 2 and 5 of each decade are too few."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
-"""Limits of plots of NEES and NIS: four decades from the bounds no frame is consistent."""
+"""Limits of plots of NEES and NIS, about four decades from the bounds of consistent frames."""
 
 
 def has_sigmas(done: Track) -> bool:
-    """Whether there is a frame with observed and predicted error."""
+    """Whether any frame has an observed and a predicted error."""
     return len(_errors_and_sigmas(done)[0]) > 0
 
 
@@ -48,10 +48,10 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 @styled
 def sigma_figure(done: Track) -> Figure:
-    """Observed error against predicted standard deviation, in groups of frames; raises ValueError for no frames.
+    """Observed error over predicted standard deviation, for groups of frames; raises ValueError without frames.
 
-    The band contains 95 % of the groups for a consistent covariance. It is that of the root mean square of independent
-    errors, as many as the effective number of the group's frames, which are correlated in time.
+    The band contains 95 % of the groups for a consistent covariance. It is computed for the root mean square of
+    independent errors; their number is the effective number of the group's frames, since frames are correlated in time.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
@@ -87,7 +87,7 @@ def sigma_figure(done: Track) -> Figure:
 
 
 def grouped(sigma: Floats) -> list[np.ndarray]:
-    """Frames by their standard deviation (n,), in groups of nearly equal size, in ascending order; none is empty."""
+    """Groups of frames by their standard deviation, (n,), ascending; groups have nearly equal sizes, none is empty."""
     edges = np.unique(np.quantile(sigma, np.linspace(0.0, 1.0, N_BINS + 1)))
     if len(edges) < 2:
         return [np.arange(len(sigma))]
@@ -96,7 +96,7 @@ def grouped(sigma: Floats) -> list[np.ndarray]:
 
 
 def has_innovations(done: Track) -> bool:
-    """Whether there is a frame with NIS or NEES."""
+    """Whether any frame has NIS or NEES."""
     rows = table(done, FILTER)
     return bool(rows[["nees", "nis"]].notna().any(axis=None))
 
@@ -148,7 +148,7 @@ def _average(mean: float) -> str:
 
 @styled
 def withheld_figure(withheld: Mapping[str, Withheld]) -> Figure:
-    """Ratio of observed to predicted errors of marks predicted as if hidden; ValueError for no marks."""
+    """Ratio of observed to predicted errors of marks predicted as if hidden; ValueError without marks."""
     if not withheld:
         raise ValueError("withheld_figure: expected marks that were predicted as if hidden, found none")
     width = COLUMN_MM if len(withheld) <= 8 else PAGE_MM

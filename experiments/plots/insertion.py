@@ -1,4 +1,4 @@
-"""Plots of insertions: hit rates and misses of each policy, predicted and observed hits."""
+"""Plots of insertions: hit rates and misses of each policy, and predicted against observed hits."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid
 """Line styles in addition to colours, for lines that cross."""
 
 WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
-"""Widths of lines that often coincide: a later one is narrower than those below it [pt]."""
+"""Widths of lines that often coincide [pt]: each is narrower than the lines drawn before it."""
 
 N_LEAST = 5
-"""Number of insertions below which a bin is not drawn, but counted."""
+"""Number of insertions below which a bin is not drawn; the plot states the number of such insertions."""
 
 FARTHEST_MM = 20.0
-"""Distance above which a miss is not drawn, but counted [mm]."""
+"""Distance above which a miss is not drawn [mm]; the plot states the number of such misses."""
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
     """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each.
 
-    The latter two are omitted if no bin has `N_LEAST` insertions.
+    The last two are omitted if no bin has `N_LEAST` insertions.
     """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
     bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}
     for name, figure in drawn.items():
         if name in bins_of and all(row.n < N_LEAST for row in bins_of[name]):
-            continue  # too few insertions for a bin
+            continue  # no bin has enough insertions
         write_picture(figure(done), folder / f"{name}.png", vector)
 
 
@@ -76,7 +76,7 @@ def hits_figure(done: Trials) -> Figure:
 
 @styled
 def misses_figure(done: Trials) -> Figure:
-    """Cumulative distribution of the distance; needles that never arrived count as beyond every distance."""
+    """Cumulative distribution of the miss distance; for needles that never arrived it is infinite."""
     figure, [[ax]] = grid_figure(COLUMN_MM, 70.0)
     ax.set_title("distance to the true target at arrival")
     for policy in POLICIES:
@@ -103,18 +103,18 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates against predicted probabilities at the commitments of filter-ahead, with a lesion drawn in each run."""
+    """Hit rates over predicted probabilities when the policy filter-ahead commits; each run draws its own lesion."""
     return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 
 
 def advised_figure(done: Trials) -> Figure:
-    """Hit rates of immediate insertions against the probabilities that advice predicted."""
+    """Hit rates of immediate insertions over the probabilities that the advice predicted."""
     return _reliability_figure(bins(done.advised), "advice at any time, in ten bins")
 
 
 @styled
 def _reliability_figure(rows: Sequence[ReliabilityBin], title: str) -> Figure:
-    """Hit rates against predicted probabilities, in ten bins, with 99 % intervals."""
+    """Hit rates over predicted probabilities, in ten bins, with 99 % intervals."""
     figure, [[ax]] = grid_figure(COLUMN_MM, COLUMN_MM + 8.0)
     ax.set_title(title)
     ax.plot([0, 1], [0, 1], color="0.6", lw=0.8, label="as predicted")

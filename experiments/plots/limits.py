@@ -1,6 +1,6 @@
-"""Limits of plots, from the body and its measurements: diverging estimates do not stretch them.
+"""Limits of plots from the body and its measurements, so that diverging estimates do not stretch the axes.
 
-Values outside a plot are marked at its edge; long recordings are thinned to the points that a plot can show.
+Values outside a plot are marked at its edge; long recordings are thinned to the number of points that a plot can show.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from experiments.arrays import Floats
 from experiments.pipeline.track import Track
 
 N_DRAWN = 4000
-"""Largest number of points in a line: three for each pixel of a plot's width."""
+"""Largest number of points in a line, about three for each pixel of a plot's width."""
 
 N_CARETS = 400
-"""Largest number of carets on an edge: closer ones would merge."""
+"""Largest number of carets on an edge: more would merge."""
 
 OUTLIERS = 0.01
 """Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
 
 USUAL, FAR = 0.99, 10.0
-"""Share of a series that an axis shows, and largest value shown, relative to the median; the rest may lie outside."""
+"""Share of a series that an axis shows at least, and largest value shown, relative to the median."""
 
 
 def body_box(done: Track) -> Floats:
@@ -43,23 +43,23 @@ def body_size(done: Track) -> float:
 
 
 def within(points: Floats, box: Floats) -> Floats:
-    """Which of the points (n, dim) are in a box, lowest and highest corner (2, dim); NaN is not."""
+    """Whether each point, (n, dim), is in a box with this lowest and highest corner, (2, dim); False for NaN."""
     return points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
 
 
 def outside(points: Floats, box: Floats) -> NDArray[np.bool_]:
-    """Which of the points (n, dim) are outside a box, lowest and highest corner (2, dim); NaN is not."""
+    """Whether each point, (n, dim), is outside a box with this lowest and highest corner, (2, dim); False for NaN."""
     return np.asarray(((points < box[0]) | (points > box[1])).any(axis=1))
 
 
 def widened(box: Floats, share: float) -> Floats:
-    """A box (2, dim) with a margin around it, a share of its longest side."""
+    """A box, (2, dim), enlarged by a margin that is this share of its longest side."""
     margin = share * float(np.ptp(box, axis=0).max())
     return np.array([box[0] - margin, box[1] + margin])
 
 
 def highest(most: float, *series: Floats) -> float:
-    """Upper limit of an axis for the sizes of series of values: usual values of each, at most `most`."""
+    """Upper limit of an axis for these series: it shows the usual values of each, and is at most `most`."""
     sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
     tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
     top = 1.2 * max(tops, default=0.0)
@@ -67,7 +67,7 @@ def highest(most: float, *series: Floats) -> float:
 
 
 def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """A series of n values as a line of at most `N_DRAWN` points: the smallest and the largest of each run of frames.
+    """A series of n values as a line of at most `N_DRAWN` points: least and largest value of each run of frames.
 
     A run without any finite value breaks the line.
     """
@@ -82,7 +82,7 @@ def thinned(times_s: Floats, values: Floats) -> tuple[Floats, Floats]:
 
 
 def mark_beyond(ax: Axes, times_s: Floats, values: Floats, color: str) -> int:
-    """Carets on the upper and lower edge of a plot for values outside; returns the number of these frames."""
+    """Draw carets on the edges of a plot for values above or below it; returns the number of such frames."""
     low, high = ax.get_ylim()
     count = 0
     for beyond, edge, marker in ((values > high, 0.985, "^"), (values < low, 0.015, "v")):

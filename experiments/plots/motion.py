@@ -1,4 +1,4 @@
-"""The target over time: axes for each coordinate, with bands of predicted standard deviations."""
+"""Plots of the target's coordinates over time, with bands of predicted standard deviations."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sigma_mm(done: Track, axis: int) -> Floats:
 
 
 def draw_motion(done: Track, ax: Axes, axis: int) -> None:
-    """A coordinate of the target: truth, open loop, and the filter with a band of two standard deviations."""
+    """Draw a coordinate of the target: truth, open loop, and the filter with a band of two standard deviations."""
     low, high = usual_range(done, axis)
     ax.set_ylim(low, high)
     truth = 1e3 * done.truth[:, axis]
@@ -40,7 +40,7 @@ def draw_motion(done: Track, ax: Axes, axis: int) -> None:
 
 
 def usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis that shows truth and the filter's path near the body, and its usual sigmas."""
+    """Limits [mm] of an axis that shows truth, the filter's path near the body, and usual standard deviations."""
     (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], means_mm(done, FILTER)[:, axis]
     truth = 1e3 * done.truth[:, axis]
     near = np.concatenate([places[(places >= low) & (places <= high)], truth[np.isfinite(truth)]])
@@ -55,7 +55,7 @@ def usual_range(done: Track, axis: int) -> tuple[float, float]:
 def draw_over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """A coordinate of the filter and the open loop, with bands of multiples of sigma about the filter's.
+    """Draw a coordinate by the filter and the open loop, with bands of multiples of sigma about the filter's.
 
     Several multiples are drawn about zero.
     """
@@ -65,7 +65,7 @@ def draw_over_time(
     label: str | None = f"{', '.join(str(m) for m in reversed(multiples))} predicted standard deviations"
     for k in multiples:
         ax.fill_between(at, about - k * spread, about + k * spread, color=OURS, alpha=0.17, lw=0, label=label)
-        label = None  # once for all
+        label = None  # drawn once for all multiples
     draw_bands(ax, times, [e.status for e in done.estimates(FILTER)], STATUS_COLOURS)
     ax.plot(*thinned(times, papers), color=PAPERS, lw=0.5, alpha=0.8, label="paper's open loop")
     ax.plot(*thinned(times, ours), color=OURS, lw=0.8, label="filter")

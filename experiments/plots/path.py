@@ -1,4 +1,4 @@
-"""Plot of the target's path: in the plane coloured by time, in space over time and from two sides."""
+"""Plot of the target's path: in the plane coloured by time; in space its coordinates over time, and two views."""
 
 from __future__ import annotations
 
@@ -37,23 +37,23 @@ from experiments.plots.style import (
 
 N_ELLIPSES = 40
 MOST_NAMES = 30
-"""Largest number of nodes of a network whose unmarked nodes are labelled."""
+"""Largest number of a network's nodes for which unmarked nodes are also labelled."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
-"""Widths in print of a body's axes and of a close-up in space, and of the square that the body fills [mm]."""
+"""Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""
 
 FAINT = 0.3
-"""Opacity of an ellipse for a frame without fitting marks."""
+"""Opacity of an ellipse for a frame whose estimate is not based on consistent marks."""
 
 OURS_IN_TIME = colormaps[TIME_MAP](0.35)
-"""Colour from the map, for a legend."""
+"""Colour from the map, for the filter's path in a legend."""
 
 
 @styled
 def path_figure(done: Track) -> Figure:
-    """Path of the hidden target over a frame of the film, and in close-up with 2-sigma ellipses of the filter.
+    """Path of the hidden target on a frame of the film, and a close-up with the filter's 2-sigma ellipses.
 
-    In space: its coordinates over time, beside the body from two sides and a close-up of the target from each.
+    In space the figure has the target's coordinates over time, and the body and a close-up from two sides.
     """
     return _in_plane(done) if done.recording.scene.network.dim == 2 else _in_space(done)
 
@@ -112,7 +112,7 @@ def _last(done: Track) -> TargetEstimate | None:
 
 
 def _near_target(done: Track, ax: Axes, view: View, last: TargetEstimate | None) -> None:
-    """Paths of the truth and of the filter where it is near the body, seen from a side."""
+    """Draw the paths of the truth and of the filter near the body, seen from one side."""
     means = within(np.array([e.mean for e in done.estimates(FILTER)]), widened(body_box(done), AROUND))
     truth = done.truth[np.isfinite(done.truth).all(axis=1)]
     paths = {OURS: view.seen_mm(means), TRUE: view.seen_mm(truth)}
@@ -126,7 +126,7 @@ def _near_target(done: Track, ax: Axes, view: View, last: TargetEstimate | None)
 
 
 def _whole(done: Track, ax: Axes) -> None:
-    """The network or the film, and the paths in it."""
+    """Draw the network or a frame of the film, and the paths."""
     means, papers = means_mm(done, FILTER), means_mm(done, OPEN_LOOP)
     ax.set_aspect("equal")
     filmed = _film(done, ax)
@@ -141,7 +141,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """The paths alone, with ellipses; returns the number of drawn ellipses, and of those larger than the plot."""
+    """Draw the paths alone, with ellipses; returns the number of these, and of those larger than the plot."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -157,7 +157,7 @@ def _close(done: Track, ax: Axes) -> tuple[int, int]:
 
 
 def _paths(done: Track, ax: Axes, thick: float) -> None:
-    """The filter's path coloured by time, the truth's, the paper's; points outside the plot are marked and counted."""
+    """Draw the paths of filter (coloured by time), truth and paper; points outside the plot are marked and counted."""
     means, papers, times = means_mm(done, FILTER), means_mm(done, OPEN_LOOP), done.times_s
     truth = 1e3 * done.truth
     shown = slice(None, None, -(-len(means) // N_DRAWN))
@@ -186,7 +186,7 @@ def _of_time(done: Track) -> Normalize:
 
 
 def _ellipse_keys(done: Track) -> dict[str, Line2D]:
-    """Legend entries by label: an ellipse, and a faint one if there are any."""
+    """Legend entries by label: an ellipse, and a faint ellipse if any is drawn."""
     opacities = {"2-sigma ellipse": 0.9}
     if any(e.status in MISSED for e in done.estimates(FILTER)):
         opacities["coasting, lost or diverged"] = FAINT
@@ -197,7 +197,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """2-sigma ellipses of some frames, faint if the estimate is not based on fitting marks."""
+    """Draw 2-sigma ellipses of some frames, faint if the estimate is not based on consistent marks."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}
@@ -210,7 +210,7 @@ def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
 
 
 def _film(done: Track, ax: Axes) -> bool:
-    """Draw the first frame of the film around the network; False if there is none, or the camera is not square."""
+    """Draw the first frame of the film around the network; False without a film or an upright camera."""
     cameras = done.recording.scene.cameras
     if not cameras or done.recording.marks is not None:
         return False
@@ -229,7 +229,7 @@ def _film(done: Track, ax: Axes) -> bool:
 
 
 def _network(done: Track, ax: Axes, *, lines: bool) -> None:
-    """Names of the nodes at their drawn positions; also springs and nodes if there is no film."""
+    """Draw the names of the nodes at their drawn positions; if `lines`, also springs and nodes."""
     scene = done.recording.scene
     network = scene.network
     x = 1e3 * network.positions
@@ -246,5 +246,5 @@ def _network(done: Track, ax: Axes, *, lines: bool) -> None:
 
 
 def _fits(cov: Floats, reach: float) -> bool:
-    """Whether the 2-sigma ellipse of a covariance (2, 2) is finite and no larger than a picture of this reach."""
+    """Whether the longest semi-axis of a covariance's 2-sigma ellipse, (2, 2), is finite and at most twice `reach`."""
     return bool(np.isfinite(cov).all() and 2.0 * np.sqrt(np.linalg.eigvalsh(cov)[-1].clip(0.0)) <= 2.0 * reach)

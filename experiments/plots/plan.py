@@ -1,6 +1,6 @@
 """Plot of a plan: the tissue, obstacles, the best path and the needle's push on the target.
 
-Blue is the best path, pale blue the next best, vermillion rejected paths and obstacles, purple the lesion.
+The best path is blue, the next best are pale blue, rejected paths and obstacles vermillion, the lesion purple.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ BEST, NEXT, FORBIDDEN, LESION = BLUE, SKY, VERMILLION, PURPLE
 FILLS = {"rib": "#e9e2cf", "vessel": "#d98880", "other": "#c9c9c9"}
 TISSUE, SKIN = "#f8ece4", "#b98b6b"
 ROUND = float(np.sqrt(chi2.ppf(0.95, 2)))
-"""Standard deviations of the 95 % region in the plane of the picture."""
+"""Radius of the 95 % region in the plane of the picture, in standard deviations."""
 
 ROOM_MM = 76.0
-"""Side of the square in print that a body in space fills [mm]."""
+"""Side in print of the square that a body in space fills [mm]."""
 
 
 def _xy(place: Floats) -> tuple[float, float]:
@@ -55,7 +55,7 @@ def _xy(place: Floats) -> tuple[float, float]:
 
 @styled
 def plan_figure(done: Planned) -> Figure:
-    """The tissue with paths beside a close-up of the lesion, and numbers of the best path; in space from two sides."""
+    """The tissue with paths, a close-up of the lesion, and the best path's figures; in space from two sides."""
     return _in_plane(done) if done.scene.network.dim == 2 else _in_space(done)
 
 
@@ -109,7 +109,7 @@ def _in_space(done: Planned) -> Figure:
 
 
 def _sides(done: Planned, view: View, whole: Axes, close: Axes, chosen: list[int]) -> None:
-    """Paths, obstacles and the lesion, seen from one side: whole and close up."""
+    """Draw paths, obstacles and the lesion from one side: the whole body and a close-up."""
     _paths(done, view, whole, chosen)
     for ax in (whole, close):
         for one, kind in zip(done.task.obstacles, done.task.kinds, strict=True):
@@ -159,7 +159,7 @@ def _obstacle(ax: Axes, view: View, one: Obstacle, fill: str, path_x: Callable[[
 
 
 def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], float]:
-    """Position of the best path's line across the view, at a height in it [mm]; without a best path, of the lesion."""
+    """Function from a height in the view to the best path's horizontal position [mm]; without a path, the lesion's."""
     found = done.plan
     tip, entry = (
         view.seen_mm(np.stack([found.tips[chosen[0]], found.entries[chosen[0]]])) if chosen else np.zeros((2, 2))
@@ -171,7 +171,7 @@ def _path_x(done: Planned, view: View, chosen: list[int]) -> Callable[[float], f
 
 
 def _capsule(ends: Floats, radius: float) -> Floats:
-    """The outline of a capsule about an axis with these ends, (2, 2), in the plane, (n, 2)."""
+    """The outline, (n, 2), of a capsule in the plane whose axis has these ends, (2, 2)."""
     start, end = ends
     along = end - start
     turn = np.arctan2(along[1], along[0])
@@ -184,7 +184,7 @@ def _capsule(ends: Floats, radius: float) -> Floats:
 
 
 def _paths(done: Planned, view: View, ax: Axes, chosen: list[int]) -> None:
-    """The most probable path from each entry; the best and the next best stand out."""
+    """Draw the most probable path from each entry; the best and the next best paths stand out."""
     found = done.plan
     n_aims = done.task.n_aims
     shown = [

@@ -1,6 +1,6 @@
-"""Drawing of a body in space from two sides: its shaded surface or its springs, with marks, target and needle.
+"""Drawings of a body in space from two sides: its shaded surface or its springs, with marks, target and needle.
 
-Views are orthographic. Things nearer to the viewer are drawn later, larger or darker.
+Views are orthographic. Objects nearer to the viewer are drawn later, larger or darker.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""Directions of views: to the right of z, and from above. The second view is the one that adds most marks."""
+"""Directions of views [degrees] to the right of z, and above. The second view is the one that adds most marks."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
@@ -35,10 +35,10 @@ N_SPRINGS = 600
 """Largest number of springs that are drawn: more hide each other."""
 
 SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
-"""Colour of a surface in full light and of its wall, and of springs near and far."""
+"""Colours of a surface in full light, of its wall, and of near and far springs."""
 
 VISIBLE = 0.01
-"""Share of the visible area of a body above which the legend names its wall."""
+"""Share of a body's visible area that its wall must have to be named in the legend."""
 
 DIM, LIGHT = 0.6, np.array([-0.35, 0.45, 0.82])
 """Share of light on a face turned away from the lamp; direction of the lamp: right, up and toward the viewer."""
@@ -47,28 +47,28 @@ MARGIN = 0.06
 """Margin around a body, relative to its size."""
 
 NEEDLE = "#7a4b1e"
-"""Colour of a needle: black lines beside the body are curves over time."""
+"""Colour of a needle: not black, because curves over time beside the body are black."""
 
 SHAFT_M = 1.0
-"""Drawn length of a needle behind its tip: beyond every plot."""
+"""Drawn length of a needle behind its tip [m]: it ends outside of every plot."""
 
 WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
-"""Directions in which a name may stand beside its mark."""
+"""Directions in which a name may be placed from its mark."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A viewing direction: across (2, dim), right and up in the plot; toward (dim,), towards the viewer."""
+    """A view; unit vectors: across, (2, dim), right and up in the plot; toward, (dim,), towards the viewer."""
 
     across: Floats
     toward: Floats
 
     def seen_mm(self, places_m: Floats) -> Floats:
-        """Positions [m], (..., dim), in the plot [mm], (..., 2)."""
+        """Projection of positions [m], (..., dim), into the plot [mm], (..., 2)."""
         return np.asarray(1e3 * places_m @ self.across.T)
 
     def seen_cov_mm2(self, cov: Floats) -> Floats:
-        """A covariance [m²], (dim, dim), in the plot [mm²], (2, 2)."""
+        """Projection of a covariance [m²], (dim, dim), into the plot [mm²], (2, 2)."""
         return np.asarray(1e6 * self.across @ cov @ self.across.T)
 
 
@@ -77,7 +77,7 @@ FLAT = View(np.eye(2), np.zeros(2))
 
 
 def view_from(turn_deg: float) -> View:
-    """The view turned by this angle about y from along z, obliquely from above."""
+    """The view along z, turned by this angle about y, and from obliquely above."""
     turn, up = np.radians([turn_deg, RAISED_DEG])
     right = np.array([np.cos(turn), 0.0, -np.sin(turn)])
     toward = np.array([np.sin(turn) * np.cos(up), np.sin(up), np.cos(turn) * np.cos(up)])
@@ -95,14 +95,14 @@ def two_views(scene: Scene) -> tuple[View, View]:
 
 
 def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
-    """Which marks of a scene are on the side towards the viewer, (n_marks,)."""
+    """Whether each mark of a scene is on the side towards the viewer, (n_marks,)."""
     return np.asarray(outward(scene, [mark.node for mark in scene.marks]) @ view.toward > 0.0)
 
 
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
-    """The body as drawn in its scene, with names of the marks on this side.
+    """Draw the body as in its scene, with names of the marks on this side.
 
-    room_mm: side of the square in print that the axes fill; within_m: other positions that the axes contain [m], (n, 3)
+    room_mm: side in print of the square that the axes fill [mm]; within_m: more positions to show [m], (n, 3)
     """
     network = scene.network
     draw_surface(ax, view, outside, wall_faces(scene, outside))
@@ -115,7 +115,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """The faces towards the viewer, the far ones first, shaded by the angle to the lamp; wall: fixed, (n_faces,)."""
+    """Draw the faces towards the viewer, far ones first, shaded by lamp angle; wall: whether fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -134,7 +134,7 @@ def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_]
 
 
 def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int64], tint: str | None = None) -> None:
-    """Springs between positions [m], (n, 3), the far ones paler, thinner and first; tint: a colour in place of grey."""
+    """Draw springs between positions [m], (n, 3), far ones first, paler and thinner; tint: a colour instead of grey."""
     if not 0 < len(springs) <= N_SPRINGS:
         return
     depth = nearness(view, places_m[springs].mean(axis=1))
@@ -151,12 +151,12 @@ def nearness(view: View, places_m: Floats) -> Floats:
 
 
 def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
-    """Marks in their hues: large with names on this side, small and pale on the far side; rings for scoring only."""
+    """Draw marks in their hues: with names on this side, small and pale on the far side; rings only for scoring."""
     network, near = scene.network, facing(view, scene)
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
     named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
     for k, mark in enumerate(scene.marks):
-        if mark.node == scene.target.node and not mark.measured:  # the target is drawn there
+        if mark.node == scene.target.node and not mark.measured:  # the target is drawn at this position
             continue
         style: dict[str, Any] = (
             {"mec": "0.2", "mew": 0.4, "ms": 3.6, "zorder": 5} if k in named else {"mew": 0.0, "ms": 2.2, "zorder": 4}
@@ -174,7 +174,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners of names beside positions, (n, 2), each where it covers least of marks and of earlier names.
+    """Lower left corners of names beside positions, (n, 2), placed to cover least of marks and of earlier names.
 
     scale: units of the plot per millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
     """
@@ -197,12 +197,12 @@ def _overlap(one: Floats, other: Floats) -> float:
 
 
 def frame(ax: Axes, view: View, places_m: Floats) -> None:
-    """Equal scales around positions [m], (n, 3), with the directions of the axes and a bar for the scale."""
+    """Set limits with equal scales around positions [m], (n, 3), and draw the axes' directions and a scale bar."""
     at = view.seen_mm(places_m)
     low, high = at.min(axis=0), at.max(axis=0)
     reach = float((high - low).max())
     (left, bottom), (right, top) = low - MARGIN * reach, high + MARGIN * reach
-    bottom -= 0.2 * reach  # room for the bar and the axes
+    bottom -= 0.2 * reach  # room for the scale bar and the axes' directions
     ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal", xticks=[], yticks=[])
     ax.spines[:].set_visible(False)
     scale_bar(ax, reach)
@@ -215,7 +215,7 @@ def frame(ax: Axes, view: View, places_m: Floats) -> None:
 
 
 def scale_bar(ax: Axes, reach: float) -> None:
-    """A bar of about a quarter of the reach [mm] in the lower left corner, with its length."""
+    """Draw a bar of about a quarter of `reach` [mm] in the lower left corner, with its length."""
     decade = 10.0 ** np.floor(np.log10(0.3 * reach))
     length = decade * max(k for k in (0.5, 1, 2, 5) if k * decade <= 0.3 * reach)  # 0.5: the logarithm is rounded up
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
@@ -225,7 +225,7 @@ def scale_bar(ax: Axes, reach: float) -> None:
 
 
 def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Floats | None) -> None:
-    """The lesion as a disc, and the outline of the ellipsoid of two standard deviations; cov: [m²], (3, 3)."""
+    """Draw the lesion as a disc, and the outline of the 2-sigma ellipsoid; cov: covariance [m²], (3, 3)."""
     middle = view.seen_mm(place_m)
     ax.add_patch(Circle((middle[0], middle[1]), 1e3 * radius_m, fc=PURPLE, ec=PURPLE, lw=0.6, alpha=0.5, zorder=6))
     ax.plot(*middle, "+", color=PURPLE, ms=4, mew=0.8, zorder=6)
@@ -234,7 +234,7 @@ def draw_target(ax: Axes, view: View, place_m: Floats, radius_m: float, cov: Flo
 
 
 def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> None:
-    """The needle to its tip as far as the plot extends, and its line ahead of the tip [m], dashed."""
+    """Draw the needle from the plot's edge to its tip, and a dashed line of length `ahead_m` [m] beyond the tip."""
     tip = insertion.entry + insertion.depth_m * insertion.axis
     shaft, ahead = (view.seen_mm(np.stack([tip, tip + by * insertion.axis])) for by in (-SHAFT_M, ahead_m))
     ax.plot(*shaft.T, color=NEEDLE, lw=1.8, zorder=7, scalex=False, scaley=False)
@@ -242,7 +242,7 @@ def draw_needle(ax: Axes, view: View, insertion: Insertion, ahead_m: float) -> N
 
 
 def close_up(ax: Axes, middle: Floats, reach: float) -> None:
-    """Limits around a position in the plot [mm], (2,), up to this distance [mm], with a separate scale bar."""
+    """Set limits at this distance [mm] around a position in the plot [mm], (2,), and draw a scale bar."""
     ax.set(xlim=(middle[0] - reach, middle[0] + reach), ylim=(middle[1] - reach, middle[1] + reach), aspect="equal")
     ax.set(xticks=[], yticks=[])
     ax.spines[:].set(visible=True, color="0.6")
@@ -250,7 +250,7 @@ def close_up(ax: Axes, middle: Floats, reach: float) -> None:
 
 
 def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Line2D | Patch]:
-    """Legend entries by label for what `draw_body` shows from these sides."""
+    """Legend entries, by label, for what `draw_body` shows in these views."""
     near = np.array([facing(view, scene) for view in views])
     measured = np.array([mark.measured for mark in scene.marks])
     scored = any(not mark.measured and mark.node != scene.target.node for mark in scene.marks)
@@ -269,7 +269,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
 
 
 def _is_seen(faces: NDArray[np.bool_], outside: Outside, views: Sequence[View]) -> bool:
-    """Whether these faces are at least `VISIBLE` of the visible area from any side."""
+    """Whether these faces are at least the share `VISIBLE` of the visible area in any view."""
     areas = [(outside.normals @ view.toward).clip(0.0) for view in views]
     return any(bool(area[faces].sum() > VISIBLE * area.sum()) for area in areas)
 

@@ -1,7 +1,7 @@
-"""The style of all plots: print sizes, type, colours for the colour-blind, and files.
+"""The style of all plots: sizes in print, fonts, colours for the colour-blind, and files.
 
-A picture is as wide as a column or a page of print; its type is legible there without enlarging. Colours are Okabe
-and Ito's [wong2011]; a path in time is coloured by viridis, which is perceptually uniform.
+A figure is as wide as a column or a page in print; its text is legible at that size. Colours are Okabe and Ito's
+[wong2011]; a path in time is coloured by viridis, which is perceptually uniform.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ DPI = 300
 """Resolution of PNG files [px/inch]: journals require it for halftones."""
 
 TEXT_PT, SMALL_PT = 7.0, 6.0
-"""Type of titles and axes, and of ticks, legends and notes [pt]: six is the smallest that is legible in print."""
+"""Font sizes of titles and axes, and of ticks, legends and notes [pt]: six is the least that is legible in print."""
 
 BLACK, ORANGE, SKY, GREEN = "#000000", "#e69f00", "#56b4e9", "#009e73"
 BLUE, VERMILLION, PURPLE, GREY = "#0072b2", "#d55e00", "#cc79a7", "#999999"
 
 TRUE, OURS, PAPERS = BLACK, BLUE, ORANGE
-"""Colours of the truth, the filter and the paper's open loop, the same in all plots."""
+"""Colours of the truth, the filter and the paper's open loop in all plots."""
 
 TIME_MAP = "viridis"
 
@@ -69,18 +69,18 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 3.0,
     "figure.titlesize": TEXT_PT,
     "image.cmap": TIME_MAP,
-    "pdf.fonttype": 42,  # text that other programs can edit
-    "svg.hashsalt": "softaim",  # names inside that do not change
+    "pdf.fonttype": 42,  # text stays text, which other programs can edit
+    "svg.hashsalt": "softaim",  # fixed names of elements, so that the same plot gives the same file
 }
 
 UNDATED = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
-"""Metadata of a file: no date, so that the same plot gives the same file."""
+"""Metadata of files by format: no date, so that the same plot gives the same file."""
 
 P = ParamSpec("P")
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorator for functions that draw, which sets the house style."""
+    """Decorator of functions that draw a figure: it sets the style of this module."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -91,24 +91,24 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(width_mm: float, height_mm: float) -> Figure:
-    """An empty figure of this size in print; created without pyplot: no global state, nothing to close."""
+    """An empty figure of this size in print; it is made without pyplot, so that there is no global state."""
     return Figure(figsize=(width_mm / 25.4, height_mm / 25.4), layout="constrained")
 
 
 def grid_figure(width_mm: float, height_mm: float, **grid: Any) -> tuple[Figure, NDArray[np.object_]]:
-    """A figure with a grid of axes, (n_rows, n_columns); grid: as for `Figure.subplots`."""
+    """A figure with a grid of axes, (n_rows, n_columns); grid: arguments of `Figure.subplots`."""
     figure = new_figure(width_mm, height_mm)
     return figure, figure.subplots(squeeze=False, **grid)
 
 
 def span(ax: Axes, times_s: Floats) -> None:
-    """Set limits from the first time to the last [s]; a single time is left to matplotlib."""
+    """Set limits from the first time to the last [s]; for a single time matplotlib chooses them."""
     if len(times_s) > 1:
         ax.set_xlim(times_s[0], times_s[-1])
 
 
 def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
-    """The legend of one or some of the axes below all of them, so that it does not cover data."""
+    """Draw the legend of some axes below the figure's axes, so that it does not cover data."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
     handles = [one for handles, _ in entries for one in handles]
     labels = [one for _, labels in entries for one in labels]
@@ -116,15 +116,15 @@ def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> N
 
 
 def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellipse:
-    """The ellipse at this many standard deviations of a Gaussian in the plane, mean (2,), cov (2, 2)."""
+    """The ellipse of this many standard deviations of a Gaussian in the plane; mean (2,), cov (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # for a singular covariance the least one is rounding
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular covariance the least is a rounding error
     return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 
 def saved(figure: Figure, form: str) -> bytes:
-    """The file of a picture, of the form png, pdf or svg."""
+    """A figure as the content of a file: png, pdf or svg."""
     content = io.BytesIO()
     with mpl.rc_context(STYLE):
         figure.savefig(content, format=form, dpi=DPI, metadata=UNDATED[form])

@@ -1,6 +1,6 @@
-"""The pictures of a track: path of the target, error or motion over time, and consistency of the covariance.
+"""The plots of a track: path of the target, error or motion over time, and consistency of the covariance.
 
-The limits are those of the body (`limits.py`); estimates outside are marked at the edge and counted.
+Limits follow from the body (`limits.py`); estimates outside are marked at the edge and counted.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def write_track_plots(
 
 @styled
 def error_figure(done: Track) -> Figure:
-    """Error of each axis over time within its 1, 2 and 3-sigma envelope."""
+    """Error on each axis over time, with its 1, 2 and 3-sigma bands."""
     size = 1e3 * body_size(done)
     errors, papers = (means_mm(done, method) - 1e3 * done.truth for method in (FILTER, OPEN_LOOP))
     figure, axes = _an_axis_each(done)

@@ -1,4 +1,4 @@
 """Project folders from a template, and checks of scenes.
 
-Help for a user's own phantom belongs here.
+New help for a user's own phantom belongs here.
 """

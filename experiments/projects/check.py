@@ -1,7 +1,7 @@
 """Check of a scene before estimation: what `softaim check` finds.
 
-Rest, oscillations and the accuracy bound are computed about the rest of the scene's network; the information in a frame
-of marks is computed by the scene's filter, on marks at rest.
+Rest, oscillations and the accuracy bound are computed for the scene's network near its rest; the scene's filter gives
+the information in a frame of marks at rest.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ from experiments.simulation.space_film import draw_in_space
 from vision import LostMark
 
 FRAMES_PER_S = 30.0
-"""Default frame rate without a recording or an option."""
+"""Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Shortest and longest time of marks at rest for the filter [s]; it is extended while the covariance still changes."""
+"""Shortest and longest time of marks at rest for the filter [s]; it lasts until the covariance is steady."""
 
 SETTLED = 0.01
 """Relative change of the target's variance over a quarter of a second below which it is steady."""
@@ -43,15 +43,15 @@ SETTLED = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneCheck:
-    """Properties of a scene about its rest.
+    """Properties of a scene near its rest.
 
-    path: of the scene's file; rest: positions at rest [m], (n_nodes, dim)
-    stable_s: longest stable explicit step; step_s: longest step of the filter, an implicit one
-    interval_s: of the frames; seen: the measured marks in a frame at rest; single: nodes of the marks that only a
-    single camera in space sees; unfound: nodes whose marks are not detected, and why, None without rows
-    estimate: the scene's filter's estimate of the target after some seconds at rest
+    path: path of the scene's file; rest: positions at rest [m], (n_nodes, dim)
+    stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's implicit one [s]
+    interval_s: frame interval [s]; seen: the measured marks in a frame at rest; single: nodes of the marks that only
+    one camera in space sees; unfound: nodes whose marks are not detected, and why, None for marks without rows
+    estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m, pushed_m: lower bound on the standard deviation of the target on each axis for unbiased estimates, without
+    quiet_m, pushed_m: lower bound on the target's standard deviation on each axis for unbiased estimates [m], without
     pushes, and with pushes on all marked nodes as in the scene's filter
     """
 
@@ -77,14 +77,14 @@ class SceneCheck:
 
     @property
     def sigma_m(self) -> float:
-        """Standard deviation of the target on each axis, from the scene's filter [m]."""
+        """Standard deviation of the target on each axis by the scene's filter [m]."""
         return per_axis(np.asarray(self.estimate.cov))
 
     @property
     def mark_sd_m(self) -> float:
         """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        For the marks that several cameras see; if a single one sees each mark, that across its ray.
+        It is for marks that several cameras see; if no mark is seen by several, that across a camera's ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
@@ -107,7 +107,7 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: of the marks, in place of the recording's or the camera's
+    frames_per_s, sd_mm: rate and standard deviation of the marks, instead of the recording's or the camera's
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -149,7 +149,7 @@ def checked(
 
 
 def per_axis(cov: Floats) -> float:
-    """Root mean square of the standard deviations along the axes [m], of a covariance [m²], (dim, dim)."""
+    """Root mean square of a covariance's standard deviations along the axes [m]; cov: [m²], (dim, dim)."""
     return float(np.sqrt(np.trace(cov) / len(cov)))
 
 
@@ -165,8 +165,8 @@ def _seen(
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
     """Measured marks at rest with covariances, nodes that only one camera sees, and nodes without found marks.
 
-    Covariances come from the option, the rows of marks.csv, or a picture: the first of the film, or a synthetic one. If
-    no measured mark is found there, or without these, they are `NEAR_SD_MM`.
+    Covariances are from the option, the rows of marks.csv, or a picture: the film's first, or a synthetic one. If there
+    are none of these, or no measured mark is found in them, `NEAR_SD_MM` is used.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -180,7 +180,7 @@ def _seen(
         step = _step(line, recording)
         found = {mark.node: mark for mark in step.marks}
         single = frozenset() if line.space is None else line.space.single
-        # in a recording marks for scoring may be covered
+        # in a recording, marks for scoring only may be covered
         due = [mark.node for mark in scene.marks if mark.measured or (recording is None and scene.cameras)]
         lost = {} if step.sight is None else step.sight.lost
         unfound = {node: lost.get(node) for node in due if node not in found}
@@ -193,7 +193,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """The search in a picture of the line's scene; in space, in one picture of each camera."""
+    """The result of a search for marks in a picture of the line's scene; in space, in one picture of each camera."""
     scene = line.scene
     if not scene.space_cameras:
         return line.see(0.0, _picture(scene, recording))
@@ -209,7 +209,7 @@ def _step(line: Line, recording: Recording | None) -> Step:
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
-    """Shared error of a mark at a position due to the camera's calibration, None for an exact one."""
+    """Shared error of a mark at a position due to the camera's calibration; None if that is exact."""
     if scene.space_cameras and scene.n_calibration and not scene.reference.marks:
         return calibration_shifts(scene)(place[None])[0]
     camera = scene.cameras[0] if scene.cameras else None
@@ -217,7 +217,7 @@ def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
 
 
 def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-    """The reference marks at their positions, with the mean covariance of the others."""
+    """The reference marks at their positions, with the mean covariance of the tissue's marks."""
     cov = np.mean([mark.cov for mark in seen], axis=0)
     places = reference_places(scene.reference, scene.network)
     return tuple(MarkMeasurement(name, place, cov) for name, place in places.items())
@@ -226,7 +226,7 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Covariance of each measured mark with rows [m²], the typical one of all marks if none has; nodes without rows."""
+    """Covariance of each measured mark with rows [m²], or the typical one if none has rows; nodes without rows."""
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)

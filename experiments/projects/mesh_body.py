@@ -1,4 +1,4 @@
-"""Project of a body of tetrahedra: mesh, tissues, wall, marks and target from the options of `softaim new`."""
+"""Project with a body of tetrahedra: mesh, tissues, wall, marks and target from the options of `softaim new`."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ N_MARKS = 40
 
 FEW, MANY = 10, 80
 """Number of marks below which the target is poorly determined, and above which an estimate is too slow; choice: in a
-breast of 968 nodes 6 marks leave 2.1 mm per axis, 10 leave 0.3 mm; it takes 40 ms with 80, 0.2 s with 160."""
+breast of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10; frames take 40 ms with 80, 200 with 160."""
 
 WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 """Forms of `--fixed`, for messages."""
@@ -50,23 +50,23 @@ WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 TARGET = "T"
 
 NEAR = 0.05
-"""Largest distance from the surface of a mark that is moved onto it, relative to the extent; choice: 5 mm of 100 mm."""
+"""Largest distance from the surface of a mark that is moved onto it, relative to the extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Weight of free nodes below which a target does not move [1]; numerical."""
+"""Weight of the free nodes around a target below which it does not move [1]; numerical."""
 
 N_DRAWS = 100
 """Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
 
 SHALLOWEST_MM = 0.01
-"""Least depth of a target below the surface [mm]: less has no direction to the skin."""
+"""Least depth of a target below the surface [mm]: nearer targets have no direction to the skin."""
 
 
 @dataclass(frozen=True, slots=True)
 class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
-    marks: their number, or a file name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
+    marks: their number, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
     """
 
     path: Path
@@ -81,7 +81,7 @@ class MeshChoice:
 
 
 def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Template:
-    """The project of a body of tetrahedra; raises InputError.
+    """The project with a body of tetrahedra; raises InputError.
 
     young_pa: Young's modulus [Pa] for a body of one tissue
     """
@@ -116,7 +116,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         ),
     )
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
-    exactly = replace(of, target_sd_mm=0.0)  # it is drawn: `insert` draws no other
+    exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn here: `insert` draws no other
     truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
@@ -127,7 +127,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
 
 
 def _check_words(of: MeshChoice, young_pa: float | None) -> None:
-    """Raise InputError for options that fit no body; warn of too few or too many marks."""
+    """Raise InputError for options that are invalid for any body; warn of too few or too many marks."""
     check_tissues(of.field, of.regions, young_pa)
     fixed = (of.fixed or "").strip()
     if of.fixed is not None and not (PLANE.fullmatch(fixed) or REGION.fullmatch(fixed) or _label_of(fixed)):
@@ -147,7 +147,7 @@ def _check_words(of: MeshChoice, young_pa: float | None) -> None:
 def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
     """Raise InputError for options that do not fit a body with positions [m], (n, 3), before elements are made.
 
-    body: of the file, None for a surface
+    body: the body in the file, None for a surface
     """
     if of.fixed is None:
         raise InputError.at("--fixed", f"the fixed nodes, {WALL_FORMS}", f"none; {extents(places)}")
@@ -181,7 +181,7 @@ def _label_of(fixed: str) -> str:
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """The nodes of labelled faces; None for another form; raises InputError for a missing label, or several fields."""
+    """The nodes of labelled faces; None for other forms; raises InputError for a missing label or several fields."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -197,7 +197,7 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
 
 
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The nodes of labelled faces, and `fixed` of the scene; raises InputError."""
+    """The nodes of labelled faces, and the scene's key `fixed`; raises InputError."""
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
@@ -232,7 +232,7 @@ def _marks(marks: str, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Flo
 
 
 def _table(path: Path) -> Table:
-    """The table of a file of marks, its names checked; raises InputError."""
+    """The table in a file of marks, with checked names; raises InputError."""
     table = read_table(path, ["x_mm", "y_mm", "z_mm"], ["name"])
     names = table.texts["name"]
     table.check("name", np.array([is_node_name(name) and name != TARGET for name in names]), "a name for a mark")
@@ -271,9 +271,9 @@ def _place(text: str) -> Floats:
 
 
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
-    """Position of the target [m], (3,): the option's, else the centre of the element nearest to the body's centre.
+    """Position of the target [m], (3,): from the option, or the centre of the element nearest to the body's centre.
 
-    anchored: fixed nodes; raises InputError for a target among them
+    anchored: fixed nodes; raises InputError for a target that they fix
     """
     if of.target_mm is None:
         centres = mesh.nodes[mesh.elements].mean(axis=1)
@@ -294,7 +294,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
 def _drawn(
     of: MeshChoice, target: Floats, mesh: TetMesh, anchored: NDArray[np.int64], rng: np.random.Generator
 ) -> Floats:
-    """Position of the simulated lesion [m], (3,): with the stated deviation per axis, inside the body, not fixed."""
+    """Position of the simulated lesion [m], (3,): random with the stated sd per axis, inside the body and not fixed."""
     sd_m = 1e-3 * (of.target_sd_mm or 0.0)
     for place in target + sd_m * rng.normal(size=(N_DRAWS, 3)) if sd_m else target[None]:
         with suppress(MeshError):
@@ -304,13 +304,13 @@ def _drawn(
 
 
 def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:
-    """Weight of the free nodes at a position [m], (3,); MeshError outside."""
+    """Weight of the free nodes in the interpolation at a position [m], (3,); MeshError outside the body."""
     element, weights = locate(mesh, place[None])
     return float(weights[~np.isin(mesh.elements[element], anchored)].sum())
 
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:
-    """The scene of a mesh: marks on its surface, that of the target for scoring only."""
+    """The scene of a mesh: marks on its surface, and a mark of the target for scoring only."""
     try:
         mesh, network = mesh_network(content, of.path, table)
     except SceneError as error:

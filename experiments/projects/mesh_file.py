@@ -1,4 +1,4 @@
-"""Spring meshes of a user: `nodes.csv` and optionally `springs.csv` in place of a triangulation.
+"""Spring meshes of a user: `nodes.csv`, and optionally `springs.csv` instead of springs by triangulation.
 
 nodes.csv    name,x_mm,y_mm[,z_mm][,mass_kg][,fixed][,hue_deg][,target]    fixed, target: yes, or empty
 springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
@@ -21,18 +21,18 @@ from experiments.formats.scene.network import is_node_name
 from experiments.formats.tables import Table, read_rows, read_table
 
 YES = ("yes", "")
-"""Entries of `fixed` and `target`."""
+"""Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]: the marks of a template, a sixth of it wide, are written to 0.1 mm; it also detects
-metres in place of millimetres."""
+"""Shortest permitted spring [m]: a template's marks, a sixth of it wide, are written to 0.1 mm; it also detects lengths
+in metres instead of millimetres."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """A body of a mesh.
+    """A body made from a spring mesh.
 
-    hues: of the nodes with a mark [degrees]; empty if the file states none
+    hues: hue of each node with a mark [degrees]; empty if the file states none
     """
 
     phantom: Phantom
@@ -40,7 +40,7 @@ class Mesh:
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
-    """The body of these files, with this Young's modulus [Pa] unless stiffnesses are given; raises InputError."""
+    """The body in these files; stiffnesses follow from `young` [Pa] unless the files state them. Raises InputError."""
     has = next(read_rows(nodes, "columns x_mm, y_mm, name"))
     axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
@@ -113,7 +113,7 @@ def _hues(table: Table, fixed: NDArray[np.bool_]) -> dict[str, float]:
 
 
 def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], positions: Floats) -> str:
-    """The target node of the file, else the free node nearest to the middle of all."""
+    """The target node of the file, or the free node nearest to the centre of all nodes."""
     if target.sum() > 1:
         raise InputError.at(table.place(int(np.flatnonzero(target)[1]), "target"), "one target", "a second one")
     free = np.flatnonzero(~fixed)
@@ -127,14 +127,14 @@ def _target(table: Table, target: NDArray[np.bool_], fixed: NDArray[np.bool_], p
 
 
 def _outside(names: Sequence[str], positions: Floats, fixed: NDArray[np.bool_], target: str) -> list[str]:
-    """Free nodes at corners of the hull; if there are none, all except the target."""
+    """Free nodes at corners of the convex hull; if there are none, all free nodes except the target."""
     free = [name for name, one in zip(names, fixed, strict=True) if not one and name != target]
     corners = {name for name, one in zip(names, on_hull(positions), strict=True) if one}
     return [name for name in free if name in corners] or free
 
 
 def _springs(path: Path, names: Sequence[str]) -> tuple[Table, NDArray[np.int64]]:
-    """Rows of springs.csv, and their pairs of nodes, (n_springs, 2)."""
+    """The table springs.csv, and the pair of nodes of each spring, (n_springs, 2)."""
     has = next(read_rows(path, "columns from, to"))
     numbers = [key for key in ("stiffness_N_m", "damping_N_s_m") if key in has]
     table = read_table(path, numbers, ["from", "to", *(["group"] if "group" in has else [])])

@@ -1,4 +1,4 @@
-"""Tissues of a mesh: a single one, by the labels of a file, or by a field from fat to gland."""
+"""Tissues of a mesh: a single tissue, tissues by the labels of a file, or mixtures of fat and gland by a field."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body
 
 CLASSES = 4
-"""Number of tissues between fat and gland into which a field is divided; choice: the stiffness of each is identified,
-and marks on the surface determine few."""
+"""Number of tissues between fat and gland into which a field is divided; choice: identification finds the stiffness of
+each, and marks on the surface determine only a few."""
 
 GROUPS = "gmsh:physical"
-"""Name of the field with Gmsh's labels."""
+"""Name of the field that has Gmsh's labels."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tissues:
-    """Tissues, and the number of its tissue for each element, (m,) int."""
+    """Tissues, and the index of each element's tissue, (m,) int."""
 
     tissues: tuple[Tissue, ...]
     regions: NDArray[np.int64]
 
 
 def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | None) -> None:
-    """Raise InputError for options of tissues that fit no body."""
+    """Raise InputError for tissue options that are invalid for any body."""
     if young_pa is not None and (regions or field is not None):
         raise InputError.at("--young-kpa", "no --region and no --field with it", "one of them")
     for text in regions:
@@ -44,8 +44,8 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """Assign the tissues of a body; raises InputError.
 
-    field: of labels if there are regions, LABEL=TISSUE, else the share of gland; young_pa: of a body of one tissue;
-    all of them checked
+    field: name of the field with labels if there are regions, LABEL=TISSUE, else with the share of gland; young_pa: of
+    a body of one tissue; all options are checked
     """
     if regions or field is not None:
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")
@@ -80,7 +80,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and gland by a field of their share, with proportional moduli and densities."""
+    """Mixtures of fat and gland by a field with the share of gland; moduli and densities are interpolated."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)

@@ -12,26 +12,26 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Fixed-point iterations of the aim under the needle's own push; numerical: the last moves it by less than 0.01 mm."""
+"""Number of iterations for the aim at a target that the needle pushes; numerical: the last changes it by < 0.01 mm."""
 
 N_ENTRIES = 200
-"""Number of entries that are compared; choice: about every 15 mm of a breast's skin."""
+"""Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
 
 THROUGH = np.linspace(0.1, 1.0, 10)
-"""Positions on the way from the entry to the target where there has to be tissue [1]."""
+"""Positions on the path, from the entry (0) to the target (1), where tissue is required [1]."""
 
 BEFORE = np.linspace(0.02, 1.0, 25)
-"""Positions before the entry, relative to the extent of the body, where there must be no tissue [1]."""
+"""Distances before the entry, relative to the body's extent, at which there must be no tissue [1]."""
 
 
 def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """The direction from an entry [m], (dim,), to the target pushed by the needle, (dim,)."""
+    """The direction, (dim,), from an entry [m], (dim,), to the target as the needle will have pushed it."""
     start = network.positions[network.index(target)]
     return _aimed(NeedlePush(network, target, FORCES.planned(network)), start, entry, direction)[0]
 
 
 def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """The direction, (dim,), and the push [m], (dim,), for a target at rest at `start` [m], (dim,)."""
+    """The direction, (dim,), and the push [m], (dim,), for a target whose rest is `start` [m], (dim,)."""
     shift = np.zeros_like(start)
     for _ in range(AIMING):
         shift = push.shift(Insertion(entry, direction, 1.0))
@@ -47,10 +47,10 @@ def surest_entry(
     nearest: Floats,
     wall: NDArray[np.int64],
 ) -> tuple[Floats, Floats]:
-    """The point of the free surface [m], (3,), from which push and bending leave the least error, and the aim, (3,).
+    """The entry on the free surface [m], (3,), with the least error from push and bending, and the direction, (3,).
 
-    No needle comes from the side of the wall, nodes (k,), where the rest of the person is.
-    faces: of the surface, (k, 3); nearest: the point nearest to the target [m], (3,), the result if no needle can enter
+    Needles do not enter from the side of the wall, nodes (k,), where the rest of the person is.
+    faces: of the surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
     push = NeedlePush(network, target, forces)

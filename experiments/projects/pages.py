@@ -1,4 +1,4 @@
-"""Texts of a new project: commented files and the page of steps, valid for the template's numbers."""
+"""Texts of a new project: commented files and the page of steps, with the template's numbers."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
 MOVED_M = 0.01
-"""Displacement of a mesh's target by breathing, and of its marks by a lasting poke [m]."""
+"""Displacement of a mesh's target by breathing, and of its marks by a constant poke [m]."""
 
 POKED_M = 0.02
-"""Displacement of the softest mark of a continuum under its strongest poke, if that lasted [m]: a probe's press."""
+"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: that by a probe's pressure."""
 
 WAVE = 2.5
 """Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""Strongest poke by dimension [m/s²]: a soft breast's masses are 40 g and well supported, 40 m/s² is 1 to 2 N."""
+"""Strongest poke by dimension [m/s²]; for a soft breast, whose masses are 40 g, 40 m/s² would be 1 to 2 N."""
 
 HORIZON_S = 1.0
-"""Horizon of the search for a better start: five periods of a breast, and half the default of two seconds."""
+"""Time searched for a better start [s]: five periods of a breast's oscillation, half the default of two seconds."""
 
 SPEED_MM_S = 100.0
 
@@ -75,7 +75,7 @@ MESH_KEYS = {
     "damping_s": "damping by stiffness",
     "position_mm": "of a mark on the surface, or of the target inside, at rest",
 }
-"""The same for a scene with a mesh."""
+"""Comment after the first occurrence of a key of `[mesh]`."""
 
 TABLES = {
     "[mesh]": "The tissue: a mesh of tetrahedra.",
@@ -92,7 +92,7 @@ TABLES = {
 
 
 def commented(lines: list[str]) -> list[str]:
-    """Lines of a scene file, with the meaning of each key at its first occurrence."""
+    """Lines of a scene file, with a comment on each key at its first occurrence."""
     tables, keys = dict(TABLES), KEYS | (MESH_KEYS if "[mesh]" in lines else {})
     found = []
     for line in lines:
@@ -102,7 +102,7 @@ def commented(lines: list[str]) -> list[str]:
         own = keys.pop(key, None) if " = " in line else None
         if own is None:
             found.append(line)
-        elif line.endswith("["):  # a matrix, row by row
+        elif line.endswith("["):  # a row of a matrix
             found += [f"# {key}: {own}", line]
         else:
             found.append(_with(line, own))
@@ -164,7 +164,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _soft_poke_m_s2(scene: Scene) -> float:
-    """Acceleration of a poke that would move the softest mark of a continuum by `POKED_M` if it lasted."""
+    """Acceleration [m/s²] of a poke that would move a continuum's softest mark by `POKED_M` if it were constant."""
     network = scene.network
     compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
     own = [network.coordinates(node) for node in scene.measured_nodes]
@@ -173,7 +173,7 @@ def _soft_poke_m_s2(scene: Scene) -> float:
 
 
 def _breath(of: Template) -> tuple[str, ...]:
-    """Breathing that moves the target by `MOVED_M` in the direction in which it moves the most."""
+    """Lines of breathing forces that move the target by `MOVED_M`, in the direction in which it moves the most."""
     network = of.assumed.network
     moved = network.continuum.accelerated[network.coordinates(of.assumed.target.node)]  # type: ignore[union-attr]
     _, sizes, right = np.linalg.svd(moved)
@@ -234,7 +234,7 @@ def steps_page(of: Template) -> str:
 
 
 def _of_mesh(text: str) -> str:
-    """The page of steps for a mesh, which rests as drawn: without the step that finds the rest shape."""
+    """The page of steps for a mesh: without the step that finds the rest shape, because a mesh rests as drawn."""
     head, _, tail = text.partition("## 3. ")
     words = {
         TRUTH_OF_SPRINGS: TRUTH_OF_MESH,

@@ -1,4 +1,4 @@
-"""New projects: a template of the chosen kind, and its files. What `softaim new` does."""
+"""New projects: a template of the chosen kind, and its files; this is what `softaim new` does."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ from experiments.projects.template import Template, template
 N_MASSES = {"plane": 5, "breast": 10}
 
 UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
-"""Direction from the target to the needle's entry, in the plane and in space."""
+"""Directions from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
-"""Durations of the recordings [s]. One with breathing has five breaths: the model predicts after two of them."""
+"""Durations of the recordings [s]. That with breathing has five breaths; the breathing model predicts after two."""
 
 
 class Kind(StrEnum):
@@ -44,10 +44,10 @@ def project(
     mesh: MeshChoice | None = None,
     seed: int = 0,
 ) -> Template:
-    """The template of a project of this kind; raises InputError for options of another kind.
+    """The template of a project of this kind; raises InputError for options that belong to another kind.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
-    nodes, springs: files of a mesh of springs; mesh: a body of tetrahedra; seed: of the simulated tissue's constants
+    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: of the true tissue's constants
     """
     belongs = {
         "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),
@@ -81,7 +81,7 @@ def project(
 
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
-    """Write the files of a project to an existing folder; seed: its recordings have the next three seeds."""
+    """Write the files of a project to an existing folder; seed: the project's recordings use the next three seeds."""
     scenes = {
         "scene.toml": (of.assumed, f"{of.title}: the assumptions.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),

@@ -1,4 +1,4 @@
-"""Output of `softaim check`: one line each for rest, motion, steps, marks and target, and for each missing part."""
+"""Output of `softaim check`: lines on rest, motion, steps, marks and target, and a line for each missing part."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from experiments.projects.check import SceneCheck
 from vision import Reason
 
 N_NAMED = 6
-"""Number of marks or nodes that are named; the others are counted."""
+"""Largest number of marks or nodes that are named; the others are only counted."""
 
 N_LOWEST = 3
-"""Number of listed frequencies."""
+"""Number of frequencies that are listed, lowest first."""
 
 SURE = 0.9
-"""Hit probability with the best aim below which there is a warning: the default threshold of GO."""
+"""Hit probability with the best aim below which there is a warning; it equals the default threshold of GO."""
 
 SURER = 0.95
-"""Ratio of a filter's sigma at rest to the bound below which there is a warning [1]."""
+"""Ratio of the filter's sigma at rest to the lower bound below which there is a warning [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def check_report(done: SceneCheck) -> dict[str, object]:
 
 
 def check_lines(done: SceneCheck) -> list[tuple[str, str]]:
-    """Subject and sentence of each line, missing parts last."""
+    """Subject and sentence of each line, with missing parts last."""
     lines = [
         ("scene", _scene(done)),
         ("rest", _rest(done)),
@@ -161,7 +161,7 @@ def _target(done: SceneCheck) -> str:
 
 
 def _accuracy(done: SceneCheck) -> str:
-    """Accuracy of the marks, and the number that only one camera sees."""
+    """Text on the accuracy of the marks, and the number of marks that only one camera sees."""
     own, n_single = f"{1e3 * done.mark_sd_m:.2g} mm", len(done.single)
     if not n_single:
         return own
@@ -245,7 +245,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _view(done: SceneCheck) -> str:
-    """View of the camera of a flat scene, for marks outside of its picture."""
+    """Text on the view of a flat scene's camera, for marks outside of its picture."""
     outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
     view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
     if view is None:
@@ -255,7 +255,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """The most frequent reason why marks were not found, with the numbers of one of them, and what to check."""
+    """The most frequent reason why marks were not found, with the numbers of one such mark, and what to check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]
@@ -283,7 +283,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Probability that the estimate lies in the target, for the lower bound without pushes."""
+    """Probability that the estimate lies in the target if its error equals the lower bound without pushes."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -303,7 +303,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Offset up to which the network counts as resting as drawn [m]: drawings are no finer."""
+    """Largest offset with which the network still rests as drawn [m]: drawings are not finer."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

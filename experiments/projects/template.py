@@ -1,4 +1,4 @@
-"""Content of a new project: a user's scene, and simulated tissue that differs from it.
+"""Content of a new project: a user's scene, and a simulated tissue that differs from it.
 
 The numbers below define the template; the user changes them in the files.
 """
@@ -29,7 +29,7 @@ from experiments.projects.needle import aimed
 from vision import PlaneCamera, fronto_parallel_camera
 
 HUES_DEG = (0.0, 120.0, 240.0, 60.0, 180.0, 300.0)
-"""Hues of the marks, in turn: a sixth of the circle apart."""
+"""Hues of the marks in turn [degrees]: a sixth of the circle apart."""
 
 MARK_SIZE = 1.0 / 6.0
 """Diameter of a mark, relative to the shortest spring."""
@@ -38,30 +38,30 @@ RADIUS_MM = 5.0
 """Radius of the target [mm]."""
 
 LEAST_REACH_MM = 20.0
-"""Least distance from the needle's entry to the target [mm], which may lie on the outline of the nodes."""
+"""Least distance of the needle's entry from the target [mm], because a target may lie on the outline of the nodes."""
 
 SIZE_PX, ROOM = (640, 480), 1.6
-"""Size of the picture [px], and factor of the plane's size over the body's."""
+"""Size of the picture [px], and ratio of the visible plane's size to the body's [1]."""
 
 FINEST_MM = 0.01
 """Step to which the size of a camera's pixel is rounded, and its least value [mm]."""
 
 CALIBRATION_SD_PX = 0.68
-"""Error of marks in the scenarios' light `paper` [px]."""
+"""Standard deviation of marks in the scenarios' light `paper` [px]."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
 """Relative standard deviation of the simulated tissue's constants, common to a group of springs."""
 
 OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
-"""The same for each constant."""
+"""Relative standard deviation of each constant of the simulated tissue, independent of the others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Template:
-    """A project: the assumed scene, the simulated tissue, and a needle.
+    """A project: the scene that the filter assumes, the simulated tissue, and a needle.
 
     assumed: the user's scene; it rests as drawn
-    truth: the scene of the simulated tissue, drawn at its rest: other constants, the same marks and target
+    truth: the scene of the simulated tissue, drawn at its rest: it has other constants, and the same marks and target
     entry_m, direction: where a needle enters the tissue, and its direction to the pushed target, each (dim,)
     notes: what the user should know
     """
@@ -75,14 +75,14 @@ class Template:
 
     @property
     def truth_all_seen(self) -> Scene:
-        """The simulated tissue for a calibration: every mark measured, including those inside."""
+        """The simulated tissue for a calibration, in which every mark is measured, including those inside."""
         return replace(self.truth, marks=tuple(replace(mark, measured=True) for mark in self.truth.marks))
 
 
 def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, *, seed: int) -> Template:
     """The project of a phantom; raises InputError if the simulated tissue would not hold its shape.
 
-    hues: of the marks, if given [degrees]; way: from the target towards the needle's entry, (dim,)
+    hues: hues of the marks, if stated [degrees]; way: direction from the target to the needle's entry, (dim,)
     """
     assumed = scene_with_marks(phantom, hues)
     network = assumed.network
@@ -103,7 +103,7 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
 
 
 def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
-    """The scene of a phantom: marks on its free nodes, those inside for scoring only; a camera if it is flat."""
+    """The scene of a phantom: marks on its free nodes, those inside only for scoring; with a camera if it is flat."""
     network = phantom.network
     lengths = np.linalg.norm(
         network.positions[network.springs[:, 0]] - network.positions[network.springs[:, 1]], axis=1
@@ -125,7 +125,7 @@ def scene_with_marks(phantom: Phantom, hues: dict[str, float]) -> Scene:
 
 
 def _camera(positions: Floats) -> PlaneCamera:
-    """A camera square to the plane, with room for motion around the body."""
+    """A camera perpendicular to the plane, with room for motion around the body."""
     low, high = positions.min(axis=0), positions.max(axis=0)
     scale = max(float(np.round(1e3 * ROOM * ((high - low) / np.array(SIZE_PX)).max(), 2)), FINEST_MM)
     middle = np.round(0.5 * (low + high), 3)

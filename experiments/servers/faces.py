@@ -10,7 +10,7 @@ from experiments.errors import InputError, shown
 
 LOOPBACK = "127.0.0.1"
 PAGE_PORT, IGTL_PORT = 8765, 18944
-"""Default port of the page, and the port registered for OpenIGTLink."""
+"""Default port of the page, and the registered port of OpenIGTLink."""
 BACKLOG = 32
 
 
@@ -18,7 +18,7 @@ BACKLOG = 32
 class Faces:
     """Servers of a run: listening sockets, None for servers that do not run.
 
-    token: required to write; read_open: whether a client may read without it
+    token: secret that clients need to write; read_open: whether they may read without it
     """
 
     page: socket.socket | None = None
@@ -30,7 +30,7 @@ class Faces:
 def listening(option: str, address: str, port: int | None) -> socket.socket:
     """A socket that listens at "HOST:PORT", "HOST" or "PORT"; raises InputError, for example for a port in use.
 
-    option: its name, for the message; port: default if the address has none; None: any free one
+    option: name of the option, for messages; port: default if the address has none; None: any free port
     """
     host, wanted = _parts(option, address, port)
     try:
@@ -41,7 +41,7 @@ def listening(option: str, address: str, port: int | None) -> socket.socket:
 
 
 def usual(port: int) -> socket.socket:
-    """A socket on loopback at this port, or at any free one if it is in use."""
+    """A socket on loopback at this port, or at any free port if this one is in use."""
     try:
         return socket.create_server((LOOPBACK, port), backlog=BACKLOG)
     except OSError:
@@ -49,12 +49,12 @@ def usual(port: int) -> socket.socket:
 
 
 def is_loopback(listener: socket.socket) -> bool:
-    """Whether a socket is reachable from this machine only."""
+    """Whether a socket can only be reached from this machine."""
     return ipaddress.ip_address(listener.getsockname()[0]).is_loopback
 
 
 def address_of(listener: socket.socket) -> str:
-    """HOST:PORT of this listener: its address, or the machine's name if it listens on all."""
+    """HOST:PORT of this listener; HOST is its address, or the machine's name if it listens on all addresses."""
     host, port = listener.getsockname()[:2]
     return f"{socket.gethostname() if ipaddress.ip_address(host).is_unspecified else host}:{port}"
 
@@ -62,7 +62,7 @@ def address_of(listener: socket.socket) -> str:
 def names_of(listener: socket.socket) -> list[str]:
     """Possible Host headers for this listener: HOST:PORT each, and HOST alone at port 80.
 
-    HOST is its address, or any of the machine's if it listens on all.
+    HOST is its address, or any address of the machine if it listens on all.
     """
     host, port = listener.getsockname()[:2]
     names = _names(ipaddress.ip_address(host))

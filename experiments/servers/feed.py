@@ -1,4 +1,4 @@
-"""Newest state of a live run in the serving process, for any number of clients, without waiting.
+"""Newest state of a live run in the serving process; any number of clients read it without delaying the run.
 
 `message` defines the messages. Runs in one asyncio loop.
 """
@@ -16,7 +16,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One published moment: its number, increasing by one, the state as JSON and, for some, a picture as JPEG."""
+    """One published moment: its number, which increases by one; the state as JSON; possibly a picture as JPEG."""
 
     number: int
     text: bytes
@@ -30,10 +30,10 @@ class Moment:
 
 
 class Feed:
-    """Newest state of a live run, and the way back for commands.
+    """Newest state of a live run, and the channel for commands to it.
 
-    send: passes a command of `commands` to the loop, which may refuse it; does not wait
-    scene: the constant part, sent to viewers first
+    send: passes a command of `commands` to the loop without waiting; the loop may refuse it
+    scene: the message with all that is constant, sent to viewers first
     State: the newest moment; number of clients that request pictures.
     """
 
@@ -50,7 +50,7 @@ class Feed:
         self._changed = asyncio.Event()
 
     async def after(self, number: int, timeout_s: float | None = None) -> Moment | None:
-        """The newest moment, once its number is above this one; None if none came in time."""
+        """Wait for a moment with a larger number than this one; returns the newest, None if none came in time."""
         try:
             async with asyncio.timeout(timeout_s):
                 while self.newest is None or self.newest.number <= number:

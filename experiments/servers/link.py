@@ -1,7 +1,7 @@
-"""The loop's end of the servers: it sends the newest state to the serving process, and receives requests.
+"""The loop's side of the servers: it sends the newest state to the serving process, and receives requests.
 
-The loop does not wait: one thread sends the newest state whenever that process has received the last one, another
-thread reads. If that process ends or hangs, the loop continues.
+The loop does not wait: one thread sends the newest state when the serving process has received the last one, another
+thread receives. If the process ends or hangs, the loop continues.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from experiments.servers.faces import Faces
 from experiments.servers.process import serve
 
 MOST_REQUESTS = 64
-"""Largest number of waiting requests; above it the newest is refused; choice."""
+"""Largest number of waiting requests; further ones are refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval of pictures [s]; choice: more are not distinguishable, and each takes 3 ms to compress."""
+"""Least interval of pictures [s]; choice: viewers cannot distinguish more, and each takes 3 ms to compress."""
 
 QUALITY = 80
 """JPEG quality, out of 100; choice: marks and their rims are clearly visible."""
 
 ENDS_S = 2.0
-"""Timeout for the end of that process [s]; choice."""
+"""Timeout for the end of the serving process [s]; choice."""
 
 
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
-    notices: lines with the addresses, for standard error: see `tell`
-    State, shared with the threads: the waiting state; whether the process is ready for it, and how many of its clients
-    request pictures; requests not yet fetched.
+    notices: lines with the addresses, which `tell` prints on standard error
+    State, shared with the threads: the waiting state; whether the process is ready for it, and how many clients request
+    pictures; requests not yet fetched.
     """
 
     def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
@@ -65,11 +65,11 @@ class Link:
 
     @property
     def wants_picture(self) -> bool:
-        """Whether there are viewers, and the next picture is due."""
+        """Whether there are viewers of pictures, and the next picture is due."""
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
-        """Send the constant part; clients are served from now on."""
+        """Send the scene's message; clients are served from now on."""
         with self._changed:
             self._scene = scene
             self._changed.notify_all()
@@ -81,7 +81,7 @@ class Link:
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace a waiting state by the newest one; message: creates it, in the sending thread."""
+        """Replace a waiting state by the newest one; message: makes it, called in the sending thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()
@@ -89,7 +89,7 @@ class Link:
             self._pictured_s = time.monotonic()
 
     def requests(self) -> Iterator[Mapping[str, Any]]:
-        """The requests of clients, in order; those not taken from the iterator stay."""
+        """The requests of clients, in order; requests not taken from the iterator wait for the next call."""
         while True:
             with self._changed:
                 if not self._requests:
@@ -98,7 +98,7 @@ class Link:
             yield first
 
     def close(self) -> None:
-        """End the process."""
+        """End the serving process."""
         with self._changed:
             self._ended = True
             self._changed.notify_all()
@@ -106,7 +106,7 @@ class Link:
         if self._process.is_alive():
             self._process.kill()
             self._process.join()
-        for thread in self._threads:  # whose connection is closed at the other end
+        for thread in self._threads:  # the process has closed its end of the connection
             thread.join(ENDS_S)
         self._connection.close()
 
@@ -125,7 +125,7 @@ class Link:
                     (message, image), self._waiting, self._ready = self._waiting, None, False
                 self._connection.send_bytes(text_of(message()))
                 self._connection.send_bytes(b"" if image is None else jpeg(image))
-            self._connection.send_bytes(b"")  # the end
+            self._connection.send_bytes(b"")  # signals the end of states
         except (OSError, ValueError) as error:
             self._broken(error)
 

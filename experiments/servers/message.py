@@ -1,6 +1,6 @@
-"""JSON messages of a live run: one of the scene, then one for each state.
+"""JSON messages of a live run: first one for the scene, then one for each state.
 
-Lengths are in mm and mm², times in s; missing numbers are null. For users: docs/live-stream.md.
+Lengths are in mm, covariances in mm², times in s; missing numbers are null. For users: docs/live-stream.md.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from experiments.version import version
 
 VERSION = 1
 STALE_MS = 200
-"""Age of the newest state above which a viewer calls it stale [ms]; a requirement of users at the needle."""
+"""Age of the newest state above which a viewer shows it as stale [ms]; a requirement of users at the needle."""
 
 N_FACES = 1500
-"""Largest number of faces of a surface for viewers; choice: what a browser can shade at each state."""
+"""Largest number of faces in a surface for viewers; choice: as many as a browser can shade for each state."""
 
 
 def counters_message(known: Counters, interval_s: float | None, memory_mb: float | None) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def scene_message(
 ) -> dict[str, Any]:
     """The first message for viewers.
 
-    picture_px: width and height of the picture that pixels in states refer to; None for tissue in space without one
+    picture_px: width and height of the picture to which pixels in states refer; None in space without a picture
     """
     network = scene.network
     return {
@@ -96,12 +96,12 @@ def state_message(
 ) -> dict[str, Any]:
     """The message of one state.
 
-    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False if it was predicted without one
-    counters: as in `counters_message`
+    utc_s: the time of the estimate, in seconds since 1970 UTC; from_frame: False if it was predicted without a frame
+    counters: result of `counters_message`
     overlay: the annotation of the picture; nodes_m: all nodes [m], (n, dim); nis_band: 95 % interval of NIS
-    needle: its position; fault: why the estimate is not reliable, None if it is
+    needle: position of the needle; fault: reason why the estimate is not reliable, None if it is reliable
     errors: the largest sources of the target's variance
-    events: the last ones, {"utc_s", "text"}; recording: {"folder", "frames"} while one is written
+    events: the last events, {"utc_s", "text"}; recording: {"folder", "frames"} while a recording is written
     """
     cov = estimate.cov if estimate.cov is None or np.isfinite(estimate.cov).all() else None
     return {
@@ -160,7 +160,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
-    """Annotation in pixels of the picture; ellipses as centre and two semi-axes, as vectors."""
+    """Annotation in pixels of the picture; an ellipse is its centre and two semi-axes as vectors."""
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],
         "target_px": _px(overlay.target_px),
@@ -201,7 +201,7 @@ def _px(place_px: Floats | None) -> list[float] | None:
 
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
-    """Semi-axes of the 95 % ellipse, (2, 2), one per row; None without an ellipse."""
+    """Semi-axes of the 95 % ellipse, (2, 2), one in each row; None without a covariance."""
     if cov_px2 is None or not np.isfinite(cov_px2).all():
         return None
     values, vectors = np.linalg.eigh(cov_px2)

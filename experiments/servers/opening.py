@@ -14,10 +14,10 @@ from experiments.servers.link import Link
 
 @contextmanager
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
-    """The process that serves a page and OpenIGTLink, from now until the end; None if neither is requested.
+    """The process that serves a page and OpenIGTLink until the context ends; None if neither is requested.
 
-    page, openigtlink: HOST:PORT; by default the page is on loopback, at its default port or a free one
-    Addresses are printed on standard error once clients are served. Raises InputError if one is not available.
+    page, openigtlink: HOST:PORT; by default the page is on loopback, at its default port or a free port
+    Addresses are printed on standard error when clients are served. InputError if an address is not available.
     """
     lacking = missing("live")
     if page is not None:
@@ -40,7 +40,7 @@ def served(page: str | None, openigtlink: str | None, *, with_page: bool = True)
     link = Link(Faces(listener, igtl, token, read_open=listener is None or is_loopback(listener)), notices)
     for one in (listener, igtl):
         if one is not None:
-            one.close()  # the process has its own copies
+            one.close()  # the process has its own copies of the sockets
     try:
         yield link
     finally:

@@ -1,4 +1,4 @@
-"""Process that serves a live run: states from the loop go to the feed, requests of clients go back."""
+"""Process that serves a live run: it passes states from the loop to the feed, and requests of clients to the loop."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from experiments.servers.feed import Feed
 from experiments.threads import begin_helper
 
 LONGEST = 64 * 1024 * 1024
-"""Largest number of bytes of one message from the loop; choice: a picture of 8K is 20 MB."""
+"""Largest number of bytes of one message from the loop; choice: an 8K picture has 20 MB."""
 
 
 def serve(connection: Connection, faces: Faces) -> None:
-    """Serve until the loop ends or is gone."""
+    """Serve until the loop ends or its process is gone."""
     begin_helper()
     asyncio.run(_Served(connection, faces).run())
 
@@ -34,7 +34,7 @@ class _Served:
     async def run(self) -> None:
         """Serve until the connection closes."""
         loop = asyncio.get_running_loop()
-        runs = self._servers()  # loads their modules while the loop loads, too
+        runs = self._servers()  # load the servers' modules while the loop also loads
         scene = await loop.run_in_executor(None, self._received)
         if not scene:
             return

@@ -42,7 +42,7 @@ LAST_EVENTS = 8
 """Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""Time for a source to fail before the addresses are printed [s]; choice."""
+"""Time without a frame after which the addresses are printed, since the source did not fail [s]; choice."""
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
@@ -52,19 +52,19 @@ BAND = (0.025, 0.975)
 
 
 class LastEvents(logging.Handler):
-    """Keeps the last reported lines. State: these lines."""
+    """Log handler that stores the last reported lines. State: these lines."""
 
     def __init__(self) -> None:
         super().__init__(logging.WARNING)
         self.lines: deque[dict[str, Any]] = deque(maxlen=LAST_EVENTS)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a line."""
+        """Store a line."""
         self.lines.append({"utc_s": record.created, "text": record.getMessage()})
 
 
 class Shows:
-    """An `Attendant` with a link. State: the link; the last events; whether the run is paused or recorded."""
+    """An `Attendant` that uses a link. State: the link; the last events; whether the run is paused or recorded."""
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
         self.link = link
@@ -79,7 +79,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, or that there is none."""
+        """Show a frame without an estimate, or that there is no frame."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
@@ -137,11 +137,10 @@ class Shows:
         )
 
     def attend(self, control: Control) -> None:
-        """Handle the requests since the last cycle of the loop; failed ones are reported.
+        """Handle the requests since the last cycle of the loop, and report failed requests.
 
-        It ends after `ATTENDS_S`, so that many requests do not delay a frame. The rest is handled in the next cycle.
-        The
-        addresses are printed with the first frame, or later without one: for bad input the error is the only line.
+        It ends after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
+        Addresses are printed with the first frame, or later without one: for bad input only the error is printed.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
@@ -162,7 +161,7 @@ class Shows:
         self._paused = control.session.paused
 
     def __enter__(self) -> Self:
-        """Begin to keep events, until the end of the block."""
+        """Begin to store events, until the context ends."""
         LOG.addHandler(self._events)
         return self
 
@@ -195,7 +194,7 @@ def do(command: Command, control: Control) -> None:
 
 @lru_cache(maxsize=256)
 def nis_band(degrees: int) -> tuple[float, float] | None:
-    """The 95 % interval of NIS for this number of coordinates; None for none."""
+    """The 95 % interval of NIS for this number of coordinates; None for zero."""
     if not degrees:
         return None
     low, high = chi2.ppf(BAND, degrees)

@@ -1,6 +1,6 @@
 """Truth and films of scenarios, a camera in front of the phantom, closed-loop insertion.
 
-Sources of truth belong here, scores do not.
+New sources of truth belong here, but not scores.
 """
 
-# Import each from its own module: the phantom's process has to begin before anything else is loaded.
+# Import each from its own module: the phantom's process has to start before anything else is loaded.

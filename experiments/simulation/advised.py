@@ -1,8 +1,8 @@
-"""Reliability of the probabilities of `softaim advise`: its needle, inserted from its entry at times of its advice.
+"""Reliability of the probabilities of `softaim advise`: its needle is inserted when it gives advice.
 
-Advice comes every second, as in `softaim advise`, from the filter of the given scene. Then the needle is inserted at
-once, straight along its direction, to the advised depth, in the true tissue, which deforms; the needle neither steers
-nor waits.
+Advice comes every second, as in `softaim advise`, from the filter of the given scene. Each time the needle is inserted
+at once, straight along its direction, to the advised depth, in the true deforming tissue; the needle neither steers nor
+waits.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Interval of advice [s], at which insertions of one run are nearly independent; size of the study."""
+"""Interval of advice [s]: insertions of one run are then nearly independent; parameter of the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
     """Advice at a time [s], and the result of its insertion.
 
-    probability: of a hit, None if none was stated; hit, miss_m: None if no needle was inserted
+    probability: predicted for a hit, None if not stated; hit, miss_m: result, None if no needle was inserted
     """
 
     time_s: float
@@ -77,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an immediate insertion; forces are known only up to the later time."""
+    """Result of an immediate insertion; forces are known only in the interval `between_s` [s]."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -96,7 +96,7 @@ def inserted(
 
 
 def advice_figures(runs: Sequence[Sequence[AdvisedInsertion]]) -> dict[str, object]:
-    """Predicted and observed hits, of all insertions and after GO, and in bins; see `_compared`."""
+    """Predicted and observed hit rates of all insertions, of those after GO, and in bins; see `_compared`."""
     known = [[one for one in run if one.probability is not None] for run in runs]
     go = [[one for one in run if one.advice is Advice.GO] for run in known]
     advice = {str(name): sum(one.advice is name for run in runs for one in run) for name in Advice}
@@ -117,7 +117,7 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
     """Number of insertions, mean predicted probability, hit rate with 95 % interval, and their difference with its sd.
 
-    The difference's sd is a jackknife over runs, because the insertions of a run are not independent.
+    The difference's sd is by a jackknife over runs, because the insertions of one run are not independent.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
@@ -132,7 +132,7 @@ def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str,
 
 
 def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
-    """Standard deviation of the mean of observed less predicted hits, by omitting each run; None for one run."""
+    """Standard deviation of the mean of observed minus predicted hits, by a jackknife over runs; None for one run."""
     sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
     sizes = np.array([len(run) for run in stated])
     n = len(sums)

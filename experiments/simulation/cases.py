@@ -1,6 +1,6 @@
 """The case of an insertion: a scenario's tissue, the scene of the filter, the needle and its lesion.
 
-The shipped tissue uses the settings of the study, a user's scene those of its file; `docs/insertion.md` has both.
+The shipped tissue uses the settings of the study, and a user's scene those of its file: see `docs/insertion.md`.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
-"""First seed of results; those below were used for choices, or seen before settings changed."""
+"""First seed of results; smaller ones were used for choices, or their results were known before settings changed."""
 
 BREATHING_WARM_S = 12.0
 """Time with marks before the needle may start in breathing tissue [s]; choice: two breaths."""
 
 ENTRY_M = (0.015, 0.020)
-"""Entry of the needle in the phantom, relative to the resting target [m]: 25 mm of tissue; a parameter of the study."""
+"""Entry of the needle in the phantom, relative to the resting target [m], 25 mm from it; a parameter of the study."""
 
 SPEED_M_S = 0.05
 """Speed of a needle without a file [m/s]."""
@@ -37,40 +37,40 @@ DEEPEST_M = 0.06
 """Depth in the phantom at which a needle is retracted or has missed [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""The same depth in a user's scene, beyond the resting target [m]: as in the phantom."""
+"""Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; as above."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""One outer mass at a time is poked: 3.4 m/s² is the root mean square on a coordinate of a half sine in any direction
-with a peak of 3 to 10 m/s², as in `poked`."""
+"""One outer mass at a time is poked: 3.4 m/s² is the root mean square, on a coordinate, of half sines in any direction
+with peaks of 3 to 10 m/s², as in `poked`."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """All outer masses may be pushed at once."""
 
 FAR_M, N_ALONG = 0.05, 100
-"""Distance of a needle's entry from a body of tetrahedra, at most [m], and places along it that are compared with the
-body; choice: a probe between robot and skin is shorter."""
+"""Largest distance of a needle's entry from a body of tetrahedra [m], and number of places along it that are tested;
+choice: a probe between robot and skin is shorter."""
 
 ELSEWHERE = 0.1
-"""Largest relative distance of a mark in the filter's scene from that in the scenario's [1]; choice: sagging,
-registration and another mesh of the same body move it less."""
+"""Largest distance of a mark in the filter's scene from that in the scenario's, relative to the body [1]; choice:
+sagging, registration or another mesh of the same body move marks less."""
 
 AT_REST_M = 1e-9
-"""Distance from its drawing up to which a network rests as drawn: rounding [m]."""
+"""Distance from its drawing up to which a network counts as resting as drawn [m]; numerical: rounding."""
 
 TIP = Needle(hit=Hit.TIP)
-"""The needle in the phantom, and its uncertainty; `docs/guidance.md`."""
+"""The needle in the phantom, and its uncertainty, see `docs/guidance.md`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Case:
     """One insertion: the scenario, a seed, the tissue, the filter's scene, the needle, the camera.
 
-    truth: the true tissue, drawn at rest; given: the scene of the filter, with its settings
+    truth: scene of the true tissue, drawn at rest; given: scene of the filter, with its settings
     plan: needle, entry, direction, speed, lesion, forces; straight: the insertion for advice
-    deepest_m: at which a needle is drawn back or has missed [m]
-    steer_m_s: how fast the robot may move the needle's line sideways [m/s]
+    deepest_m: depth at which a needle is retracted or has missed [m]
+    steer_m_s: largest speed with which the robot moves the needle's line sideways [m/s]
     warm_s, patience_s: time with marks before the needle may start, and time for it to arrive after that [s]
-    strength: factor on the scenario's pokes and breathing; advice: whether to evaluate it, too
+    strength: factor on the scenario's pokes and breathing; advice: whether to evaluate `softaim advise`, too
     """
 
     scenario: Scenario
@@ -93,12 +93,12 @@ class Case:
 
     @property
     def n_frames(self) -> int:
-        """Frames of the camera until patience ends."""
+        """Number of frames of the camera until `patience_s` is over."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
     @property
     def settings(self) -> FilterSettings:
-        """Of the filter."""
+        """Settings of the filter."""
         return self.given.settings
 
 
@@ -111,10 +111,10 @@ def case_of(
     radius_m: float | None = None,
     strength: float = 1.0,
 ) -> Case:
-    """The case of a scenario, its seed the first; raises InputError for files that do not fit.
+    """The case of a scenario, with its first seed; raises InputError for files that do not fit together.
 
-    scene_path: of the filter's scene, by default the scenario's
-    needle_path: of the needle; speed [m/s] and radius of the lesion [m] override its values
+    scene_path: path of the filter's scene, by default the scenario's
+    needle_path: path of the needle's file; speed_m_s [m/s] and the lesion's radius_m [m] replace its values
     """
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
@@ -162,7 +162,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene with points of its mesh on a needle's line [m], (2, dim), for forces there; of springs as it is."""
+    """The scene with points of its mesh on a needle's line [m], (2, dim), for its forces; unchanged without a mesh."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)
@@ -170,13 +170,13 @@ def with_needle(scene: Scene, line: Floats) -> Scene:
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings for the phantom in a scenario: for outer masses pushed one at a time or together."""
+    """Filter settings for the phantom in a scenario, where outer masses are pushed one at a time or together."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network drawn at its rest, `supported`: the reference for a needle's contact and the resting target."""
+    """The network at its rest, `supported`; contact of a needle and the resting target refer to it."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
@@ -194,7 +194,7 @@ def way_m(scene: Scene, plan: NeedlePlan) -> float:
 
 
 def phantom_plan(scene: Scene) -> NeedlePlan:
-    """The study's needle in the phantom, which initially points down."""
+    """The study's needle in the phantom, which points down at first."""
     insertion = Insertion(resting_target(scene) + ENTRY_M, np.array([0.0, -1.0]), SPEED_M_S)
     return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, 2), AdviceSettings())
 

@@ -1,7 +1,7 @@
-"""Closed-loop insertion of a needle into moving tissue by one policy: sight, estimate, command, tissue response.
+"""Closed-loop insertion of a needle into moving tissue by one policy: marks, estimate, command, tissue response.
 
 At every frame the policy gives the target's position, now or predicted, and the robot moves the needle's line towards
-it at a limited speed. COMMIT_S before arrival the line is fixed: at this commitment a probability is given.
+it at a limited speed. COMMIT_S before arrival the line is fixed; the policy then states a probability.
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from experiments.simulation.policies import Policy, across, horizon_s, predicted
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
-"""Time before arrival at which the needle's line is fixed [s]: two frames, delays of the study's camera and robot."""
+"""Time before arrival at which the needle's line is fixed [s]: two frames, for the study's camera and robot."""
 
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
-"""Range of the radius of the drawn lesion for the test of probabilities, uniform in its logarithm [m]; of the study."""
+"""Range of the lesion's radius that is drawn to test probabilities [m], uniform in its logarithm; of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
 """Thresholds for the start: poked tissue cannot be predicted better half a second ahead. The commitment requires the
-needle's own `go`; a policy that may retract does so below it."""
+needle's own `go`; below it, a policy that may retract does so."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
     """Result of one policy in one world.
 
-    probability: of a hit in the lesion, at the commitment; None if the policy states none or never committed
-    drawn_probability, drawn_hit: the same for a lesion with the drawn radius drawn_radius_m, and whether it was hit
+    probability: of a hit, at the commitment; None if the policy states none or never committed
+    drawn_probability, drawn_hit: probability and hit for a lesion with the random radius drawn_radius_m [m]
     miss_m: distance of the tip or the notch's middle from the true target at arrival [m], None if the needle never
     arrived
-    seconds: from permission to start until arrival [s]; insertions: number of insertions begun
+    seconds: time from the permission to start until arrival [s]; insertions: number of insertions begun
     """
 
     policy: str
@@ -62,7 +62,7 @@ class Tried:
 
 @dataclass(slots=True)
 class _Robot:
-    """The needle's state: depth along its axis [m], offset from its first line along `across` [m], its action."""
+    """The needle's state: depth along its axis [m], offset from its initial line along `across` [m], its action."""
 
     axis: Floats
     beside: Floats
@@ -72,7 +72,7 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """The tip, or the tip moved deeper and aside by these lengths [m], (dim,)."""
+        """Position of the tip [m], (dim,), moved deeper and aside by these lengths [m]."""
         place = entry + (self.depth + deeper) * self.axis
         ways = self.beside if aside is None else self.beside + aside
         for way, direction in zip(ways, across(self.axis), strict=True):
@@ -81,7 +81,7 @@ class _Robot:
 
 
 def within(ways: Floats, most: float) -> Floats:
-    """The vector, limited to this length."""
+    """The vector `ways`, shortened to at most this length."""
     length = float(np.linalg.norm(ways))
     return ways if length <= most else ways / length * most
 
@@ -95,7 +95,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle after the warm-up; `state`: state of the tissue then; the policy is warmed up."""
+    """Insert the needle after the warm-up; state: the tissue's state at that time; policy: also after its warm-up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -115,7 +115,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
                 robot.axis, robot.beside = way / np.linalg.norm(way), np.zeros(lesion.dim - 1)
                 robot.doing, robot.insertions = "going", robot.insertions + 1
         if robot.doing == "going" and policy.waits and policy.fault(now) is not None:
-            robot.doing = "back"  # as for ABORT
+            robot.doing = "back"  # treated like ABORT
         if robot.doing == "going":
             path = policy.path(_way(world, robot, speed_m_s))
             arrival, goal = _reached(path, world, robot.axis, robot.depth)
@@ -159,7 +159,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """A commitment: start time, duration left_s [s], offset [m]; expected tip and target."""
+    """A commitment: start time [s], duration left_s [s], offset [m], and predicted tip and target."""
 
     now_s: float
     left_s: float
@@ -170,7 +170,7 @@ class _Shot:
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
-        """Probability of a hit, None without a density of the target."""
+        """Probability of a hit; None if there is no density of the target."""
         if self.target is None:
             return None
         return hit_probability(self.target, self.tip, self.axis, lesion, needle=self.needle)
@@ -186,7 +186,7 @@ class _Shot:
 
 
 def tip_error(cov: Floats, noise: Floats) -> Floats:
-    """An error of the tip [m], (dim,), with this covariance, from standard normal numbers; zero for a zero one."""
+    """An error of the tip [m], (dim,), with covariance `cov` [m²], from standard normal numbers `noise`."""
     return np.linalg.cholesky(cov) @ noise if cov.any() else np.zeros(len(noise))
 
 
@@ -210,7 +210,7 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
-    """The predicted push of the needle in the steps of a path's tables [N], (n, n_free, dim)."""
+    """The predicted push of the needle in each step of a path's tables [N], (n, n_free, dim)."""
     return predicted_push(
         world, robot.axis, robot.depth, robot.beside, speed, round(horizon_s(world) / CYCLE_S), CYCLE_S
     )
@@ -225,9 +225,9 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time at which the needle reaches the target's depth [s], and the target then; the path's end if it never does.
+    """Time at which the needle reaches the target's depth [s], and the target then; else those at the path's end.
 
-    axis: None for a needle turned to the target
+    axis: None for a needle that is turned towards the target
     """
     plan = world.case.plan
     speed, away = plan.insertion.speed_m_s, path.means - world.entry

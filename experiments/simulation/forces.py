@@ -27,7 +27,7 @@ class Force:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """White acceleration of the given density, linear between knots, on every free node [N], (n_free, dim)."""
+    """Force by random acceleration with white density, linear between knots, on each free node [N], (n_free, dim)."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -70,9 +70,9 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A wave of a period and phase drawn once, with a second harmonic, on some nodes [N], (n_free, dim).
+    """A wave with a second harmonic on some nodes [N], (n_free, dim); period and phase are drawn once.
 
-    Without nodes, the forces on the points of a continuum that displace them like an acceleration of the whole mass.
+    Without nodes, forces on the points of a continuum displace them like an acceleration of the whole mass.
     """
     direction = np.array(breathing.direction or UPWARD[: network.dim])
     direction *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
@@ -91,7 +91,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
-    """Difference between the turned gravity and that under which the tissue rests as drawn [N], (n_free, dim)."""
+    """Difference between turned gravity and the gravity under which the tissue rests as drawn [N], (n_free, dim)."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
     angle = np.arccos(np.clip(before @ after / sizes.prod(), -1.0, 1.0))
@@ -119,7 +119,7 @@ def press_force(network: MassSpringNetwork, press: Press) -> Force:
 
 
 def _risen(share: float) -> float:
-    """A smooth rise from 0 at 0 to 1 at 1: half a cosine."""
+    """A smooth rise from 0 at share 0 to 1 at share 1: half a cosine."""
     return 0.5 - 0.5 * float(np.cos(np.pi * np.clip(share, 0.0, 1.0)))
 
 
@@ -132,7 +132,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Rows of these nodes, which `completed` has set."""
+    """Indices of these nodes, whose defaults `completed` has set."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

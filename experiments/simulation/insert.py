@@ -27,14 +27,14 @@ from experiments.simulation.world import world_of
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Results: every policy in every run, n_runs lists of one `Tried` each; and insertions by advice in each run."""
+    """Results of n_runs runs: in each run a `Tried` for each policy, and insertions that follow advice."""
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
     advised: tuple[tuple[AdvisedInsertion, ...], ...]
 
     def of(self, policy: str) -> list[Tried]:
-        """All runs of one policy."""
+        """The results of one policy in all runs."""
         return [one for run in self.runs for one in run if one.policy == policy]
 
 
@@ -56,13 +56,13 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
     world = world_of(case)
     state, paper, warm = warmed(world)
     tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]
-    # one after the other: all share one filter, which is restored
+    # in sequence, because all share one filter, which is restored each time
     tried += [attempt(world, policy(world, warm), state) for policy in (Filtered, Ahead, Waiting)]
     return tuple(tried), advised(world, warm, state) if case.advice else ()
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """Reliability of `filter-ahead`'s probabilities at its commitments, with a lesion drawn in each run."""
+    """Reliability of `filter-ahead`'s probabilities at its commitments; each run draws its own lesion."""
     committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
     predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
     return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])
@@ -85,10 +85,10 @@ def summary(done: Trials) -> dict[str, object]:
 
 
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
-    """Hit rate with its 95 % interval [clopper1934], misses of the needles that arrived, means over runs.
+    """Hit rate with its 95 % interval [clopper1934], misses of the needles that arrived, and means over runs.
 
-    seconds_to_hit: of hits; insertions: number begun per run; retractions: number retracted; never: not arrived
-    predicted, observed: mean probability at the commitments and their hit rate; None if the policy states none
+    seconds_to_hit: mean for hits [s]; insertions, retractions: numbers per run; never: number of runs without arrival
+    predicted, observed: mean probability at commitments, and their hit rate; None if the policy states none
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
@@ -113,7 +113,7 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
 
 
 def table(done: Trials) -> pd.DataFrame:
-    """Content of runs.csv: a row for each run and policy; mm and seconds; empty without a value."""
+    """Content of runs.csv: a row for each run and policy, in mm and seconds; missing values are empty."""
     rows = [
         {
             "seed": done.case.seed + k,

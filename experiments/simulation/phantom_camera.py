@@ -1,4 +1,4 @@
-"""A camera in front of the simulated phantom, in real time."""
+"""A camera in front of the simulated phantom, which moves in real time."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest motion to catch up with, for example after a pause or compilation [s]; choice: it takes 0.4 s."""
+"""Longest delay that the motion catches up, for example after a pause or compilation [s]; choice: takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
-"""Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: an
-error of 0.003 mm, in a tenth of the time of tighter tolerances, which reject steps across its bends."""
+"""Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: errors
+of 0.003 mm, and a tenth of the time for tighter tolerances, which reject steps across bends of the tremor."""
 
 COMES_AGAIN_S = 360.0
-"""Period of the drawn forces, after which they repeat [s]; choice: an hour delays the first picture by 0.3 s."""
+"""Period after which the random forces repeat [s]; choice: an hour would delay the first picture by 0.3 s."""
 
 
 class PhantomCamera:
     """A camera in front of the poked phantom, which SciPy's RK45 moves in real time; pictures are drawn on request.
 
-    State: the phantom's state (n_state,) at time_s since it began to move, and that moment on the clock; its picture.
+    State: the phantom's state, (n_state,), at time_s [s] after its start; the clock time of the start; its picture.
     """
 
     def __init__(
@@ -72,9 +72,9 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Wait for the next due frame, or take the due one if drawing is late; far behind, the phantom pauses.
+        """Wait for the next frame; late drawing skips to the frame that is due, very late drawing pauses the phantom.
 
-        It is drawn before it is due, so that the measured latency does not include drawing.
+        The frame is drawn before it is due, so that the measured latency does not include drawing.
         """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
@@ -105,7 +105,7 @@ class PhantomCamera:
             self._state,
             [self.time_s, due],
             force=lambda t: sum((force(t % COMES_AGAIN_S) for force in self._forces), nothing),
-            method="RK45",  # between slope changes of the tremor a method of higher order gains nothing
+            method="RK45",  # steps end at slope changes of the tremor, so a method of higher order is not faster
             rtol=RTOL,
             atol=ATOL,
             max_step_s=STEP_S,

@@ -1,4 +1,4 @@
-"""Camera in front of the simulated phantom in its own process, so that it takes no time of the loop."""
+"""Camera in front of the simulated phantom in its own process, so that it takes no time from the loop."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ HEADER = struct.Struct("<dII")
 [px]."""
 
 ENDS_S = 2.0
-"""Timeout for the end of that process [s]; choice."""
+"""Timeout for the end of the process [s]; choice."""
 
 
 def film(connection: Connection, fps: float | None) -> None:
-    """After a request, send the phantom's pictures when they are due, until the reader is gone."""
+    """Wait for a request, then send the phantom's pictures when they are due, until the reader is gone."""
     begin_helper()
     # imported here, so that the parent process does not wait for it
     from experiments.formats.scenario import read_scenario
@@ -35,7 +35,7 @@ def film(connection: Connection, fps: float | None) -> None:
     if fps is not None:
         scenario = scenario.model_copy(update={"frame_interval_s": 1.0 / fps})
     camera = PhantomCamera(scenario)
-    camera.grab()  # loads what the first picture needs
+    camera.grab()  # loads code that the first picture needs
     try:
         connection.recv_bytes()
         while camera.grab():
@@ -51,8 +51,8 @@ def film(connection: Connection, fps: float | None) -> None:
 class PhantomProcess:
     """Pictures of a `PhantomCamera` in another process, with the interface of cv2.VideoCapture.
 
-    It starts at once and loads for seconds, in parallel with others. The phantom does not move until it is opened.
-    fps: frame rate in place of the scenario's [frames/s]. State: the process, and its last message.
+    The process starts at once and loads for seconds, in parallel with others. The phantom moves only when it is opened.
+    fps: frame rate instead of the scenario's [frames/s]. State: the process, and its last message.
     """
 
     def __init__(self, fps: float | None = None) -> None:
@@ -82,7 +82,7 @@ class PhantomProcess:
         return True
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
-        """A copy of the last picture: kernels are compiled for writable pictures."""
+        """A copy of the last picture, because kernels are compiled for writable pictures."""
         _exposure_s, width, height = HEADER.unpack_from(self._sent)
         pixels = np.frombuffer(self._sent, dtype=np.uint8, offset=HEADER.size)
         return True, pixels.reshape(height, width, 3).copy()

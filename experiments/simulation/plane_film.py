@@ -1,4 +1,4 @@
-"""Film of a flat scene by its camera: marks on the plane, over the springs."""
+"""Film of a flat scene by its camera: marks on the plane, drawn over the springs."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generato
 
 
 def hues_of(scene: Scene) -> list[float]:
-    """The hues of the marks of a scene [degrees], each once."""
+    """The different hues of a scene's marks [degrees]."""
     return list(dict.fromkeys(mark.hue_deg for mark in (*scene.marks, *scene.reference.looks)))
 
 
@@ -60,7 +60,7 @@ def write_film(
     advance: Callable[[float], None],
 ) -> None:
     """Write the film of a flat scene by its camera; `advance`: called with the completed share."""
-    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the container's least rate; frames.csv has the times
+    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # least rate in this file format; frames.csv has times
     stored = scenario.video
     size_px = scene.cameras[0].size_px
     with (

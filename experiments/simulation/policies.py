@@ -38,17 +38,17 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""Start of the breathing model [s], because the first estimates have large errors; a parameter of the study."""
+"""Time after which the breathing model starts [s], because first estimates have large errors; of the study."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""Prediction range, in paths of the needle and in time, for later starts and a target that moves away; size of the
-study's tables."""
+"""Prediction range: factor on the needle's insertion time and additional time [s], for later starts and targets that
+move away; of the study."""
 
 
 class Policy:
-    """A policy that steers a needle, by default to the present target. State: its time and position.
+    """A policy that steers a needle, by default to the present target. State: the target's position and its time.
 
-    waits: whether it starts on GO, and retracts on a fault or if a hit is improbable
+    waits: whether it starts only on GO, and retracts on a fault or if a hit is improbable
     """
 
     name, waits = "", False
@@ -56,19 +56,19 @@ class Policy:
     place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Update with a frame; push: the needle's predicted push since the last one [N], (n_free, dim)."""
+        """Update with a frame; push: the needle's predicted push since the last frame [N], (n_free, dim)."""
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path of the target from now on; pushes: the needle's predicted pushes in the frames ahead."""
+        """Predicted path of the target from now on; pushes: the needle's predicted pushes in the next frames."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """Density of the target's position at this time, None if there is none.
+        """Density of the target's position at this time; None if the policy has none.
 
-        parts: of the needle's predicted force from now until then [N], (2, n_free, dim), see `predicted_parts`
+        parts: parts of the needle's predicted force until then [N], (2, n_free, dim), see `predicted_parts`
         """
         return None
 
@@ -78,7 +78,7 @@ class Policy:
 
 
 def horizon_s(world: World) -> float:
-    """Prediction range of the target [s], in whole frames."""
+    """Prediction range of the target [s], a multiple of the frame interval."""
     case = world.case
     ahead_s = WAYS * way_m(case.truth, case.plan) / case.plan.insertion.speed_m_s + MARGIN_S
     return float(np.ceil(ahead_s * case.frames_per_s * (1.0 - 1e-9)) / case.frames_per_s)
@@ -97,10 +97,10 @@ def across(axis: Floats) -> Floats:
 def predicted_push(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """Predicted forces of the needle on the free nodes [N] in the next n steps of step_s [s], (n, n_free, dim).
+    """Predicted forces of the needle on the free nodes in the next n steps of step_s [s]: [N], (n, n_free, dim).
 
-    With its stated constants: full cutting and friction forward, friction back.
-    beside: offset from its first line along each of `across` [m], (dim - 1,)
+    They follow from the needle's stated constants: full cutting and friction forward, friction in retraction.
+    beside: offset from its initial line along each vector of `across` [m], (dim - 1,)
     """
     return predicted_parts(world, axis, depth, beside, speed, n, step_s).sum(axis=0)
 
@@ -108,7 +108,7 @@ def predicted_push(
 def predicted_parts(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """As `predicted_push`, separately for cutting and friction, (2, n, n_free, dim)."""
+    """As `predicted_push`, but cutting and friction separately, (2, n, n_free, dim)."""
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
     tips: Floats = world.entry + depths[:, None] * axis
@@ -123,9 +123,9 @@ def predicted_parts(
 
 
 def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
-    """Covariance of a target [m²] due to parts of the needle's force, with uniform relative errors up to `error`.
+    """Covariance of a target [m²] from parts of the needle's force with uniform relative errors up to `error`.
 
-    gives: the target's compliance [m/N], (dim, n_free dim); parts: [N], (n_parts, n_free, dim), independent
+    gives: the target's compliance [m/N], (dim, n_free dim); parts: independent forces [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
     return error**2 / 3.0 * shifts.T @ shifts
@@ -143,7 +143,7 @@ class Rest(Policy):
 
 
 class Paper(Rest):
-    """Policy: aim at the open loop's present target. State: that simulation."""
+    """Policy: aim at the open loop's present target. State: the open-loop simulation."""
 
     name = "open-loop"
 
@@ -158,7 +158,7 @@ class Paper(Rest):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, its last estimate, the breathing model; tables of policies and advice."""
+    """A filter after the warm-up: its state, last estimate and breathing model, and tables for policies and advice."""
 
     tissue: TissueFilter
     then: FilterSnapshot
@@ -181,26 +181,26 @@ class Filtered(Policy):
         self._error = world.case.plan.forces.error
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Predict under the predicted push, and update with the marks."""
+        """Predict with the predicted push as a force, and update with the marks."""
         self.tissue.predict(time_s, push)
         self.estimate = self.tissue.update(marks)
         self.time_s, self.place = time_s, self.estimate.mean
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's prediction, with the effect of wrong needle forces."""
+        """The filter's prediction, widened by errors of the needle's forces."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
         unknown = force_error_cov(self._compliance, parts, self._error)
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
-        """The fault of the filter's health."""
+        """The fault that the filter's health reports."""
         return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
 
 
 class Ahead(Filtered):
-    """Policy: aim at the predicted target, from the breathing model while it holds, otherwise from the filter.
+    """Policy: aim at the target predicted by the breathing model while it is valid, otherwise by the filter.
 
-    State: as `Filtered`, and the breathing model of the target without the needle's predicted shift.
+    State: that of `Filtered`, and the breathing model of the target without the needle's predicted shift.
     """
 
     name = "filter-ahead"
@@ -216,7 +216,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path from the filter's tables, and from the breathing model while it holds."""
+        """Predicted path from the filter's tables and, while it is valid, the breathing model."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -227,7 +227,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """Density from the breathing model while it holds, from the filter, plus the effect of wrong needle forces."""
+        """Density from the filter and any valid breathing model, widened by errors of the needle's forces."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -246,14 +246,14 @@ class Ahead(Filtered):
 
 
 class Waiting(Ahead):
-    """Policy: as `Ahead`, but started on GO, and retracted if a hit becomes improbable."""
+    """Policy: as `Ahead`, but it starts on GO, and retracts if a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Tables for the filters of all worlds with this pickled network, target, marks, settings and uncertainty."""
+    """Tables for the filters of all worlds that share this pickled network, target, marks, settings and uncertainty."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
@@ -262,7 +262,7 @@ def _tables(model: bytes, ahead_s: float) -> AheadTables:
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
     """The tissue's state, the paper's simulation and the filter at the first frame at which a needle may start.
 
-    That frame itself has not been used yet.
+    The filter has not used that frame yet.
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)

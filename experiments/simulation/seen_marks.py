@@ -1,4 +1,4 @@
-"""Recordings of simulated marks: a true motion, its marks with noise, some lost, some misplaced; no film."""
+"""Recordings of simulated marks without a film: a true motion and its noisy marks, some lost or misplaced."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Truth:
 
 
 def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:
-    """Which marks are missing, (n_frames, n_marks), and distances of outliers from true positions [m], same shape."""
+    """Whether each mark is missing, and distances of outliers from true positions [m]; both (n_frames, n_marks)."""
     lost = rng.random(shape[:2]) < marks.lost
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
@@ -40,8 +40,8 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
     """The measured marks of a scene at each time of a motion, and the target's truth.
 
-    Reference marks have the same sd, and none is lost. The same generator gives errors in the same directions for every
-    sd_mm, and a larger share of losses includes the smaller.
+    Reference marks have the same sd, and none is lost. For any sd_mm the same generator gives errors in the same
+    directions, and marks lost with a small share of losses are also lost with a larger one.
     """
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}

@@ -1,6 +1,6 @@
-"""Truth and film, or marks, of a scenario: the recording that `softaim simulate` writes.
+"""Truth and film, or truth and marks, of a scenario: the recording that `softaim simulate` writes.
 
-Truth comes from SciPy's adaptive integrators, not from the steps of the filter.
+Truth is computed with SciPy's adaptive integrators, not with the filter's steps.
 """
 
 from __future__ import annotations
@@ -45,17 +45,17 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Level of the discrepancy for a simulated phantom, whose model is the truth, relative to its extent [1]; choice."""
+"""Level of the discrepancy, relative to the extent, for a simulated phantom, whose model is exact [1]; choice."""
 
 TRUTH = 0.2
-"""Share of the progress before a film, for the truth."""
+"""Share of the progress that computing the truth takes before a film [1]."""
 
 STIFF_S = 1e-4
-"""Shortest explicit step [s]; below it implicit steps are used, which are then faster; numerical."""
+"""Shortest explicit step [s]; if stability needs shorter ones, implicit steps are faster and used; numerical."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """The scene of the scenario: its file's, or that of a camera in front of its phantom. Raises InputError."""
+    """The scene of the scenario's file, or that of a camera in front of its phantom. Raises InputError."""
     if scenario.scene is not None:
         return read_scene(Path(scenario.scene))
     network = four_mass_phantom()
@@ -89,7 +89,7 @@ def exposures(scenario: Scenario) -> Floats:
 
 
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
-    """The network with the true constants of this seed, which differ from the scene's as the scenario states."""
+    """The network with the true constants of this seed; the scenario states how far they differ from the scene's."""
     if scenario.constants is None:
         return network
     spread = scenario.constants.model_dump()
@@ -128,7 +128,7 @@ def true_motion(
             pack(start, nothing),
             times,
             force=acting,
-            # explicit: with one or two steps between knots a method of higher order gains nothing
+            # explicit: with one or two steps between knots a method of higher order is not faster
             method="Radau" if stable_step(network) < STIFF_S else "RK45",
             rtol=1e-6,
             atol=1e-8,
@@ -150,7 +150,7 @@ def simulate(
 ) -> None:
     """Write the recording of a scenario to the folder `out`; `advance` gets the completed share. Raises InputError.
 
-    filmed: False: marks.csv in place of the film, as without a camera
+    filmed: if False, write marks.csv instead of the film, as without a camera
     """
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:
@@ -182,7 +182,7 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """Copy the scene's file with the step `simulate`; cameras of other files are included.
+    """Copy the scene's file with the step `simulate`; cameras from other files are included.
 
     If the truth has other constants than the scene, `simulate` is not among its steps.
     """

@@ -26,7 +26,7 @@ def times_of(scenario: Scenario, exposures_s: Floats, n_cameras: int) -> list[Fl
 
 
 def all_times(times_s: Sequence[Floats]) -> Floats:
-    """The times of all cameras in order, each once [s]."""
+    """The different times of all cameras in order [s]."""
     return np.unique(np.concatenate(times_s).astype(np.float64).round(9))
 
 
@@ -40,7 +40,7 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """One frame of all nodes at these positions [m], (n_nodes, 3): the measured marks that face the camera.
+    """One frame with the nodes at these positions [m], (n_nodes, 3): the measured marks that face the camera.
 
     covered: nodes whose marks are covered
     """
@@ -68,7 +68,7 @@ def write_space_films(
 ) -> None:
     """Write `video.NAME.avi` and `frames.NAME.csv` of each camera.
 
-    times_s: of each camera, among those of the truth [s]
+    times_s: exposure times of each camera [s], all of them times of the truth
     """
     stored, rate = scenario.video, max(1.0, 1.0 / scenario.frame_interval_s)
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()

@@ -1,7 +1,7 @@
 """Simulated world of an insertion: the true tissue, more detailed than the filter's model, and its marks.
 
-It has forces on all masses, including hidden ones, friction, and a needle whose constants the filter does not know, in
-fine steps (`dynamics.needle.steered`): for springs sixteen times finer than the filter's, for a continuum 1/960 s.
+It has forces on all masses, including hidden ones, friction, and a needle whose constants the filter does not know. Its
+steps (`dynamics.needle.steered`) are a sixteenth of the filter's for springs, and 1/960 s for a continuum.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Time over which external forces are linear [s]: four pieces for each of the tremor's."""
+"""Time over which external forces are linear [s]: a quarter of that of the tremor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """The part of a simulated world that all policies share.
 
-    network: the tissue's; assumed: the filter's, drawn at rest; aim: map from a state of the tissue to its target
-    knots: external forces; needle: its true constants; start: the tissue's state at time 0, as in
+    network: of the tissue; assumed: of the filter, drawn at rest; aim: map from the tissue's state to the target
+    knots: external forces; needle: with true constants; start: the tissue's state at time 0, as in
     `steady_state`: (n_state,), longer for a continuum
-    noise: of the measured marks [m], (n_frames, n_marks, dim); missed: missing marks, (n_frames, n_marks)
-    offset_m: from the target of the scene to the true one [m], (dim,)
-    tip_noise: standard normal, (dim,): final error of the tip, in standard deviations
-    share: random number in (0, 1) for the run
+    noise: of the measured marks [m], (n_frames, n_marks, dim); missed: whether each is missing, (n_frames, n_marks)
+    offset_m: vector from the scene's target to the true one [m], (dim,)
+    tip_noise: final error of the tip in standard deviations, (dim,), standard normal
+    share: random number in (0, 1) for the run's lesion
     """
 
     case: Case
@@ -74,11 +74,11 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """Target in a state [m], (dim,): the position of its node plus the error of its registration."""
+        """Target for a state of the tissue [m], (dim,): the position of its node plus the registration's error."""
         return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
-        """Marks of a state at a frame."""
+        """Marks at frame k for a state of the tissue."""
         sd = 1e-3 * self.case.seen.sd_mm
         cov = sd**2 * np.eye(self.network.dim)
         return [
@@ -90,7 +90,7 @@ class World:
     def moved(
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
-        """State of the tissue under the needle after an interval [s], and whether the skin is punctured."""
+        """State of the tissue with the needle after an interval [s], and whether the skin is punctured."""
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 
@@ -136,7 +136,7 @@ def world_of(case: Case) -> World:
 
 
 def needle_with(network: MassSpringNetwork, entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
-    """A needle with these constants in a network, without a path; without skin, one that has punctured it."""
+    """A needle with these constants in a network; without a skin's resistance it counts as having punctured it."""
     still = NeedlePose(entry, np.zeros(network.dim), 0.0, 0.0)
     most = {**constants, "puncture_N": constants["puncture_N"] or np.finfo(float).tiny}
     return NeedleMechanics(lambda _t: still, entry, reach_m=force_reach_m(network), **most)

@@ -1,6 +1,6 @@
-"""One file for each published table or figure, named in its docstring.
+"""One file per published table or figure, which its docstring names.
 
-Another study belongs here.
+A new study belongs here.
 """
 
 # Nothing is imported here: each study is run as a module.

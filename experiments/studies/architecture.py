@@ -1,4 +1,4 @@
-"""The rooms of the four packages and the imports between them: the drawing and the lists of docs/architecture.md.
+"""The rooms of the four packages and the imports between them, as the drawing and lists of docs/architecture.md.
 
     python -m experiments.studies.architecture          # rewrites both, from the code
     python -m experiments.studies.architecture --check  # exit code 1 if the page differs from the code
@@ -55,7 +55,7 @@ def rooms_of(package: str) -> list[Room]:
 
 
 def _imported(path: Path) -> Iterator[str]:
-    """Rooms that a module imports, and packages whose names it imports directly."""
+    """Rooms that a module imports, and packages from which it imports names directly."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = []
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -107,7 +107,7 @@ FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {
     "vision": (8.6, ("dynamics",), 8.0, "#e5f2dd"),
     "experiments": (0.0, ("estimators", "vision"), 16.6, "#eee3f3"),
 }
-"""Layout of each package in the drawing: left, the packages below it, width, colour. Lower ones come first."""
+"""Layout of each package in the drawing: left edge, the packages below it, width, colour. Lower packages come first."""
 HEIGHT, GAP, BETWEEN = 0.5, 0.36, 0.85
 
 
@@ -127,7 +127,7 @@ def draw(path: Path) -> None:
         tops[package] = low + len(layers) * (HEIGHT + GAP) + 0.15
         _box(axes, (left, low - 0.25), (broad, tops[package] - low + 0.35), colour)
         axes.text(left + 0.1, tops[package] + 0.06, package, fontsize=13, weight="bold", va="top")
-        # a layer with one room is off the middle, so that arrows between layers do not cover each other
+        # a layer with one room is not centred, so that arrows between layers do not cover each other
         alone = [k for k, layer in enumerate(layers) if len(layer) == 1]
         for k, layer in enumerate(layers):
             y = low + (len(layers) - 1 - k) * (HEIGHT + GAP) + HEIGHT / 2

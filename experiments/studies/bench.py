@@ -1,20 +1,20 @@
-"""Speed of the parts against references, all measured in one run on the same work.
+"""Speed of parts of the program and of references, measured in one run on the same work.
 
-filter_step: one frame of the filter, three marks of the phantom. References: filterpy's interacting mixture with as
-many stock unscented filters as modes, and the same states, noise, rates and marks, with its motion in plain NumPy, one
-sigma point after the other, and with compiled motion.
-full_step: the same with association of interchangeable marks, frame after frame; considered: with ten unknown
+filter_step: one frame of the filter, three marks of the phantom. References: filterpy's interacting mixture of as many
+stock unscented filters as modes, with the same states, noise, rates and marks; its motion is in plain NumPy, one sigma
+point after the other, or compiled.
+full_step: the filter with association of interchangeable marks, frame after frame; considered: with ten unknown
 constants.
-bodies: frames of grids in space, springs along edges and diagonals: 18 free nodes with 17 marks, 48 with 40.
-advice: the two parts of `guide`: one second of the target's path, at 30 times; advice from a path, 21 starts
-over 2 s, in the plane and in space; 500 straight paths created, evaluated and ranked; a hit probability in space.
-live_frame: the part of advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4
-starts; and the path from tables alone.
+bodies: frames of grids in space with springs along edges and diagonals: 18 free nodes with 17 marks, 48 with 40.
+advice: the two parts of `guide`, one second of the target's path at 30 times, and advice from a path for 21 starts over
+2 s, in the plane and in space; a plan of 500 straight paths; a hit probability in space.
+live_frame: advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4 starts; and the
+path from tables alone.
 recording: advice, noise levels and the smoother on a recording, per frame: `bench_recording`.
-detect: four red marks in pictures of 1280x720; in the whole picture, near expected positions, and OpenCV's
-SimpleBlobDetector with its own settings on the same pictures.
-scaling: breasts of 1,000 to 14,000 nodes with 40 marks, a row each, see `experiments.studies.scaling`.
-loop_640x480: from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same, filmed.
+detect: four red marks in pictures of 1280x720, found in the whole picture, near expected positions, and by OpenCV's
+SimpleBlobDetector with its own settings.
+scaling: a row for each breast, of 1,000 to 14,000 nodes with 40 marks, see `experiments.studies.scaling`.
+loop_640x480: time from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same with a film.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def repeated_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """The target after one frame by our filter, filterpy's in plain NumPy and compiled, from one posterior."""
+    """Functions that estimate the target after one frame from one posterior: by our filter, by filterpy, compiled."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)
@@ -112,7 +112,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
     add_noise(noises, found, own.variances)
     points = filterpy.MerweScaledSigmaPoints(process.n, 1.0, 0.0, 0.0)
     velocity, force, n = process.parts["velocity"], process.parts["force"], network.n_state
-    short_s = 1e-6  # within it a force changes only the speed
+    short_s = 1e-6  # within one step a force changes only the speed
     pushes, fading = process.linearize(own.mean, short_s).matrix[velocity, force] / short_s, found.matrix.diagonal()[n:]
 
     def plain(x: Floats, dt: float) -> Floats:
@@ -144,7 +144,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
 
 
 def filter_step() -> dict[str, float]:
-    """Time of a frame of our filter and of stock filterpy's."""
+    """Times of a frame by our filter and by filterpy's stock filters [ms]."""
     ours, plain, compiled = filter_pair()
     ours_ms, plain_ms, compiled_ms = repeated_ms(ours, 300), repeated_ms(plain, 2), repeated_ms(compiled, 5)
     found = {"ours_ms": ours_ms, "filterpy_ms": plain_ms, "filterpy_compiled_ms": compiled_ms}
@@ -163,7 +163,7 @@ def _frame_ms(tissue: TissueFilter, frames: Frames, groups: Groups) -> float:
 
 
 def full_step(n_frames: int = 300) -> dict[str, float]:
-    """Time of the whole filter, frame after frame, with exact and with uncertain constants."""
+    """Time per frame of the whole filter with exact and with uncertain constants [ms]."""
     network = four_mass_phantom()
     ten = independent_uncertainty(parameters(network, ("stiffness",)), 0.1)
     frames = resting_frames(network, OUTER, 0.00414, n_frames)
@@ -174,12 +174,12 @@ def full_step(n_frames: int = 300) -> dict[str, float]:
 
 
 def bodies(n_frames: int = 40) -> dict[str, float]:
-    """Time of frames of large bodies, with marks accurate to 0.5 mm."""
+    """Time per frame for large bodies, with marks accurate to 0.5 mm [ms]."""
     return {f"grid_{n}_ms": _grid_ms(side, n_frames) for n, side in ((18, 3), (48, 4))}
 
 
 def _grid_ms(side: int, n_frames: int) -> float:
-    """Time of the filter for a cube of 6 cm with this many nodes per side, on its lowest layer."""
+    """Time per frame for a cube of 6 cm with this many nodes per side, fixed at its lowest layer [ms]."""
     layer = np.arange(float(side))
     places = np.stack(np.meshgrid(layer, layer, layer, indexing="ij"), axis=-1).reshape(-1, 3)
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
@@ -244,7 +244,7 @@ def advice() -> dict[str, float]:
 
 
 def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
-    """Plans from 100 entries above the phantom, five aims each, past one vessel."""
+    """A function that plans paths from 100 entries above the phantom to five aims, past one vessel."""
     skin = Skin(np.array([-0.2, 0.33]), np.array([0.2, 0.33]), np.array([0.0, 1.0]), np.radians(60.0), 0.25)
     target = PlannedTarget(network.positions[network.index(HIDDEN)], np.diag([4e-6, 9e-6]), 5e-3)
     needle, vessel = PlannedNeedle(), ball("vessel", np.array([0.05, 0.27]), 0.01)
@@ -257,7 +257,7 @@ def _planned(network: MassSpringNetwork) -> Callable[[], Plan]:
 
 
 def detect(n_frames: int = 60) -> dict[str, float]:
-    """Time to find marks in whole pictures and near expected positions, against OpenCV's blob detector."""
+    """Time to find marks in whole pictures, near expected positions, and by OpenCV's blob detector [ms]."""
     rng = np.random.default_rng(0)
     radius, names = 12.0, ("M1", "M2", "M3", "M4")
     homes = np.array([[300.0, 200.0], [950.0, 210.0], [310.0, 520.0], [940.0, 500.0]])
@@ -322,4 +322,4 @@ BENCHMARKS: dict[str, tuple[float, Callable[[], dict[str, float] | list[dict[str
     "loop_640x480": (0.9, loop_640x480),
     "film_640x480": (1.0, lambda: film_640x480(*_filmed_webcam(60))),
 }
-"""Benchmarks, each with the completed share of the work after it."""
+"""Benchmarks by name, each with the share of all work that is completed after it."""

@@ -1,9 +1,9 @@
 """Speed of work on whole recordings: advice on a needle, the level of the discrepancy, the smoother.
 
 One recording of the phantom at rest, three marks accurate to 1 mm, 30 frames/s; row `recording` of `softaim bench`.
-advise: a frame's advice, 21 starts over 2 s, with a path from tables, and from `TissueFilter.predict_path`.
-tune: `tune_strain` on 50 frames, per frame, and as a number of passes of the filter.
-smooth: `fixed_interval`, per frame; ratio: to the time of the filter alone on the same frames.
+advise: a frame's advice for 21 starts over 2 s, with a path from tables, and from `TissueFilter.predict_path`.
+tune: time of `tune_strain` on 50 frames, per frame, and relative to one pass of the filter.
+smooth: time of `fixed_interval` per frame; ratio: relative to the filter alone on the same frames.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Advice at each frame, by tables and by the filter."""
+    """Times of advice at each frame, by tables and by the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
@@ -85,14 +85,14 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """The discrepancy level from the frames, and the time of a pass through them in the same run."""
+    """Time to tune the discrepancy level on the frames, and of a pass of the filter through them in the same run."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
-    """The smoother through the frames and back, and the filter alone."""
+    """Times of the smoother, which passes the frames forward and back, and of the filter alone."""
     fixed_interval(_filter(), frames[:3])
     pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}

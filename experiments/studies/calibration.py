@@ -1,9 +1,9 @@
-"""Study of a camera with a constant calibration error in a run: bias and covariance of the target.
+"""Study of a camera whose calibration error is constant in a run: bias and covariance of the target.
 
-Truth by `experiments.simulation.simulate`; marks with 0.5 mm of noise of their own, 30 frames/s, runs of 5 s,
-the first 0.5 s left out. The camera stands 1.2 m before the plane; its lens and pose have errors along directions drawn
+Truth is by `experiments.simulation.simulate`; marks with 0.5 mm of noise besides, 30 frames/s, runs of 5 s,
+the first 0.5 s omitted. The camera stands 1.2 m before the plane; its lens and pose have errors along directions drawn
 once for each run, scaled to a given mean error of marks (rms, both axes). Two filters get the same marks and
-directions: one takes the errors as independent in each frame (n_calibration 0), one considers them as constant.
+directions: one assumes errors that are independent in each frame (n_calibration 0), one considers constant errors.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
 
@@ -40,8 +40,8 @@ DIRECTIONS = {
     WHOLE: np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3]),
     TURNED: np.diag([0.0] * 11 + [5e-3, 1e-3, 1e-3, 5e-3])[11:],
 }
-"""Errors before scaling; choice. Whole: lens and pose as after a calibration from a dozen pictures; marks move mostly
-alike. Turned: the lens is exact; the camera is rotated about its axis and nearer or further."""
+"""Errors before scaling; choice. Whole: lens and pose after a calibration with a dozen pictures; all marks move nearly
+equally. Turned: the lens is exact; the camera is rotated about its axis, and nearer or farther."""
 CASES = (
     *((WHOLE, scenario, error_m) for scenario in ("quiet", "poked") for error_m in ERRORS_M),
     (TURNED, "quiet", 0.002),
@@ -69,7 +69,7 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
 
 
 def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
-    """The filters on the same marks, with a camera miscalibrated by one draw of its directions."""
+    """Both filters on the same marks, with a camera miscalibrated by a random draw along its directions."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)
@@ -92,7 +92,7 @@ def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float 
 
 
 def figures(runs: list[Run], name: str) -> dict[str, float]:
-    """One filter over runs: rms error and rms sigma [mm], share in the 95 % region, and mean NEES."""
+    """Figures of one filter over all runs: rms error and rms sigma [mm], share in the 95 % region, and mean NEES."""
     errors, covs = (np.concatenate(parts) for parts in zip(*(one[name] for one in runs), strict=True))
     nees = normalised_error_squared(errors, covs)
     return {

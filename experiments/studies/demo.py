@@ -1,6 +1,6 @@
 """Simulation, film and track of the paper's two scenarios: what `softaim demo` does.
 
-Reproduces the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
+It has the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def tracked(
     *,
     stage: Callable[[str], Callable[[float], None]] = lambda _name: lambda _share: None,
 ) -> Track:
-    """Film a scenario into the folder `recording` and track it; seed: in place of its own."""
+    """Film a scenario into the folder `recording` and track it; seed: used instead of the scenario's own."""
     scenario = read_scenario(name)
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
@@ -51,7 +51,7 @@ def demo(
     vector: "pdf" or "svg" for a vector file beside each plot; stage(name) is called at the start of each part and
     returns a function of the completed share
     """
-    from experiments.plots.track import write_track_plots  # matplotlib is slow to load: only where it is needed
+    from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 
     with output_folder(out, force=force) as folder:
         figures: Figures = {}

@@ -27,14 +27,14 @@ Main = Callable[[Sequence[str] | None], int | None]
 
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
-    """A case for each combination of the values; those of the last axis change fastest."""
+    """A case for each combination of the values; values of the last axis change fastest."""
     return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
 
 def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argparse.ArgumentParser:
-    """Options of a study; doc: its module's docstring, with a first line of description and its command.
+    """Options of a study; doc: docstring of its module, whose first line is the description.
 
-    out: whether its runs are stored in a folder; page: page of docs/ whose tables it can rewrite
+    out: whether the study stores its runs in a folder; page: page of docs/ whose tables it can rewrite
     """
     text = doc or ""
     command = re.search(r"python -m [\w.]+", text)
@@ -66,7 +66,7 @@ def seeds_of(given: argparse.Namespace) -> range:
 
 
 def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The names of an option, by default all known ones. Raises InputError for an unknown one."""
+    """The names in an option's text; all known names by default. Raises InputError for an unknown name."""
     every = list(known)
     for name in names:
         if name not in every:
@@ -81,13 +81,13 @@ def kept_runs(work: Work, cases: Sequence[Case], folder: Path, workers: Workers)
 
 
 def runs_of(work: Work, jobs: Sequence[Any], workers: Workers) -> list[Any]:
-    """The results of the runs, in the order of the jobs, not stored. Raises InputError, RunsFailedError."""
+    """The results of runs that are not stored, in the order of the jobs. Raises InputError, RunsFailedError."""
     with run_bar("runs") as advance:
         return results(work, jobs, workers, advance)
 
 
 def command(main: Main) -> Callable[..., int]:
-    """The main function of a study with its exit code: an input error is one line, with exit code 2."""
+    """Decorator of a study's main function: it prints an input error as one line, with exit code 2."""
 
     @wraps(main)
     def coded(arguments: Sequence[str] | None = None) -> int:
@@ -101,7 +101,7 @@ def command(main: Main) -> Callable[..., int]:
 
 
 def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = (0,)) -> str:
-    """A table in Markdown, these columns left-aligned and the others right-aligned."""
+    """A table in Markdown; the columns in `left` are left-aligned, the others right-aligned."""
     ruled = ["---" if k in left else "---:" for k in range(len(heads))]
     return "".join(
         "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)

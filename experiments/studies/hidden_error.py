@@ -1,8 +1,8 @@
-"""Error of the hidden mass at 30 frames/s and 4.14 mm of mark noise, both methods, true parameters, seeded runs.
+"""Error of the hidden mass by both methods, at 30 frames/s and 4.14 mm of mark noise, with true parameters.
 
-Reproduces the comparison of [paper] section IV under the paper's own mark noise (its "4.14 ± 1.47 mm", taken as the
-standard deviation of each axis) at a camera's own frame rate. Truth by SciPy's RK45.
-`python -m experiments.studies.hidden_error` prints, with 20 runs of 20 s (figures last obtained in README.md):
+Reproduces the comparison in [paper] section IV with the paper's mark noise ("4.14 ± 1.47 mm", assumed to be the
+standard deviation on each axis) at a camera's frame rate. Truth is by SciPy's RK45.
+`python -m experiments.studies.hidden_error` prints, with 20 runs of 20 s (latest figures in README.md):
 
     scenario  open loop  filter  ratio  in 95 % region  worst
 """
@@ -29,7 +29,7 @@ SEEDS = range(100, 100 + N_RUNS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One seeded run: error of the hidden mass by method [m], (n_frames,), and NEES of the filter, (n_frames,)."""
+    """One seeded run: errors of the hidden mass by method [m], (n_frames,), and the filter's NEES, (n_frames,)."""
 
     errors: dict[str, Floats]
     nees: Floats
@@ -57,12 +57,12 @@ def run(scenario_name: str, seed: int, mark_sd_m: float = MARK_SD_M, duration_s:
 
 
 def seeded_run(case: tuple[str, int]) -> Run:
-    """`run` of a scenario and a seed."""
+    """Result of `run` for a scenario and a seed."""
     return run(*case)
 
 
 def study(scenario_name: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Figures over seeded runs: mean errors [mm], their ratio, 95 % coverage, the largest error of any frame [mm]."""
+    """Figures of all runs: mean errors [mm], their ratio, coverage of 95 % regions, largest error in any frame [mm]."""
     runs: list[Run] = runs_of(seeded_run, [(scenario_name, seed) for seed in seeds], workers)
     errors = {m: 1e3 * np.concatenate([r.errors[m] for r in runs]) for m in (OPEN_LOOP, FILTER)}
     means = {m: float(e.mean()) for m, e in errors.items()}

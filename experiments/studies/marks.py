@@ -5,8 +5,8 @@
 
 Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; expected
 positions have an error of 3 px on each axis. A mark is visible if more than half of it is; a detection with its name is
-false if its centre lies beyond the mark's radius. study/marks.json has the figures of docs/marks-study.md,
-study/marks.csv every mark of every frame.
+false if its centre is farther away than the mark's radius. study/marks.json has the figures of docs/marks-study.md,
+study/marks.csv a row for each mark in each frame.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ from vision.tracking.settings import FINDER
 
 LEVELS: tuple[Level, ...] = ("good light", "whole range")
 FIRST_SEED = 10_000
-"""First seed of the study; seeds below were used for choices."""
+"""First seed of the study; smaller seeds were used for choices."""
 VISIBLE = 0.5
-"""Least visible share of a mark that counts as visible."""
+"""Least visible share of a mark with which it counts as visible."""
 FAR_PX = 4.0
-"""Distance from the true position above which a mark is counted as far [px]; it also enters the error."""
+"""Distance from the true position above which a mark counts as far [px]; its error is not excluded."""
 PREDICTED_SD_PX = 3.0
-"""Error of a filter's prediction of a mark on each axis [px]; the tissue filter's is less at a millimetre per pixel."""
+"""Error of a mark's predicted position on each axis [px]; the tissue filter's is less at a millimetre per pixel."""
 
 
 def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
@@ -81,7 +81,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
         try:
             found = {f.name: f.detection for f in finder.find(one.frame.image, expected)}
         except HueError:
-            # the hue learned from one click also selects the scene: the user is asked for another
+            # the hue learned from one click also selects the scene: the user would be asked for another position
             found = {}
         for k, name in enumerate(names):
             truth = one.frame.centers_px[k]
@@ -123,7 +123,7 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 
 
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
-    """Two marks of one hue that cross, touching or one over the other, at 2 px per frame or more.
+    """Two marks of one hue that cross each other, touching or overlapping, at 2 px per frame or more.
 
     Returns the frames lost, all frames, and the marks found.
 
@@ -157,7 +157,7 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
 
 
 def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
-    """Frames of lost identity in this many crossings."""
+    """Figures of lost identities in this many crossings."""
     lost, frames, _ = np.array(runs_of(crossing, range(n_runs), workers)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
 

@@ -4,8 +4,8 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and one in a hand that half covers it. Hues are learned from one position in one frame. DIR gets a table for each
-film, one row per frame, and real-balls.json. Last figures: docs/real-film.md.
+and one half covered by a hand. Hues are learned from one position in one frame. DIR gets a table for each film, with a
+row per frame, and real-balls.json. Latest figures: docs/real-film.md.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from experiments.studies.grid import command, print_figures
 from vision import Detection, Expected, Frame, MarkFinder, MarkHue, Outline, VideoFileFrames, learn_hue
 
 LABELS = Path(__file__).parents[1] / "labels" / "balls.csv"
-"""Labelled balls, some twice (by 1 and 2): film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by.
+"""Labels of balls, some by two people (1 and 2): film, frame, u_px, v_px, radius_px, blurred, u_seen, v_seen, by.
 
-u_seen, v_seen: whether both sides that determine the coordinate were in view."""
+u_seen, v_seen: whether both sides of the ball that determine the coordinate were visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class Film:
     """A film and one position in it that shows the ball.
 
-    path: below the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: of the ball there
+    path: path in the folder of real pictures; click: frame, u, v [px] on the ball; radius_px: the ball's radius there
     jolt_px: white acceleration of the ball in the picture [px/s²/sqrt(Hz)]
-    focal_px: of the camera, typical for telephones
-    size_sd, follow_size: relative standard deviation of its size; share of the size error that a new detection corrects
+    focal_px: focal length of the camera, typical for telephones
+    size_sd, follow_size: relative sd of the ball's size; share of the size error that a new detection corrects
     """
 
     path: str
@@ -62,17 +62,17 @@ FILMS = {
 
 
 GONE = 10
-"""Number of frames without a detection after which a mark is searched anywhere; choice."""
+"""Number of frames without a detection after which a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
 """Standard deviation of a velocity at the first detection [px/s]; choice."""
 
 
 class PxFollower:
-    """Tracker of marks in the picture, frame after frame, without a model of their body.
+    """Tracker of marks in the picture, frame by frame, without a model of their body.
 
-    hues: of each mark, by its name
+    hues: colour range of each mark, by its name
     jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
-    starts_px: marks in the first frame, each (2,), with standard deviation start_sd_px; without one, anywhere
+    starts_px: positions of marks in the first frame, each (2,), with sd start_sd_px; other marks may be anywhere
     State: a filter for each visible mark; number of frames without each; the time.
     """
 
@@ -91,7 +91,7 @@ class PxFollower:
         self.filters = {name: _started(place, cov) for name, place in (starts_px or {}).items()}
 
     def see(self, frame: Frame, outlines: Mapping[str, Outline]) -> dict[str, Detection]:
-        """The marks found in the next frame, by name; outlines: of each."""
+        """The marks found in the next frame, by name; outlines: outline of each mark."""
         dt = 0.0 if self._time_s is None else frame.exposure_s - self._time_s
         self._time_s = frame.exposure_s
         if dt > 0.0:
@@ -131,7 +131,7 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
-    """Widening of a ball's image at an offset from the middle, (2,), (2, 2): 1 / cos of the angle."""
+    """Matrix, (2, 2), that widens a ball's image at an offset from mid-picture, (2,), by 1 / cos of the angle."""
     return np.eye(2) + (np.hypot(1.0, np.hypot(*offset_px) / focal_px) - 1.0) * _projector(offset_px)
 
 
@@ -141,7 +141,7 @@ def _projector(along: Floats) -> Floats:
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:
-    """A row for each frame: time, whether and where the ball is found, the covariance, occlusion, its radius."""
+    """A row for each frame: time, whether and where the ball is found, covariance, occlusion, radius."""
     with VideoFileFrames(path) as frames:
         clicked = next((frame for frame in frames if frame.index == film.click[0]), None)
     if clicked is None:
@@ -171,7 +171,7 @@ def followed(path: Path, film: Film) -> pd.DataFrame:
 
 
 def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]:
-    """Distance of the detected ball from its label [px], along u and v, if both its sides are visible there."""
+    """Distance of the detected ball from its label [px], along u and v, if both sides are visible along that axis."""
     first = labels[labels.by == 1]
     both = first.merge(rows[rows.seen], on="frame", suffixes=("_label", ""))
     labelled = both[["u_seen", "v_seen"]].to_numpy(dtype=bool) & (both.blurred == 0).to_numpy()[:, None]
@@ -191,7 +191,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """The same for the only mark of `softaim track` in a recording of a film of LABELS."""
+    """As `against_labels`, for the only mark of `softaim track` in a recording of a labelled film."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):
@@ -204,7 +204,7 @@ def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Track the ball of every film, write the tables, and print errors against labels, if there are any."""
+    """Track the ball of every film, write the tables, and print errors relative to labels, if there are any."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("data", type=Path, help="folder of the real pictures")
     parser.add_argument("--out", type=Path, required=True)

@@ -1,17 +1,17 @@
 """A filmed red ball on a cord: a test of the covariance on real data.
 
 The film is `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f (MIT): 334 frames, 360x640, 29.9 frames/s. A
-hand releases the ball; it swings, hits a wall just before its lowest point, and finally leans on it. One anchor, one
-mass, one stiff spring; the wall is not in the model and acts as an unknown force.
+hand releases the ball; it swings, hits a wall just before its lowest point, and finally leans on it. The model has one
+anchor, one mass and one stiff spring; the wall is not in it and acts as an unknown force.
 
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
 makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares the
-filter's prediction with the measurement: DIR/report.json, DIR/withheld.png. Last figures: docs/real-film.md.
+filter's prediction with the measurement: DIR/report.json, DIR/withheld.png. Latest figures: docs/real-film.md.
 
-The ball swings in a plane turned about the vertical from the picture's, so that its circle is seen as an oval: the
-homography of that plane has one free number, the turn. The scale follows from gravity and the period: between two
-strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 g theta', and the w that explains all flights
+The plane of the swing is turned about the vertical from the picture's plane, so that the ball's circle looks like an
+oval; the turn is the only unknown in that plane's homography. The scale follows from gravity and the period: between
+two strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 g theta', and the w that fits all flights
 gives the cord's length 9.81 / w².
 """
 
@@ -49,15 +49,15 @@ from experiments.studies.grid import command
 from experiments.studies.real_balls import FILMS, followed, tracked_against_labels
 
 GRAVITY = 9.81
-HOOK_PX = (306.0, 102.0)  # read off the film: where the cord leaves the hook
-FOCAL_PX = 500.0  # chosen: of a telephone's camera held upright, 360 px wide
+HOOK_PX = (306.0, 102.0)  # read from the film: where the cord leaves the hook
+FOCAL_PX = 500.0  # chosen: focal length of a telephone's camera held upright, 360 px wide
 BALL_PX = 38.6  # diameter of the ball, mean of its rim in all frames (experiments.studies.real_balls)
-FIRST_FREE = 9  # the frame after which the hand has let go, read off the film
-HUE_DEG = 15.7  # learned by `vision.learn_hue` from its middle in frame 150
+FIRST_FREE = 9  # the frame after which the hand has released the ball, read from the film
+HUE_DEG = 15.7  # learned by `vision.learn_hue` from the ball's centre in frame 150
 MASS_KG = 0.05  # chosen: positions do not depend on it, forces are given by mass
 STIFFNESS_N_M = 60.0  # chosen: the swing leaves the plane, and the cord's length in the picture varies by 5 mm
 DAMPING_N_S_M = 0.5  # chosen
-CALIBRATION_SD_PX = 0.5  # chosen by the labels: with it marks are predicted to be 0.70 px off, and are 0.61
+CALIBRATION_SD_PX = 0.5  # chosen by the labels: with it marks have a predicted error of 0.70 px, and one of 0.61 px
 WITHHELD_S, EVERY_S, OFFSETS_S = 0.3, 1.0, (0.25, 0.5, 0.75, 1.0)
 SHORTEST_FLIGHT = 8  # frames
 BALL, HOOK = "ball", "hook"
@@ -67,8 +67,8 @@ BALL, HOOK = "ball", "hook"
 class Plane:
     """Plane of the swing in the camera; its unit is the pixel at the hook's distance, its origin the hook.
 
-    narrowing: cosine of the angle between it and the picture; nearing: relative increase of distance per unit to
-    the right; center_px: intersection of the optical axis with the picture, (2,)
+    narrowing: cosine of its angle to the picture's plane; nearing: relative increase of distance per unit to the right;
+    center_px: intersection of the optical axis with the picture, (2,)
     radius_px: length of the cord [units]
     """
 
@@ -161,7 +161,7 @@ def _swung(times_s: Floats, start: Floats, w: float, rest: float, damping: float
 
 
 def _strikes(u: Floats) -> list[int]:
-    """Frames in which the ball, moving right, reverses within a frame."""
+    """Frames in which the ball, moving to the right, reverses within a frame interval."""
     return [
         k
         for k in range(FIRST_FREE, len(u) - 4)
@@ -192,7 +192,7 @@ def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
 
 
 def write_recording(film: Path, folder: Path) -> Swing:
-    """Convert the film to a recording in an existing folder; returns the swing that gave its scale."""
+    """Convert the film to a recording in an existing folder; returns the swing from which its scale follows."""
     with vision.VideoFileFrames(film) as frames:
         height, width = next(iter(frames)).image.shape[:2]
     times, centers = seen_centers(film)
@@ -210,7 +210,7 @@ def withheld_frames(times_s: Floats, offset_s: float) -> NDArray[np.bool_]:
 
 
 def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.bool_]:
-    """Write a recording of the found marks without the withheld ones; returns the frames of these."""
+    """Write a recording of the found marks without the withheld marks; returns whether each frame is withheld."""
     times = seen.times_s
     hidden = withheld_frames(times, offset_s)
     rows = [
@@ -226,7 +226,7 @@ def write_withheld(seen: Track, offset_s: float, folder: Path) -> NDArray[np.boo
 
 
 def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[str, dict[str, float]], list[Track]]:
-    """Withhold the mark at each offset; figures of all withheld frames by kind, and the tracks."""
+    """Withhold the mark at each offset; returns figures of all withheld frames by kind, and the tracks."""
     places = np.array([step.marks[0].position for step in seen.steps])
     mark_covs = np.array([step.marks[0].cov for step in seen.steps])
     errors, covs, kinds, runs = [], [], [], []
@@ -246,7 +246,7 @@ def compared(seen: Track, folder: Path, strikes: Sequence[int]) -> tuple[dict[st
 
 
 def _kind(frame: int, hidden: NDArray[np.bool_], strikes: Sequence[int]) -> str:
-    """State of the ball: held, flying freely since its last mark, after a strike, or leaning on the wall."""
+    """State of the ball: held by the hand, free since its last mark, after a strike, or leaning on the wall."""
     first = frame - int(np.argmin(hidden[frame::-1]))
     if frame <= FIRST_FREE:
         return "held"
@@ -297,7 +297,7 @@ def withheld_figure(seen: Track, runs: Sequence[Track]) -> Figure:
 
 
 def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
-    """Write all output of this script to the folder `out`; returns the figures of report.json. Raises InputError."""
+    """Write all output of this study to the folder `out`; returns the figures of report.json. Raises InputError."""
     with output_folder(out, force=force, inputs=[film]) as folder:
         (folder / "recording").mkdir()
         swing = write_recording(film, folder / "recording")
@@ -326,7 +326,7 @@ def report(film: Path, out: Path, *, force: bool = False) -> dict[str, object]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Make the report, print its figures."""
+    """Make the report and print its figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("film", type=Path)
     parser.add_argument("--out", type=Path, required=True)

@@ -1,8 +1,8 @@
-"""Cost of an estimate by the size of the mesh: breasts of 1,000 to 14,000 nodes, 40 marks.
+"""Cost of an estimate for meshes of different size: breasts of 1,000 to 14,000 nodes with 40 marks.
 
-One row per mesh: `nodes`, `elements`, `marks`; `prepare_s`: from the mesh to the first frame; `cached_s`: the same if
-the continuum is on disk; `ms_per_estimate`: median of frames in which the body is bent, at 30 frames/s; `memory_mb`:
-peak memory of the process. Each mesh has a separate process.
+One row per mesh: `nodes`, `elements`, `marks`; `prepare_s`: time from the mesh to the first frame; `cached_s`: that
+time if the continuum is on disk; `ms_per_estimate`: median of frames in which the body bends, at 30 frames/s;
+`memory_mb`: peak memory of the process. Each mesh has a separate process.
 
     python -m experiments.studies.scaling      # writes the table of docs/meshes.md and docs/images/scaling.png
 """
@@ -31,14 +31,14 @@ from experiments.studies.bench_recording import FRAME_S, median_ms, seconds_of
 from experiments.studies.grid import DOCS, markdown_table
 
 CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
-"""Cells of the meshes, across and deep."""
+"""Numbers of cells of the meshes, across and in depth."""
 
 N_MARKS, SD_M, N_FRAMES = 40, 5e-4, 60
 BENT_M, BENT_HZ = 5e-3, 0.5
 """Largest displacement of a mark [m], and its frequency [Hz]."""
 
 CAMERA_MS = 1e3 / 60.0
-"""Time between two frames of a fast camera."""
+"""Time between two frames of a fast camera [ms]."""
 
 HEAD = ("nodes", "time per estimate [ms]", "preparation [s]", "memory [MB]")
 
@@ -46,7 +46,7 @@ Row = dict[str, float]
 
 
 def scaling() -> list[Row]:
-    """A row for each mesh, each from a separate process."""
+    """A row for each mesh, measured in a separate process."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1) as alone:
         return [alone.submit(row, *cells).result() for cells in CELLS]
 
@@ -80,7 +80,7 @@ def _started(network: MassSpringNetwork) -> TissueFilter:
 
 
 def _frame(tissue: TissueFilter, k: int) -> Callable[[], None]:
-    """Function that estimates a frame."""
+    """Function that estimates the target in frame k."""
     network, rng = tissue.network, np.random.default_rng(k)
     shape = network.continuum.shapes[:, 0].reshape(-1, 3)  # type: ignore[union-attr]
     shift = BENT_M * np.sin(2.0 * np.pi * BENT_HZ * k * FRAME_S) / np.abs(shape).max() * shape
@@ -108,7 +108,7 @@ def table(rows: Sequence[Row]) -> str:
 
 @styled
 def picture(rows: Sequence[Row]) -> Figure:
-    """Time per estimate against the number of nodes."""
+    """Time per estimate over the number of nodes."""
     figure = new_figure(COLUMN_MM, 45.0)
     ax = figure.subplots()
     nodes = [one["nodes"] for one in rows]

@@ -1,6 +1,6 @@
 """Cameras for a plane and in space: lenses, poses, triangulation, calibration.
 
-Another camera, lens or board belongs here.
+A new camera, lens or board belongs here.
 """
 
 from vision.cameras.board import DICTIONARIES, Board, Corners, find_board

@@ -19,7 +19,7 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Least side of a square in a picture that is searched for a larger board [px]; choice: corners are still found."""
+"""Least side of a square in the picture to search for a larger board [px]; choice: corners are still detectable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +28,9 @@ class Board:
 
     columns, rows: number of inner corners along x and along y
     square_m: side of a square [m]
-    dictionary, marker_m: of a ChArUco board, its markers' dictionary and side [m]; None for a chessboard
+    dictionary, marker_m: dictionary and side [m] of a ChArUco board's markers; None for a chessboard
 
-    Raises ValueError, which names the field.
+    Raises ValueError that names the field.
     """
 
     columns: int
@@ -86,7 +86,7 @@ def _dictionary(name: str) -> cv2.aruco.Dictionary:
 def find_board(board: Board, image: Image, settings: CalibrationSettings = DEFAULTS) -> Corners | None:
     """Corners of a board in a picture, (height, width) grey or (height, width, 3) BGR; None if it is not found.
 
-    A chessboard has to be completely visible; a ChArUco board needs settings.fewest_corners corners in two rows.
+    A chessboard must be completely visible; a ChArUco board needs settings.fewest_corners corners in two rows.
     """
     grey = np.asarray(image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     with quiet_opencv():
@@ -98,7 +98,7 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
     found, rough = cv2.findChessboardCorners(
         grey, size, flags=cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
     )
-    if not found:  # the sector-based search finds some blurred boards that the first misses, and vice versa
+    if not found:  # the sector-based search finds some blurred boards that the first search misses, and vice versa
         found, rough = cv2.findChessboardCornersSB(grey, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     if not found:
         return None
@@ -107,9 +107,9 @@ def _chessboard(board: Board, grey: Image, settings: CalibrationSettings) -> Cor
 
 
 def larger_board(board: Board, image: Image, corners: Corners) -> Board | None:
-    """The board with one more column or row than stated, if the picture shows it around these corners, else None.
+    """The board with one more column or row than stated, if the picture shows such a board, else None.
 
-    image: (height, width) grey; searched only near the corners: a vain search of all pixels takes seconds
+    image: (height, width) grey; only the part near the corners is searched: a search of all pixels takes seconds
     """
     if board.dictionary is not None:
         return None
@@ -132,7 +132,7 @@ def _least_distance(grid: Floats) -> float:
 
 
 def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
-    """The grid as seen on the print's face, with a dark first square, or with x to the right if both ends are alike."""
+    """The grid seen from the printed side, with a dark first square, or with x to the right if both ends are equal."""
     across, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
     faced = grid if across[0] * down[1] - across[1] * down[0] > 0 else grid[:, ::-1]
     if not board.has_one_way_up:
@@ -149,7 +149,7 @@ def _one_way_up(grid: Floats, grey: Image, board: Board) -> Floats:
 def _charuco(board: Board, grey: Image, settings: CalibrationSettings) -> Corners | None:
     dictionary = _dictionary(str(board.dictionary))
     squares = (board.columns + 1, board.rows + 1)
-    for before_opencv_46 in (False, True):  # with or without markers on even squares, for an even number of rows
+    for before_opencv_46 in (False, True):  # an even number of rows allows markers on even or on odd squares
         printed = cv2.aruco.CharucoBoard(squares, float(board.square_m), float(board.marker_m or 0), dictionary)
         printed.setLegacyPattern(before_opencv_46)
         seen, ids, _, _ = cv2.aruco.CharucoDetector(printed).detectBoard(grey)

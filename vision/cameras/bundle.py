@@ -1,6 +1,6 @@
 """Bundle adjustment of cameras and boards: least squares over all corners, with the covariance of the result.
 
-World axes are those of one board, the plane's. Camera axes: x right, y down, z forward, as in OpenCV. Metres.
+World axes are those of the board on the plane. Camera axes: x right, y down, z forward, as in OpenCV. Metres.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ N_LENS, N_CAMERA, N_BOARD = 9, 15, 6
 
 
 class CalibrationError(ValueError):
-    """Error for pictures from which no camera can be calibrated; one line says what was found and what to do."""
+    """Error for pictures that do not allow a calibration; the message, one line, says why and what to do."""
 
 
 WORST_CONDITION = 1e13
-"""Largest condition number of J'J with normalised columns; above it the inverse has only two or three digits."""
+"""Largest condition number of J'J with normalised columns; above it the inverse has only 2 or 3 correct digits."""
 TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """Board number `board` seen by camera number `camera`: corners in board axes (n, 3) [m], seen (n, 2) [px]."""
+    """Board number `board` in camera number `camera`: corners in board axes, (n, 3) [m], as detected, (n, 2) [px]."""
 
     camera: int
     board: int
@@ -66,8 +66,8 @@ class Adjusted:
     """Result of a bundle adjustment.
 
     setup: fitted cameras and boards
-    residuals_px: seen minus expected of each sighting's corners, each (n, 2) [px]
-    cov: covariance of all cameras' parameters, (15 n_cameras, 15 n_cameras), boards marginalised;
+    residuals_px: detected minus expected corners of each sighting, each (n, 2) [px]
+    cov: covariance of all cameras' parameters, (15 n_cameras, 15 n_cameras), with boards marginalised;
         for each camera fx fy cx cy k1 k2 p1 p2 k3, small rotation from the left [rad], translation [m]
     """
 
@@ -91,7 +91,7 @@ def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequ
         return np.concatenate(each)
 
     def jacobian(step: Floats) -> Floats:
-        # Steps are additive, rotations are not: the left Jacobian of the rotation group converts.
+        # Steps are additive, rotations are not: the left Jacobian of the rotation group converts between them.
         J = _jacobian(start.moved(step, plane), sightings, weights, plane)
         for first in _rotations(len(start.cameras), len(start.boards)):
             J[:, first : first + 3] = J[:, first : first + 3] @ _left_jacobian(step[first : first + 3])
@@ -120,7 +120,7 @@ def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def _projected(lens: Lens, camera: Pose, points_m: Floats) -> tuple[Floats, Floats]:
-    # Transformed to camera axes before OpenCV: its rotation vectors are inexact near a half turn, ours are not.
+    # Points are transformed to camera axes here: OpenCV's rotation vectors are inexact near a half turn.
     points = points_m @ camera.rotation.T + camera.translation_m
     px, J = cv2.projectPoints(points, np.zeros(3), np.zeros(3), lens.matrix, lens.distortion)
     # columns of J: rotation vector, translation, fx fy, cx cy, k1 k2 p1 p2 k3
@@ -135,7 +135,7 @@ def _residuals(setup: Setup, s: Sighting) -> Floats:
 
 
 def _jacobian(setup: Setup, sightings: Sequence[Sighting], weights: Sequence[float], plane: int) -> Floats:
-    """Derivatives of the weighted residuals by a small step of `Setup.moved`."""
+    """Derivatives of the weighted residuals with respect to a small step of `Setup.moved`."""
     n_cameras = len(setup.cameras)
     n = N_CAMERA * n_cameras + N_BOARD * (len(setup.boards) - 1)
     blocks = []
@@ -166,7 +166,7 @@ def _rotations(n_cameras: int, n_boards: int) -> list[int]:
 
 
 def _cross(vectors: Floats) -> Floats:
-    """Matrices of the cross product from the left, (n, 3, 3)."""
+    """Matrices that multiply by these vectors in a cross product from the left, (n, 3, 3)."""
     x, y, z = vectors.T
     o = np.zeros(len(vectors))
     return np.array([[o, -z, y], [z, o, -x], [-y, x, o]]).transpose(2, 0, 1)

@@ -1,7 +1,7 @@
 """Calibration of a camera from pictures of a board: lens, pose relative to a plane, and their joint covariance.
 
-World axes: x right, y up along the board that lies on the plane, z toward the camera, the origin at the board's middle.
-The lens model is that of [brown1971], the calibration from planes that of [zhang2000].
+World axes: x right and y up along the board on the plane, z toward the camera, the origin at the board's middle. The
+lens model is that of [brown1971], the calibration from planes that of [zhang2000].
 """
 
 from __future__ import annotations
@@ -47,11 +47,11 @@ class Calibration:
     plane_image: the picture whose board lies on the plane of the world
     pose: world to camera
     uncertainty: rows of independent directions, one standard deviation each, (n, 15): fx fy cx cy [px],
-        k1 k2 p1 p2 k3, small rotation from the left in camera axes [rad], translation [m]; the same row is the same
-        direction for all cameras of a joint calibration
-    images_used: names; images_left_out: "name: reason"
-    views: board to camera, for each picture used
-    seen_px, residuals_px: corners and seen minus expected, for each picture used (n, 2) [px]
+        k1 k2 p1 p2 k3, small rotation from the left in camera axes [rad], translation [m]; in a joint calibration a row
+        is one direction for all cameras
+    images_used: names of used pictures; images_left_out: "name: reason" of omitted ones
+    views: pose from board to camera, for each picture used
+    seen_px, residuals_px: detected corners, and detected minus expected ones, for each picture used (n, 2) [px]
     """
 
     name: str
@@ -132,11 +132,11 @@ def calibrate(
     left_out: Sequence[str] = (),
     settings: CalibrationSettings = DEFAULTS,
 ) -> Calibration:
-    """Calibrate a camera from these views; `plane` names the picture of the board on the plane, default the last used.
+    """Calibrate a camera from views; `plane` names the picture of the board on the plane, by default the last used.
 
-    left_out: "name: reason" of pictures without a board, to be kept in the record
+    left_out: "name: reason" of pictures without a board, to be stored in the result
 
-    Raises CalibrationError: fewer than four views, views too similar, or the plane's picture not among those used.
+    Raises CalibrationError for fewer than four views, too similar views, or if the plane's picture is not used.
     """
     used, dropped, lens = _without_outliers(views, size_px, [*left_out], settings)
     names = [view.name for view in used]
@@ -169,7 +169,7 @@ def upright(camera: Pose) -> Pose:
 
 
 def check_focal(lens: Lens, cov: Floats, settings: CalibrationSettings) -> None:
-    """Raise CalibrationError if a focal length is too uncertain: cov (9 or more, ...) of fx fy ..."""
+    """Raise CalibrationError if a focal length is too uncertain; cov: covariance of fx fy ..., 9 or more rows."""
     share = float((np.sqrt(np.diag(cov)[:2]) / lens.matrix[[0, 1], [0, 1]]).max())
     most = settings.largest_focal_sd
     if not share < most:

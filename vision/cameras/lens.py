@@ -14,7 +14,7 @@ from numba import njit
 from vision.arrays import Floats
 
 NEWTON_STEPS = 20
-"""Largest number of steps of the undistortion; four suffice for a lens of k1 = -0.3 at the corner of its picture."""
+"""Largest number of steps of the undistortion; four suffice for k1 = -0.3 at the corner of the picture."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class Lens:
     """A lens: matrix (3, 3) [px] and distortion, as in OpenCV.
 
     distortion: k1 k2 p1 p2 k3, (5,); with k4 k5 k6, (8,); with s1 s2 s3 s4 of a thin prism, (12,)
-    An ideal position is that of a point in a picture without distortion, with the same matrix.
+    The ideal position of a point is its position in a picture with the same matrix and without distortion.
     """
 
     matrix: Floats
@@ -53,7 +53,7 @@ class Lens:
         object.__setattr__(self, "_coefficients", np.pad(self.distortion, (0, 12 - len(self.distortion))))
 
     def moved(self, step: Floats) -> Lens:
-        """The lens with a change, (9,), of fx fy cx cy k1 k2 p1 p2 k3; other distortion coefficients stay."""
+        """The lens after a change, (9,), of fx fy cx cy k1 k2 p1 p2 k3; other distortion coefficients do not change."""
         matrix = self.matrix.copy()
         matrix[[0, 1, 0, 1], [0, 1, 2, 2]] += step[:4]
         distortion = self.distortion.copy()
@@ -61,11 +61,11 @@ class Lens:
         return Lens(matrix, distortion)
 
     def distorted(self, ideal_px: Floats) -> tuple[Floats, Floats]:
-        """Distorted positions, (n, 2), of ideal ones, (n, 2), and the Jacobian, (n, 2, 2)."""
+        """Distorted positions, (n, 2), of ideal positions, (n, 2), and the Jacobian, (n, 2, 2)."""
         return _distorted(np.ascontiguousarray(ideal_px), self.matrix, self._coefficients)
 
     def ideal(self, seen_px: Floats) -> Floats:
-        """Ideal positions, (n, 2), of distorted ones, (n, 2), by Newton's method; ValueError if there are none."""
+        """Ideal positions, (n, 2), of distorted positions, (n, 2), by Newton's method; ValueError if there are none."""
         ideal = seen_px.copy()
         for _ in range(NEWTON_STEPS):
             there, J = self.distorted(ideal)
@@ -89,9 +89,9 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivative of the projections of points [m], (n, 3), by errors of lens and pose [px], (n, 2, 15).
+    """Derivative of the projections of points [m], (n, 3), with respect to lens and pose [px], (n, 2, 15).
 
-    In the order of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
+    The order is that of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
     """
     turned, zero = points_m @ pose.rotation.T, np.zeros(3)
     _, all_of_it = cv2.projectPoints(turned + pose.translation_m, zero, zero, lens.matrix, lens.distortion)

@@ -17,7 +17,7 @@ DISC = np.array(
     [[0.0, 0.0], *(np.sqrt(2.0 / 3.0) * np.array([np.cos(a), np.sin(a)]) for a in np.pi / 3.0 * np.arange(6))]
 )
 DISC_WEIGHTS = np.array([0.25, *[0.125] * 6])
-"""Weights of points of the unit disc: means of polynomials over the disc are exact to degree 5."""
+"""Weights of points of the unit disc, with which means of polynomials over the disc are exact to degree 5."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,13 +26,13 @@ class PlaneCamera:
 
     name: name of the camera
     size_px: width and height of its picture [px]
-    plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3), up to scale
+    plane_to_px: homography from the plane [m] to the picture [px], shape (3, 3); its scale is arbitrary
     calibration_sd_px: error of each mark's position [px], one standard deviation per axis, independent between marks
-    lens: distortion of the homography's picture, None without distortion
+    lens: distortion of the homography's picture; None: no distortion
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
-    scale_sd: relative error of its millimetres per pixel about mid-picture [1], one standard deviation: a further
-    direction of the calibration; None: not stated
+    scale_sd: relative standard deviation of its millimetres per pixel about mid-picture [1], a further direction of the
+    calibration; None: not stated
 
     Raises ValueError that names the field.
     """
@@ -67,7 +67,7 @@ class PlaneCamera:
             raise ValueError(f"camera {self.name} scale_sd: expected 0 or more, found {self.scale_sd}")
         inverse = _inverse(self.name, homography)
         centre = np.array([(self.size_px[0] - 1) / 2.0, (self.size_px[1] - 1) / 2.0, 1.0])
-        # The sign of a homography is free. Here the third coordinate is positive for all points before the camera.
+        # The sign of a homography is arbitrary: here the third coordinate is positive for points before the camera.
         sign = float(np.sign(inverse[2] @ centre))
         if sign == 0:
             raise ValueError(
@@ -118,11 +118,11 @@ class PlaneCamera:
         return np.asarray(radius_m * self._seen(np.reshape(point_m, (1, 2)))[1][0], dtype=np.float64)
 
     def ball_shape(self, point_m: ArrayLike, radius_m: float) -> Floats:
-        """The image of a ball about a point of the plane, as `Outline.shape_px`, (2, 2) [px]: a circle.
+        """The image, a circle, of a ball about a point of the plane, as `Outline.shape_px`, (2, 2) [px].
 
         A ball is not foreshortened like a disc on the plane: its scale is that along the direction without
-        foreshortening, the greater singular value of the Jacobian. It differs from a pinhole's image, which is wider
-        away from mid-picture by 1 / cos of the angle off the axis: a homography does not contain that angle.
+        foreshortening, the greater singular value of the Jacobian. The true image is wider away from mid-picture, by 1
+        / cos of the angle to the optical axis, but a homography does not contain that angle.
         """
         J = self._seen(np.reshape(point_m, (1, 2)))[1][0]
         return np.asarray(radius_m * np.linalg.norm(J, 2) * np.eye(2), dtype=np.float64)
@@ -130,8 +130,8 @@ class PlaneCamera:
     def disc_shift(self, points_m: ArrayLike, radius_m: ArrayLike) -> Floats:
         """Offset of the centre of a disc's image from the image of the disc's centre [px], (n, 2).
 
-        points_m: centres of discs on the plane [m], (n, 2); radius_m: [m], one or (n,)
-        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion adds an offset.
+        points_m: centres of discs on the plane [m], (n, 2); radius_m: one radius [m], or (n,)
+        Perspective enlarges the near half: a circle becomes an ellipse with another centre. Distortion also shifts it.
         """
         p = np.asarray(points_m, dtype=float).reshape(-1, 2)
         radii = np.broadcast_to(np.asarray(radius_m, dtype=float), len(p))
@@ -144,7 +144,7 @@ class PlaneCamera:
 
     @property
     def view_m(self) -> Floats | None:
-        """Corners of the picture on the plane, in order around it [m], (4, 2); None if one is beyond the horizon."""
+        """Corners of the picture on the plane, in order around it [m], (4, 2); None if any is beyond the horizon."""
         right, down = (size - 1.0 for size in self.size_px)
         try:
             return self.to_plane([[0.0, 0.0], [right, 0.0], [right, down], [0.0, down]])
@@ -153,7 +153,7 @@ class PlaneCamera:
 
     @property
     def pose(self) -> Pose:
-        """Pose of a camera with a lens, from the plane's axes (z = 0) to its own; ValueError without a lens."""
+        """Pose of a camera with a lens, from the plane's axes (z = 0) to the camera's; ValueError without a lens."""
         if self.lens is None:
             raise ValueError(f"camera {self.name}: expected a lens, found none")
         # H = s K [r1 r2 t]: columns of a rotation have length 1
@@ -215,7 +215,7 @@ class PlaneCamera:
 
 
 def _inverse(name: str, homography: Floats) -> Floats:
-    # Metres and pixels differ by factors of 1000 between the columns: scale them before testing the rank.
+    # Columns in metres and pixels differ by factors of 1000: they are scaled before the test of the rank.
     columns = np.linalg.norm(homography, axis=0)
     rows = np.linalg.norm(homography / np.where(columns > 0, columns, 1.0), axis=1)
     scaled = homography / np.where(columns > 0, columns, 1.0) / np.where(rows > 0, rows, 1.0)[:, None]
@@ -232,7 +232,7 @@ def fronto_parallel_camera(
     *,
     calibration_sd_px: float = 0.0,
 ) -> PlaneCamera:
-    """A camera square to the plane: its picture's middle shows centre_m [m], one pixel is mm_per_px wide and high."""
+    """A camera perpendicular to the plane; mid-picture shows centre_m [m], a pixel is mm_per_px wide and high."""
     if not min(mm_per_px) > 0:
         raise ValueError(f"camera {name} mm_per_px: expected more than 0, found {mm_per_px}")
     across, down = 1e3 / mm_per_px[0], 1e3 / mm_per_px[1]

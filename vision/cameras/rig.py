@@ -16,7 +16,7 @@ from vision.cameras.settings import DEFAULTS, CalibrationSettings
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraViews:
-    """Pictures of a camera: its name, their size [px], views of the board, "name: reason" of other pictures."""
+    """Pictures of a camera: its name, the pictures' size [px], views of the board, "name: reason" of other pictures."""
 
     name: str
     size_px: tuple[int, int]
@@ -31,12 +31,12 @@ def calibrate_together(
     *,
     settings: CalibrationSettings = DEFAULTS,
 ) -> list[Calibration]:
-    """Calibrate cameras jointly: each alone, then all together; views with one name show the board in one position.
+    """Calibrate cameras jointly: each alone, then all together; views of one name show one position of the board.
 
-    plane: the picture whose board is the world, upright as the first camera sees it; default: the last one that
-        the first camera used
+    plane: the picture whose board defines the world, upright for the first camera; default: the last picture that the
+        first camera used
 
-    Raises CalibrationError, also if the board looks the same after a half turn or no pictures connect the cameras.
+    Raises CalibrationError, also if the board looks equal after a half turn, or no pictures connect the cameras.
     """
     if not board.has_one_way_up:
         raise CalibrationError(
@@ -69,7 +69,7 @@ def _alone(camera: CameraViews, settings: CalibrationSettings) -> Calibration:
 
 
 def _joined(alone: Sequence[Calibration], world: str) -> tuple[list[Pose], Mapping[str, Pose]]:
-    """Poses of the cameras (world to camera) and of the boards (board to world), each from its first view."""
+    """Poses of cameras (world to camera) and boards (board to world), each by the first view that connects it."""
     boards: dict[str, Pose] = {world: Pose(np.eye(3), np.zeros(3))}
     poses: dict[int, Pose] = {}
     while len(poses) < len(alone):

@@ -9,17 +9,17 @@ from dataclasses import dataclass, fields
 class CalibrationSettings:
     """Settings of a calibration: valid boards, pictures and results.
 
-    corner_window: half the window in which a corner is refined, as a share of the least distance between corners [1];
+    corner_window: half width of the window in which a corner is refined, relative to the least distance of corners [1];
         choice
     fewest_corners: least number of visible corners of a ChArUco board [1]; choice
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
         the camera matrix, and one more shows whether they agree
     outlier_ratio: a picture is omitted if its rms exceeds this many times the median picture's [1]; choice
-    least_tilt_deg: at least two boards must differ by this angle; parallel boards determine no more than one does
-    (section 4 there) [degrees]; choice
+    least_tilt_deg: angle by which at least two boards must differ [degrees]; choice: parallel boards determine no more
+    than one (section 4 there)
     largest_focal_sd: relative standard error of a focal length above which pictures are too similar [1]; choice
-    together_px: pictures of one name were not simultaneous if a camera's rms, adjusted with the others, exceeds its own
-        by more than this [px]; choice
+    together_px: pictures of one name were not simultaneous if the joint adjustment raises a camera's rms by more than
+        this [px]; choice
 
     Raises ValueError that names the field.
     """

@@ -15,10 +15,10 @@ from vision.arrays import Floats
 from vision.cameras.lens import Lens, Pose, by_calibration
 
 RADII = np.linspace(0.02, 4.0, 200)
-"""Distances from the middle of the picture at which a lens is tested for a fold [half diagonals]; numerical."""
+"""Distances from mid-picture at which a lens is tested for a fold [half diagonals]; numerical."""
 
 FAR_PX = 1e6
-"""Distance from the middle of the picture that is beyond any picture [px]; numerical: polynomials do not overflow."""
+"""Distance from mid-picture that is beyond any picture [px]; numerical: polynomials do not overflow there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +66,7 @@ class SpaceCamera:
     def project(self, points_m: ArrayLike) -> Floats:
         """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point behind the camera.
 
-        Far outside the picture a lens model may fold: only points `in_view` are projected as the camera sees them.
+        Far outside the picture a lens model may fold: only for points `in_view` is the projection right.
         """
         return self.seen(points_m)[0]
 
@@ -87,11 +87,11 @@ class SpaceCamera:
         return self.centre_m, directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def in_view(self, points_m: ArrayLike) -> NDArray[np.bool_]:
-        """Which points [m], (n, 3), are in front of the camera and in its picture, (n,)."""
+        """Whether each point [m], (n, 3), is in front of the camera and in its picture, (n,)."""
         return self.viewed(points_m)[0]
 
     def viewed(self, points_m: ArrayLike) -> tuple[NDArray[np.bool_], Floats, Floats]:
-        """Which points are `in_view`, (n,), and what `seen` returns, NaN for those behind the camera."""
+        """Whether each point is `in_view`, (n,), and the results of `seen`, NaN for points behind the camera."""
         ideal, depth = self._ideal(np.asarray(points_m, dtype=float).reshape(-1, 3))
         away = np.hypot(*(ideal - self.lens.matrix[:2, 2]).T)
         places, J = self._bent(np.where((away < FAR_PX)[:, None], ideal, np.nan), depth)
@@ -137,7 +137,7 @@ class SpaceCamera:
 
 
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
-    """Distance of ideal positions from the middle up to which a lens model does not fold the picture [px]."""
+    """Distance of ideal positions from mid-picture up to which a lens model does not fold the picture [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16
     ways = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     bent = lens.distorted((lens.matrix[:2, 2] + radii[:, None, None] * ways).reshape(-1, 2))[1]

@@ -1,7 +1,7 @@
 """Triangulation of points from the pictures of several cameras, with covariances.
 
-Each point is seen by any subset of the cameras. The plain triangulation, the point nearest to its rays, is the start of
-least squares over the distances in the pictures [hartley2004].
+Any subset of the cameras may see a point. Least squares over the distances in the pictures start from the plain
+triangulation, the point nearest to its rays [hartley2004].
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from vision.arrays import Floats
 from vision.cameras.space_camera import SpaceCamera
 
 STEPS = 8
-"""Largest number of Gauss-Newton steps; numerical: from the plain triangulation three are usual."""
+"""Largest number of Gauss-Newton steps; numerical: after the plain triangulation, three usually suffice."""
 
 SETTLED_M = 1e-6
 """Length of a step below which the iteration ends [m]; numerical."""
 
 LEAST_PX = 0.01
-"""Root mean square effect of all omitted directions of the calibration on the projections [px]; choice: a tenth of the
-error of a good mark, whose square adds a hundredth to its variance."""
+"""Largest root mean square effect of all omitted directions of the calibration on the projections [px]; choice: a tenth
+of a good mark's error, which adds a hundredth to its variance."""
 
 N_CALIBRATION = 15
 """Number of parameters of a camera's lens and pose."""
@@ -33,10 +33,10 @@ N_CALIBRATION = 15
 class Seen:
     """Positions of points in one camera's picture.
 
-    camera: the camera; which: indices of the points, each once, (m,)
+    camera: the camera; which: indices of the points, each at most once, (m,)
     places_px, covs_px2: positions [px], (m, 2), and their covariances [px²], (m, 2, 2)
-    steps: directions in which its lens and pose are uncertain, one sd each, (n_shared, 15); the same row is the same
-        direction for all cameras
+    steps: directions in which its lens and pose are uncertain, one sd each, (n_shared, 15); a row is one direction for
+        all cameras
     """
 
     camera: SpaceCamera
@@ -52,9 +52,9 @@ class Triangulated:
 
     positions, covs: positions [m], (n, 3), and the covariances of their own errors [m²], (n, 3, 3)
     shared: shift by one sd along each direction of the calibration [m], (n, 3, n_shared)
-    misfit: sum of squared normalised distances in the pictures, less the part that the calibration explains [1], (n,);
+    misfit: sum of squared normalised distances in the pictures, minus the part that the calibration explains [1], (n,);
         chi-square with 2 n_views - 3 degrees of freedom for points that n_views > 1 cameras see
-    n_views: number of cameras that see each, (n,)
+    n_views: number of cameras that see each point, (n,)
     """
 
     positions: Floats
@@ -67,7 +67,7 @@ class Triangulated:
 def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
     """The point with the least sum of squared distances from two or more rays [m], (3,): the plain triangulation.
 
-    origins_m: (n, 3) [m]; directions: unit vectors, (n, 3). Raises ValueError for rays that are parallel.
+    origins_m: (n, 3) [m]; directions: unit vectors, (n, 3). Raises ValueError for parallel rays.
     """
     o, d = np.asarray(origins_m, dtype=float), np.asarray(directions, dtype=float)
     across = np.eye(3) - d[:, :, None] * d[:, None, :]
@@ -78,7 +78,7 @@ def nearest_to_rays(origins_m: ArrayLike, directions: ArrayLike) -> Floats:
 
 
 def plain_triangulation(cameras: Sequence[SpaceCamera], places_px: ArrayLike) -> Floats:
-    """The point nearest to the rays of its positions [px], (n_cameras, 2), in two or more cameras [m], (3,)."""
+    """The point [m], (3,), nearest to the rays of its positions [px], (n_cameras, 2), in two or more cameras."""
     rays = [camera.ray(place) for camera, place in zip(cameras, np.asarray(places_px), strict=True)]
     return nearest_to_rays([origin for origin, _ in rays], [ways[0] for _, ways in rays])
 
@@ -101,11 +101,11 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
     """Triangulate all points at once by Gauss-Newton.
 
     start_m: initial positions [m], (n, 3)
-    start_sd_m: standard deviation of start_m per axis, used as a further measurement of each point [m]. If it is as
-        large as the body, it does not affect points that two cameras see. A point that one camera sees is then a point
-        on its ray, with the pixel's covariance across the ray and start_sd_m along the ray.
+    start_sd_m: standard deviation of start_m per axis [m]; start_m is a further measurement of each point. If it is as
+        large as the body, it does not affect points that two cameras see. A point that one camera sees is then on its
+        ray, with the pixel's covariance across the ray and start_sd_m along the ray.
 
-    A point that would move behind one of its cameras has the misfit inf.
+    The misfit of a point that would move behind one of its cameras is inf.
     Raises ValueError for points that fewer than two cameras see if start_sd_m is infinite.
     """
     n, n_shared = len(start_m), max((one.steps.shape[0] for one in seen), default=0)
@@ -143,7 +143,7 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
             against[one.which] += (by_W @ away[:, :, None])[:, :, 0]
             inner[one.which] += by_W @ by
     if n_shared:
-        # the least over position and calibration c of |z - J x - G c|² + |c|², by that over the position alone
+        # minimum of |z - J x - G c|² + |c|² over position x and calibration c, from the minimum over x alone
         inner -= moved.transpose(0, 2, 1) @ covs @ moved
         misfit -= np.einsum("ni,ni->n", against, np.linalg.solve(inner, against[:, :, None])[:, :, 0])
     return Triangulated(x, 0.5 * (covs + covs.transpose(0, 2, 1)), covs @ moved, misfit, views)
@@ -152,8 +152,8 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
     """Directions in which the calibration of cameras is uncertain, for each camera, (n_shared, 15), one sd each.
 
-    Cameras that were calibrated together share their directions: they have the same number of rows, more than a
-    camera calibrated alone can have. Other cameras have directions of their own.
+    Cameras that were calibrated together share directions: they have equal numbers of rows, and more rows than a camera
+    calibrated alone can have. Other cameras have their own directions.
     """
     sizes = [len(camera.calibration) for camera in cameras]
     first: dict[int, int] = {}
@@ -175,8 +175,8 @@ def calibration_steps(cameras: Sequence[SpaceCamera]) -> list[Floats]:
 def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: float = LEAST_PX) -> list[Floats]:
     """The directions of `calibration_steps`, sorted by their effect on the projections of points [m], (n, 3).
 
-    They are other independent directions of the same errors, the largest first. The smallest that together move
-    projections by at most `least_px` [px] in root mean square are omitted.
+    They are independent directions of the same errors, the largest first. The smallest directions are omitted, if
+    together they move projections by at most `least_px` [px] in root mean square.
     """
     steps = calibration_steps(cameras)
     if not any(len(own) for own in steps):
@@ -190,6 +190,6 @@ def principal_steps(cameras: Sequence[SpaceCamera], points_m: Floats, least_px: 
         return [own[:0] for own in steps]
     effect = np.concatenate(effects)
     _, sizes, turns = np.linalg.svd(effect, full_matrices=False)
-    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # by the directions from each on
+    left_out = np.cumsum(sizes[::-1] ** 2)[::-1]  # effect of all directions from each one on
     kept = turns[left_out > least_px**2 * len(effect) / 2.0]
     return [kept @ own for own in steps]

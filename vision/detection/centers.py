@@ -25,8 +25,8 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 class Component:
     """Connected pixels that may be a mark.
 
-    corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: its pixels, and those of
-    other marks, 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
+    corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of its pixels and of
+    other marks', 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
     """
 
     corner_px: Floats
@@ -50,16 +50,16 @@ class Center:
 def centers_of(
     piece: Component, seen: Coverage, outline: Outline, expected_px: list[Floats], settings: DetectionSettings
 ) -> list[Center]:
-    """Centres of the marks in a component: of one mark, whole or covered, of several that touch, or none.
+    """Centres of the marks in a component: one whole or partly covered mark, several that touch, or none.
 
-    expected_px: expected positions of marks of its hue inside it, each (2,) from its corner
+    expected_px: expected positions in the component of marks of its hue, each (2,), from its corner [px]
     """
     factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the covariances of even outlines, for a noise of alpha per pixel."""
+    """Factors on the covariances of outlines of even marks, for this noise of alpha per pixel."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
@@ -98,7 +98,7 @@ def _by_outline(
         return [Center(fitted.center_px, fitted.cov_px2, True, fitted.size)]
     if share < limits.min_area or (outline.even and share > limits.max_area):
         return []
-    # the outline gives no information: the centre is somewhere within it
+    # the outline gives no information: the centre is somewhere inside it
     return [replace(whole, cov_px2=whole.cov_px2 + outline.area_px / (4.0 * np.pi) * np.eye(2))]
 
 
@@ -128,14 +128,14 @@ def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Fl
 
 
 def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
-    """Whether the centres are those of different marks, not of one larger mark."""
+    """Whether these are centres of different marks, and not of one larger mark."""
     near = (outline.area_px / np.pi) ** 0.5
     pairs = combinations((one.center_px for one in several if one is not None), 2)
     return all(np.hypot(*(a - b)) > near for a, b in pairs)
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Excess spread of a piece over that of a mark at rest [px²], (2, 2)."""
+    """Spread of a piece minus that of a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # a disc's spread is a quarter of its radius squared; a blurred edge adds some

@@ -2,8 +2,8 @@
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 
-A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. If both colours
-are known, alpha is a linear function of the pixel; its centre of gravity has no bias from a threshold.
+A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. If both colours are
+known, alpha is a linear function of the pixel; the centre of gravity of alpha has no bias by a threshold.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from vision.detection.records import Detection, HueError, Reason, Rejected
 from vision.detection.settings import DETECTION, DetectionSettings
 
 BLOCK_AREA_PX = 8.0 * np.pi
-"""Area of the smallest circle that covers a whole block of 2 x 2 pixels at any position [px]; source: geometry, the
-block's middle is at most sqrt(2) px from the circle's, and its corners sqrt(2) px further."""
+"""Area of the smallest circle that covers a whole block of 2 x 2 pixels at any position [px]; source: geometry: the
+block's middle is at most sqrt(2) px from the circle's centre, and its corners sqrt(2) px farther."""
 
 SQUARE_5 = np.ones((5, 5), np.uint8)
 
@@ -49,13 +49,13 @@ def detect_marks(
     frame_bgr: shape (height, width, 3), uint8
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
-    outlines: shape of a whole mark, to find the centres of partly covered marks: one for all, or one for each expected
-        mark, of which the nearest to a detection is used
+    outlines: shapes of whole marks, to find the centres of partly covered marks: one for all, or one for each expected
+        mark; a detection uses that of the nearest mark
     expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
         to select the outline of a mark
     rejected: receives rejected pixels with the reason; None: not recorded
 
-    Raises ValueError for a picture or region of another kind, HueError if a hue covers most of the picture.
+    Raises ValueError for an invalid picture or region, HueError if a hue covers most of the picture.
     """
     if not isinstance(frame_bgr, np.ndarray) or frame_bgr.dtype != np.uint8 or frame_bgr.shape[2:] != (3,):
         kind = f"{getattr(frame_bgr, 'dtype', type(frame_bgr).__name__)} {np.shape(frame_bgr)}"
@@ -118,10 +118,10 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Search:
-    """A picture, the classes of its pixels at 1 / scale of its size, and the properties of a mark.
+    """A picture, the colour classes of its pixels at 1 / scale of its size, and the properties of marks.
 
-    outlines: of a whole mark, one for all or one for each expected mark; starts_px: their positions, (n, 2)
-    corner_px: of this picture in the frame, (2,); hues_deg: of the expected marks, empty if all are alike
+    outlines: of whole marks, one for all or one for each expected mark; starts_px: expected positions, (n, 2)
+    corner_px: this picture's corner in the frame, (2,); hues_deg: hues of expected marks, empty if all are equal
     rejected: receives rejected pixels, if recorded
     """
 
@@ -139,7 +139,7 @@ class _Search:
     rejected: list[Rejected] | None
 
     def detected(self, contour: Picture, number: int, hue_deg: float) -> list[Detection]:
-        """The marks inside this contour of the classes."""
+        """The marks inside this contour of a colour class."""
         piece = self._piece(contour, number, hue_deg)
         if piece is None:
             return []
@@ -160,7 +160,7 @@ class _Search:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
             if not centers:
                 return self._none(Reason.SHAPE, piece, hue_deg)
-        # as much of a clipped mark as is visible may lie outside
+        # of a clipped mark, as much as is visible may lie outside
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(
@@ -186,14 +186,14 @@ class _Search:
         return self.outlines[int(np.argmin(distances))]
 
     def _inside(self, piece: Component) -> list[Floats]:
-        """Expected positions of marks inside a piece, from its patch's corner [px]."""
+        """Expected positions of marks inside a piece, relative to its patch's corner [px]."""
         height, width = piece.component.shape
         places = self.starts_px - piece.corner_px
         in_patch = places[((places >= 0.0) & (places < (width, height))).all(axis=1)]
         return [p for p in in_patch if piece.component[int(p[1]), int(p[0])]]
 
     def _piece(self, contour: Picture, number: int, hue_deg: float) -> Component | None:
-        """The pixels inside this contour, holes filled; None if they are too few or too elongated for a mark."""
+        """The pixels inside this contour, with filled holes; None if they are too few or too elongated for a mark."""
         u, v, width, height = (self.scale * n for n in cv2.boundingRect(contour))
         least = self.settings.centers.min_area * self.min_area_px
         if width * height < least:
@@ -219,7 +219,7 @@ class _Search:
         few = pixels < least
         if few or _elongation(component) > self.settings.components.max_elongation:
             corner, reason = np.array([u0, v0], dtype=float), Reason.FEW_PIXELS if few else Reason.SHAPE
-            if pixels:  # empty if only smoothing gave the hue
+            if pixels:  # empty if only smoothing produced the hue
                 self._none(reason, Component(corner, patch, component, same, float(max(width, height)), False), hue_deg)
             return None
         others = cv2.dilate(same & (1 - component), SQUARE_5)
@@ -233,7 +233,7 @@ class _Search:
         return []
 
     def _speck(self, contour: Picture, hue_deg: float) -> Rejected:
-        """A contour too small for any mark, as rejected; Pick's theorem counts its pixels."""
+        """A record of a contour that is too small for any mark; Pick's theorem counts its pixels."""
         pixels = self.scale**2 * (cv2.contourArea(contour) + len(contour) / 2.0 + 1.0)
         middle = self.scale * (contour.reshape(-1, 2).mean(axis=0) + 0.5) - 0.5
         return Rejected(Reason.FEW_PIXELS, self._of_least(pixels), middle + self.corner_px, pixels, hue_deg)
@@ -242,7 +242,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """A rejected piece with its numbers; a whole or too large piece has the wrong size."""
+        """A record of a rejected piece with numbers; for a piece that is whole or too large, the reason is its size."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,9 +263,9 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels are a whole disc of any size, in the shape of an outline; specks have no shape.
+    """Whether pixels are a whole disc of any size with the shape of an outline; specks have no shape.
 
-    The second moments of a disc of area A about its middle add up to A² / 2 pi; any other shape has more.
+    The second moments of a disc of area A about its centre sum to A² / 2 pi; any other shape has more.
     """
     if outline is None or moments["m00"] < BLOCK_AREA_PX:
         return False
@@ -276,7 +276,7 @@ def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: D
 
 
 def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Detection]:
-    """All detections in the pieces of a picture; fragments of one mark, as behind a needle, are joined."""
+    """All detections in the pieces of a picture; fragments of one mark, for example behind a needle, are joined."""
     near = (outline.area_px / np.pi) ** 0.5
     whole = [detection for several in found if len(several) > 1 for detection in several]
     fragments: list[Detection] = []
@@ -296,6 +296,6 @@ def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Dete
 def _elongation(component: Picture) -> float:
     m = cv2.moments(component, binaryImage=True)
     uu, vv, uv = m["mu20"] / m["m00"], m["mu02"] / m["m00"], m["mu11"] / m["m00"]
-    # A pixel is not a point: a row of pixels has the width of one (1/12 px²).
+    # A pixel is not a point: a row of pixels is one pixel wide (1/12 px²).
     mean, half = (uu + vv) / 2.0 + 1.0 / 12.0, np.hypot((uu - vv) / 2.0, uv)
     return float(np.sqrt((mean + half) / (mean - half)))

@@ -1,4 +1,4 @@
-"""Coverage of pixels by a mark, and from it the mark's centre, area and the covariance of the centre."""
+"""Coverage of pixels by a mark, and the mark's centre, its covariance and area from that."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Largest number of pixels for the fit of the background: it only saves time, since a plane has three numbers."""
+"""Largest number of pixels for the fit of the background; it only saves time: a plane has three parameters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coverage:
     """Coverage of a patch by a mark, with the mark's centre.
 
-    center_px, cov_px2: its centre from the patch's first pixel [px], (2,), and the covariance of that [px²], (2, 2)
-    area_px: [px]
-    alpha: share of each pixel that the mark covers, (h, w), 0 away from it
-    noise_sd: noise of one pixel's alpha behind the mark, a measure of contrast
-    color_bgr: of its core
+    center_px, cov_px2: centre relative to the patch's first pixel [px], (2,), and its covariance [px²], (2, 2)
+    area_px: its area [px]
+    alpha: share of each pixel that the mark covers, (h, w), 0 far from it
+    noise_sd: noise of a pixel's alpha in the background, relative to the mark's contrast
+    color_bgr: colour of its core
     """
 
     center_px: Floats
@@ -41,12 +41,12 @@ def measure_coverage(
     *,
     thorough: bool = True,
 ) -> Coverage | None:
-    """The coverage of a patch by a component; None if it cannot be distinguished from the background.
+    """The coverage of a patch by a component; None if the component cannot be distinguished from the background.
 
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
     others: nonzero on pixels of other marks of the class, which are not background, (h, w) uint8
-    thorough: whether to measure the correlation of the noise; if not, the covariance is rough
+    thorough: whether to measure the correlation of the noise; without it, the covariance is rough
     """
     grow = settings.grow_px + max(component.shape) // 16
     valid, alpha, figures = kernels.covered(patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough)

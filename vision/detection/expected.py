@@ -15,7 +15,7 @@ class Expected:
     name: the node that bears the mark
     center_px: expected centre [px], shape (2,)
     cov_px2: covariance of the prediction only [px²], shape (2, 2); the detection has its own
-    hue_deg: the hue of its class
+    hue_deg: the hue of its colour class
     outline: its shape and size, None if they are not known
     """
 

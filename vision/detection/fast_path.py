@@ -24,9 +24,9 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """The expected mark of each region, if it is the only one of its hue there and nothing is unusual.
+    """The expected mark of each region, if it is the only mark of its hue there, is whole, and nothing is unusual.
 
-    regions: left, top, width, height [px]. Otherwise None: then `detect_marks` finds more.
+    In other cases None: then `detect_marks` finds more. regions: left, top, width, height [px]
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
     found: list[Detection | None] = [None] * len(expected)

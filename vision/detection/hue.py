@@ -1,4 +1,4 @@
-"""Hues on their circle, and the range of colours of a kind of mark."""
+"""Hues on the colour circle, and the range of colours of a kind of mark."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Hues = TypeVar("Hues", float, Floats)
 
 
 def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
-    """Distance of two hues on the circle [degrees], 0 to 180; also of arrays.
+    """Distance of two hues, or arrays of hues, on the circle [degrees], 0 to 180.
 
     >>> hue_distance(355.0, 5.0)
     10.0
@@ -20,7 +20,7 @@ def hue_distance(a_deg: Hues, b_deg: Hues) -> Hues:
 
 
 def on_circle(hue_deg: float) -> float:
-    """The hue from 0 up to 360 degrees; a value just below 0 gives 0, where the remainder would round to 360.
+    """The hue from 0 up to 360 degrees; for a value just below 0 it is 0, because the remainder would round to 360.
 
     >>> on_circle(-1e-15)
     0.0

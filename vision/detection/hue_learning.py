@@ -13,12 +13,12 @@ from vision.detection.settings import DETECTION, HUE_LEARNING, HueLearningSettin
 
 
 def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings = HUE_LEARNING) -> MarkHue:
-    """Learn a kind of mark from the pixels of its colour, bright or dark, around a position in a picture.
+    """Learn the colour range of a kind of mark from its pixels, bright or dark, around a position in a picture.
 
     frame_bgr: (height, width, 3) uint8; at_px: u, v [px], (2,)
 
-    Raises ValueError for a position outside the picture, HueError if it shows no mark: too few or too many equal
-    pixels, or grey ones.
+    Raises ValueError for a position outside the picture, HueError if it shows no mark: too few or too many pixels of
+    one colour, or grey pixels.
     """
     u, v = (round(float(x)) for x in np.reshape(at_px, 2))
     height, width = frame_bgr.shape[:2]
@@ -54,15 +54,15 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 
 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
-    """Mask of the pixels connected to this one with the same colour: 1, else 0, (h, w).
+    """Mask of the pixels of the same colour that are connected to pixel u, v: 1, else 0, (h, w).
 
-    In a window around it, Otsu's threshold divides the pixels by the distance of their colours from its own, at any
-    brightness. The window grows until its border is free of such pixels.
+    In a window around the pixel, Otsu's threshold divides pixels by the distance of their colours from its colour, at
+    any brightness. The window grows until its border is free of such pixels.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
     shares = smooth / brightness[:, :, None]
-    # relative to the distance of this colour from grey, at which distances are cut off
+    # relative to this colour's distance from grey, which is also the largest distance
     grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
     distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / grey)
     inside: Picture = np.zeros((height, width), dtype=np.uint8)

@@ -1,7 +1,7 @@
 """Compiled loops over pixels: colour classes of a picture, coverage of pixels by a mark, and its outline.
 
-tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other stay in one file:
-numba's cache on disk does not see changes across files.
+tests/vision/plain_coverage.py computes the same with NumPy and OpenCV. Kernels that call each other are in one file,
+because numba's cache on disk does not notice changes in other files.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ import numpy as np
 from numba import njit
 
 HUE_STEPS = 720
-"""Number of half degrees on the circle of hues: the length of a table of classes."""
+"""Number of half degrees on the circle of hues, which is the length of a table of classes."""
 NARROW_PX = 12
-"""Width of the border around a mark that is measured alone, for its edge and its background [px]."""
+"""Width of the border with the edge and background of a mark that is alone of its class [px]."""
 ON_A_LINE = 1e-6
-"""Determinant of the Gram matrix relative to its diagonal's product, below which positions do not determine a plane."""
+"""Determinant of a Gram matrix, relative to its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
-"""Variance of rounding to whole grey levels."""
+"""Variance by rounding to whole grey levels."""
 N_RAYS = 64
 """Number of directions in which the edge is searched; `correlation_px` accounts for correlated errors."""
 RAYS = np.column_stack(
@@ -24,7 +24,7 @@ RAYS = np.column_stack(
 )
 """Directions of the search as unit vectors, (N_RAYS, 2)."""
 SETTLED = 1e-4
-"""Convergence tolerance [sizes]: after a smaller step the next one is the last."""
+"""Convergence tolerance [sizes]: after a smaller step one more step is made."""
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -33,7 +33,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class of each half degree of hue, (HUE_STEPS,) uint8
-    least_value, least_saturation: by class, 0 to 255 and 0 to 256, (n_classes + 1,); [0] is the least of all
+    least_value, least_saturation: by class, 0 to 255 and 0 to 256, (n_classes + 1,); [0] is the least of all classes
     """
     height, width = classes.shape
     for row in range(height):
@@ -86,7 +86,7 @@ def _grown(component, radius):  # type: ignore[no-untyped-def]
             if not component[row, end]:
                 end += 1
                 continue
-            begin = end  # start of a run of pixels
+            begin = end  # start of a run of pixels in a row
             while end < width and component[row, end]:
                 end += 1
             for k in range(max(row - radius, 0), min(row + radius, height - 1) + 1):
@@ -112,7 +112,7 @@ def _median(counts, n):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
-    """Which colours, (n, 3) whole numbers, are not far from the median of every fourth, (n,)."""
+    """Whether each colour, (n, 3) whole numbers, is near the median of every fourth colour, (n,)."""
     n = len(colors)
     kept, fourth = np.ones(n, dtype=np.bool_), (n + 3) // 4
     counts, spread = np.empty(256, dtype=np.int64), np.empty(511, dtype=np.int64)
@@ -132,7 +132,7 @@ def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """Background of a mark: whether it is determined; plane, inverse Gram matrix and noise of its colours, (3, 3).
+    """Background of a mark: whether it is determined; its plane, inverse Gram matrix and noise of colours, (3, 3) each.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
     """
@@ -183,7 +183,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
         for b in range(3):
             for c in range(3):
                 plane[a, c] += gram_inv[a, b] * sums[b, c]
-    # All pixels are used: a line or a disc of another hue beside the mark turns the weights away from its colour.
+    # All pixels are used, so that weights ignore the colour of a line or a disc of another hue beside the mark.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
     for i in range(n):
@@ -233,7 +233,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
 
     weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
-    The variance of a mean of n pixels is that sum over n. White noise: its variance. Grainy noise: more.
+    The variance of a mean of n pixels is that sum over n. For white noise the sum is its variance, else more.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -249,7 +249,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     variance = squares / weights2
     power = reach**2 * pairs / weight_pairs
     n_pixels = weight_sum**2 / weights2
-    # For white noise of n pixels the sum is the variance, up to reach / sqrt(n) of it: only an excess over that is
+    # For white noise of n pixels the sum is the variance, up to a share of reach / sqrt(n): only a larger sum shows
     # grain.
     return power if power > variance * (1.0 + 2.0 * reach / np.sqrt(n_pixels)) else variance
 
@@ -273,7 +273,7 @@ def _smooth(alpha):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lanczos(fraction):  # type: ignore[no-untyped-def]
-    """Lanczos weights of eight pixels, from 3 before to 4 after a position this far behind one, (8,)."""
+    """Lanczos weights, (8,), of pixels from 3 before to 4 after the one that lies `fraction` before a position."""
     weights = np.empty(8)
     for k in range(8):
         x = fraction - (k - 3)
@@ -283,9 +283,9 @@ def _lanczos(fraction):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
-    """Half the difference of alpha from itself rotated by 180 degrees about the centre, (h, w), on the given pixels.
+    """Half the difference between alpha and alpha rotated by 180 degrees about the centre, (h, w), on given pixels.
 
-    A mark is symmetric under that rotation. The difference is noise, compression and wear, which can move the centre.
+    A mark is symmetric under that rotation. Noise, compression and wear cause the difference, and may move the centre.
     """
     height, width = alpha.shape
     smooth = _smooth(alpha)
@@ -310,7 +310,7 @@ def _lopsided(alpha, where, center_u, center_v):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
-    """Number of the mark's pixels, its colour, and its contrast to the background there, (3,) each."""
+    """Number of the mark's pixels, its colour, and its contrast to the background, (3,) each."""
     color, contrast = np.zeros(3), np.zeros(3)
     n = u = v = 0
     for row in range(solid.shape[0]):
@@ -332,7 +332,7 @@ def _contrast(patch, solid, plane):  # type: ignore[no-untyped-def]
 def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
     """Alpha = (pixel - background) @ weights near the mark, 1 in its core, else 0, (h, w).
 
-    Also the sums over pixels of alpha and of its products with column and row, and the sums over pixels of the edge
+    It also returns sums over all pixels of alpha and its products with column and row, and sums over the edge's pixels
     of 1, column, row and their products: n, u, v, uu, uv, vv.
     """
     by_b, by_g, by_r = weights
@@ -365,7 +365,7 @@ def _unmixed(patch, plane, weights, near, core):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
-    """Length of d center / d alpha = (position - center) / area for pixels of the edge, else 0, (h, w)."""
+    """Length of d center / d alpha = (position - center) / area at pixels of the edge, 0 elsewhere, (h, w)."""
     lengths = np.zeros(near.shape)
     for row in range(near.shape[0]):
         for column in range(near.shape[1]):
@@ -378,8 +378,8 @@ def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
     """Covariance uu, uv, vv of the centre [px²].
 
-    edge: sums over its pixels as `_unmixed` returns them; center: u, v and area; gram_inv: of the plane of the
-    background; variances: of alpha at the edge, and behind
+    edge: sums over its pixels from `_unmixed`; center: u, v and area; gram_inv: of the background's plane; variances:
+    of alpha at the edge and in the background
     """
     (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
     # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
@@ -387,7 +387,7 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
     by_v = (sum_v - n * v) / area, (sum_uv - v * sum_u) / area, (sum_vv - v * sum_v) / area
     uu, vv = (by_u[1] - u * by_u[0]) / area, (by_v[2] - v * by_v[0]) / area
     uv = (by_u[2] - v * by_u[0]) / area
-    # Errors of the background's plane reach the centre too; they come from the noise of its fit.
+    # Errors of the background's plane, due to noise in its fit, also affect the centre.
     plane_uu = plane_uv = plane_vv = 0.0
     for a in range(3):
         for b in range(3):
@@ -403,14 +403,14 @@ def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[n
 
 @njit(cache=True, nogil=True, fastmath=True)
 def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # type: ignore[no-untyped-def]
-    """Coverage of a patch by a component: whether it is valid, alpha (h, w) with 0 away from it, and its figures.
+    """Coverage of a patch by a component: whether it is valid, alpha, (h, w), 0 far from the component, and figures.
 
     patch: (h, w, 3) uint8 BGR; component, others: 0 and 1, (h, w) uint8
-    grow: radius of the disc that the mark may grow by [px]
-    settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc that its core shrinks by
+    grow: radius of the disc by which the component is dilated [px]
+    settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc by which the core is eroded
         [px], edge_gain, floor_px2
     fit_pixels: number of pixels for the fit of the background
-    thorough: whether to measure the correlation of the noise; if not, the covariance is rough
+    thorough: whether to measure the correlation of the noise; without it, the covariance is rough
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
     outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
@@ -443,7 +443,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
     # Noise averaged over squares of lag + 1 pixels: its autocovariance, up to this lag, sums to (lag + 1)² variances.
     behind = at_edge = (lag + 1) ** 2 / strength
     if thorough:
-        # Noise is weighted by its effect on the centre: compression leaves most of it at the mark's edge.
+        # Noise is weighted by its effect on the centre: compression causes most of it at the mark's edge.
         leverage, none = _leverage(near, core, area, u, v), np.zeros_like(near)
         measured, _, _ = _unmixed(patch, plane, weights, one - none, none)
         behind = _power(measured, ring.astype(np.float64), 2 * lag + 1)
@@ -458,7 +458,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _edges(alpha, start, shape, reach):  # type: ignore[no-untyped-def]
-    """Outermost points in each direction where alpha falls below a half, relative to start in units of the mark."""
+    """Outermost points in each direction at which alpha falls below 0.5, relative to start in units of the mark."""
     height, width = alpha.shape
     step = 0.5 / np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))
     edges, n_edges = np.empty((N_RAYS, 2)), 0
@@ -499,7 +499,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The circle (x, y, size) of size about 1 through three edges with most edges on it and few beyond."""
+    """The circle (x, y, size), with a size near 1, through three edges that has most edges on it and few beyond."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -513,7 +513,7 @@ def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
             inner, outer = max(size - near, 0.0) ** 2, (size + near) ** 2
             for k in range(n):
                 squared = (edges[k, 0] - x) ** 2 + (edges[k, 1] - y) ** 2
-                # An occluder moves a mark's edge inward, never outward.
+                # An occluding object moves a mark's edge inward, never outward.
                 if squared > outer:
                     score -= 1.0
                 elif squared > inner:
@@ -541,7 +541,7 @@ def _moved(fit, inverse, gradient):  # type: ignore[no-untyped-def]
 def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped-def]
     """The circle near this one by Tukey's robust least squares.
 
-    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variance of an edge and of waves around the
+    Returns (x, y, size), the inverse of its normal matrix (3, 3), the variances of an edge and of waves around the
     outline, and the shares of directions with an edge on it and beyond it.
     """
     n = len(edges)
@@ -552,7 +552,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
     settled = False
     for turn in range(6):
         last = settled or turn == 5
-        # The prior on the size, in units of an edge's variance
+        # The size's prior, relative to an edge's variance
         weight = variance / size_sd**2
         a00 = a01 = a02 = a11 = a12 = 0.0
         a22, g0, g1, g2 = weight, 0.0, 0.0, weight * (1.0 - fit[2])
@@ -566,7 +566,7 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
             n_beyond += error > limit
             if abs(error) >= limit:
                 continue
-            # Tukey's biweight; the error falls by (x, y) / length for a step of the centre, by 1 for a step of the size
+            # Tukey's biweight; the error falls by (x, y) / length per step of the centre, by 1 per step of the size
             w = (1.0 - (error / limit) ** 2) ** 2
             x, y = x / length, y / length
             a00 += w * x * x
@@ -598,17 +598,17 @@ def _refined(edges, start, size_sd, scale, settings):  # type: ignore[no-untyped
         if last:
             break
         settled = abs(variance - narrower) < 0.01 * variance and largest < SETTLED
-    # A shift of the centre is one wave around the outline. A circle has no two to seven waves: their residual measures
-    # how strong one wave by noise, highlights and compression is.
+    # A shift of the centre is one wave around the outline. A circle has no waves of order 2 to 7: their residuals show
+    # how strong a single wave due to noise, highlights and compression is.
     power = (waves**2).sum() / (highest_wave - 1) / weights2
     return fit, inverse, variance, power, n_on / N_RAYS, n_beyond / N_RAYS
 
 
 @njit(cache=True, nogil=True)
 def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-def]
-    """Fit of the whole mark, or else the best circle through three edges, as a row.
+    """Fit of the whole mark or, if that fails, the best circle through three edges, as a row.
 
-    It contains the centre u, v, its covariance uu uv vv, and share, beyond and size as in `Fitted`.
+    The row has the centre u, v, its covariance uu uv vv, and share, beyond and size as in `Fitted`.
     alpha: (h, w); start: a point inside the visible part, (2,); shape, size_sd: of the outline
     settings: as `OutlineSettings.for_kernel` returns them
     """
@@ -628,7 +628,7 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
     fit[5], fit[6] = share, beyond
     if share == 0.0:
         return fit
-    # Errors of neighbouring edges are correlated; the corners of a covered part add a small bias, too.
+    # Errors of neighbouring edges are correlated; the corners of a covered part also cause a small bias.
     together = max(1.0, correlation_px * N_RAYS / (2.0 * np.pi * scale * circle[2])) / share
     error = max(variance * together, power / share)
     xx, xy, yy = inverse[0, 0], inverse[0, 1], inverse[1, 1]
@@ -645,8 +645,8 @@ def fitted(alpha, start, shape, size_sd, settings):  # type: ignore[no-untyped-d
 def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
-    one, other: begin with u, v, uu, uv, vv of a centre and its covariance, as `covered` and `fitted` return them
-    share: area of the mark relative to that of its outline; limits: as `CenterSettings.for_kernel` returns them
+    one, other: rows that begin with u, v, uu, uv, vv of a centre and its covariance, from `covered` and `fitted`
+    share: area of the mark relative to that of its outline; limits: from `CenterSettings.for_kernel`
     """
     min_area, max_area, variance, gate = limits
     a, b, c = one[2] + other[2] + variance, one[3] + other[3], one[4] + other[4] + variance
@@ -669,9 +669,9 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """Whether a class has one piece of enough pixels, others negligible; the piece, (h, w); its rows and columns.
+    """Whether a class has one large piece and only negligible others; the piece, (h, w); its rows and columns.
 
-    Pixels are connected by sides and corners; holes count as part of the piece. It must not touch the rim.
+    Pixels are connected by sides and corners; holes count as part of the piece, which must not touch the border.
     """
     height, width = classes.shape
     piece = np.zeros((height, width), dtype=np.uint8)
@@ -685,7 +685,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
             n, met = 1, 0
             stack[0, 0], stack[0, 1] = row, column
             seen[row, column] = 1
-            while met < n:  # the stack keeps all visited pixels: the piece
+            while met < n:  # the stack stores all visited pixels, which are the piece
                 i, j = stack[met, 0], stack[met, 1]
                 met += 1
                 for k in range(max(i - 1, 0), min(i + 2, height)):
@@ -712,7 +712,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
         return False, piece, rim
     if _without_gaps(piece):
         return True, piece, rim
-    # from the rim inward: pixels that are not reached are holes
+    # from the border inward: pixels that are not reached are holes
     outside = np.zeros((height, width), dtype=np.uint8)
     stack[0, 0], stack[0, 1] = 0, 0
     outside[0, 0], n = 1, 1
@@ -729,7 +729,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether the class occurs among every second pixel of every second row, and a box around these pixels."""
+    """Whether the class occurs at every second pixel of every second row, and a box around these pixels."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)
@@ -747,7 +747,7 @@ def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-untyped-def]
-    """The only mark of a class in a box: whether there is exactly one; its patch's corner, alpha and figures."""
+    """The only mark of a class in a box: whether there is exactly one mark; its patch's corner, alpha and figures."""
     pad_px, covering, fit_pixels = settings
     none, no_figures = np.zeros((1, 1)), np.zeros(10)
     grow = covering[1] + min(box[2] - box[0], box[3] - box[1]) // 20
@@ -756,7 +756,7 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
         return False, 0, 0, none, no_figures
     height, width = bottom - top, right - left
     classes = np.empty((height, width), dtype=np.uint8)
-    # not smoothed: where noise breaks a mark into pieces, the slow path finds more
+    # not smoothed: if noise breaks a mark into pieces, the slow path finds more
     classify(frame[top:bottom, left:right], palette[0], palette[1], palette[2], classes)
     there, piece, (low_v, high_v, low_u, high_u) = _only_piece(classes, number, fewest)
     if not there:
@@ -766,20 +766,20 @@ def _alone(frame, box, number, palette, fewest, settings):  # type: ignore[no-un
     v1, u1 = min(high_v + 1 + pad, height), min(high_u + 1 + pad, width)
     patch = frame[top + v0 : top + v1, left + u0 : left + u1].copy()
     component = piece[v0:v1, u0:u1].copy()
-    thorough = np.bool_(False)  # not a literal: one type for a choice made at run time, so that it is compiled once
+    thorough = np.bool_(False)  # not a literal: a choice at run time has one type, so that the kernel is compiled once
     valid, alpha, figures = covered(patch, component, np.zeros_like(component), grow, covering, fit_pixels, thorough)
     return valid, left + u0, top + v0, alpha, figures
 
 
 @njit(cache=True, nogil=True)
 def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits):  # type: ignore[no-untyped-def]
-    """Marks that are alone of their class in a box of a picture: whether each is whole, (n,), and their figures.
+    """Marks that are the only ones of their class in a box: whether each is whole, (n,), and their figures.
 
     frame: (h, w, 3) uint8; boxes: left, top, right, bottom, (n, 4)
     classes: number of the class, and least number of a mark's pixels, (n, 2); palette: table, least values and least
         saturations as in `classify`
-    outlines: shapes (n, 2, 2); standard deviations of the size, and areas, (n, 2)
-    covering: px around a mark, settings of `covered`, and its fit_pixels; fitting: settings of `fitted`
+    outlines: shapes, (n, 2, 2); standard deviations of the size and areas, (n, 2)
+    covering: border around a mark [px], settings and fit_pixels of `covered`; fitting: settings of `fitted`
     limits: of `agreed`
     Figures, (n, 11): centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """

@@ -1,7 +1,7 @@
-"""Outline of a mark, which gives its centre where a needle or a hand covers part of it.
+"""Outline of a mark, which determines its centre if a needle or a hand covers part of it.
 
-A mark's centre of gravity is its centre only if all of it is visible. The visible part of its outline gives the centre
-whatever covers the rest, less accurately for a shorter arc. Image axes: u right, v down, pixels.
+A mark's centre of gravity is its centre only if all of it is visible. The visible part of its outline determines the
+centre if something covers the rest, less accurately for a shorter arc. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from vision.detection.settings import DETECTION, OutlineSettings
 class Outline:
     """Shape and size of a whole mark in a picture.
 
-    shape_px: the mark is center + shape_px @ unit disc [px], shape (2, 2)
+    shape_px: matrix [px], shape (2, 2): the mark is center + shape_px @ unit disc
     size_sd: relative standard deviation of its size
-    area_px: area of the whole mark [px], from shape_px
-    even: it has one colour; otherwise, as for a ball with shading, the rim is detected instead of the colour
+    area_px: area of the whole mark [px], which follows from shape_px
+    even: whether it has one colour; otherwise, as for a shaded ball, the rim is detected instead of the colour
     """
 
     shape_px: Floats
@@ -49,8 +49,8 @@ class Fitted:
 
     center_px, cov_px2: the centre [px], (2,), and its covariance [px²], (2, 2)
     share: share of directions in which the mark's own edge is visible
-    beyond: share of directions in which an edge lies outside it, as for a smeared or merged mark
-    size: relative to that of the outline
+    beyond: share of directions in which an edge lies outside it, for example of a smeared or merged mark
+    size: its size relative to the outline's
     """
 
     center_px: Floats
@@ -65,9 +65,9 @@ def fit_outline(
 ) -> Fitted | None:
     """Fit the mark to its visible edge; None if too little of it is visible.
 
-    alpha: share of each pixel that the mark covers, 0 away from it, (h, w); its first pixel is (0, 0)
+    alpha: share of each pixel that the mark covers, 0 far from it, (h, w); its first pixel is (0, 0)
     start_px: a point inside the visible part, (2,)
-    settings: `reach` is the largest distance of the edge from there [sizes]; an edge further away is another mark's
+    settings: `reach` is the largest distance of an edge from that point [sizes]; farther edges are another mark's
     """
     u, v, uu, uv, vv, share, beyond, size = kernels.fitted(
         alpha, np.ascontiguousarray(start_px), outline.shape_px, outline.size_sd, settings.for_kernel()

@@ -15,7 +15,7 @@ from vision.detection.hue import MarkHue
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Colour classes in the form of `kernels.classify`, numbered from 1 in their order."""
+    """Colour classes in the form that `kernels.classify` needs, numbered from 1 in their order."""
 
     table: Picture
     least_value: Floats
@@ -37,12 +37,12 @@ def palette_of(hues: tuple[MarkHue, ...]) -> Palette:
 
 
 def equal(classes: Picture, number: int) -> Picture:
-    """Mask of the pixels with that class: 1, else 0, (h, w) uint8."""
+    """Mask of the pixels of class `number`: 1, else 0, (h, w) uint8."""
     return np.asarray(classes == number, dtype=np.uint8)
 
 
 def classes_of(part: Picture, palette: Palette, scale: int) -> Picture:
-    """The class of each pixel, smoothed or shrunk only for the search: noise splits small marks."""
+    """The class of each pixel of a part that is first smoothed or shrunk, because noise would split small marks."""
     if scale == 1:
         smooth = cv2.blur(part, (3, 3))
     else:

@@ -20,13 +20,13 @@ class Detection:
     """One detected mark.
 
     center_px: its centre [px], shape (2,)
-    cov_px2: covariance of the centre [px²], shape (2, 2), from the mark's area and the noise around it
+    cov_px2: covariance of the centre [px²], shape (2, 2), which follows from the mark's area and the noise around it
     area_px: its visible area [px]
-    hue_deg: the hue of its class
+    hue_deg: the hue of its colour class
     clipped: whether it touches the border of the searched part, so that some of it was not visible
     occluded: whether something hides part of it, so that its centre is that of its outline
     color_bgr: colour of its core [grey levels]
-    size: relative to the outline that the search was given
+    size: its size relative to the given outline
     """
 
     center_px: Floats
@@ -45,41 +45,41 @@ class Reason(StrEnum):
     FEW_PIXELS = "too few pixels of its hue"
     """Fewer pixels of its hue than a mark must show: it is covered, in shadow, or of another hue than stated."""
     SMALL = "too small in the picture"
-    """Too few pixels of its hue, and it is expected to be so small that no pixel need show only its hue."""
+    """Too few pixels of its hue, and it is expected to be so small that perhaps no pixel shows only its hue."""
     SIZE = "wrong size"
     """A whole mark of another diameter, or more pixels of its hue than a mark has."""
     SHAPE = "wrong shape"
-    """Too long, or without an edge on the outline of a mark."""
+    """Too elongated, or without an edge on the outline of a mark."""
     CONTRAST = "no contrast"
     """It cannot be distinguished from the background."""
     STAIN = "uneven as a stain"
     """Its pixels vary more than those of a mark of one colour."""
     COLOUR = "another colour"
-    """In its range of hues, but not of the colour that such marks had so far."""
+    """In its range of hues, but with another colour than such marks had so far."""
     UNLIKE = "unlike itself before"
-    """Detected, but neither it nor any position nearby looks like the mark before."""
+    """Detected, but neither it nor any position nearby looks like the mark in earlier frames."""
     AMBIGUOUS = "one of two that touch"
-    """Detected, but its name could also be that of another mark that it touches."""
+    """Detected, but it touches another mark and could have that mark's name."""
     TAKEN = "taken for another mark"
     """The only mark of its hue near the expected position has another name."""
     FAR = "too far from where it was expected"
-    """All detected marks of its hue are further away than the gate allows."""
+    """All detected marks of its hue are farther from the expected position than the gate allows."""
     OUTSIDE = "outside the picture"
-    """It is expected outside the picture."""
+    """Its expected position is outside the picture."""
     AWAY = "faces away from the camera"
-    """In space: a camera cannot see its side of the body."""
+    """In space: it is on a side of the body that a camera cannot see."""
     APART = "in different places for two cameras"
     """In space: two or more cameras detect it, but their rays do not meet."""
     FLOODED = "its hue is all over the picture"
-    """A hue covers more of the picture than marks can."""
+    """Its hue covers more of the picture than marks can."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rejected:
     """Connected pixels of a hue that are not a mark.
 
-    reason: why not; detail: the numbers of the decision
-    center_px: their middle [px], (2,); area_px: their number [px]; hue_deg: of their class
+    reason: why it is not a mark; detail: the numbers of the decision
+    center_px: centre of the pixels [px], (2,); area_px: number of pixels [px]; hue_deg: hue of their class
     """
 
     reason: Reason

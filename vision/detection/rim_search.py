@@ -1,4 +1,4 @@
-"""Detection of a mark only by its rim, at one position: blood of its colour may touch it and hide its shape."""
+"""Detection of a mark by its rim alone near one position, since blood of its colour may touch it and hide its shape."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSetti
     """The mark whose rim is visible near its expected position; None if there is none.
 
     Also None if the standard deviation of that position exceeds the mark's radius.
-    The caller has to check its colour.
+    The caller must check the mark's colour.
     """
     outline = expected.outline
     if outline is None:

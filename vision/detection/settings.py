@@ -12,14 +12,14 @@ from dataclasses import dataclass, field
 class CoverageSettings:
     """Settings for the share of each pixel that a mark covers.
 
-    grow_px: distance over which lens, colour mosaic and compression spread a pixel: the mark's edge may reach this far
-    beyond the component, and noise is correlated over lags up to it [px]; choice
-    pad_px: border of pixels around the component whose outer part shows the background [px]; choice
-    core_px: pixels this far inside the component show only the mark, whatever their highlights [px]; choice
-    outlier_sds: pixels further from the background's median are not background [standard deviations]; source: normal
-        distribution, two-sided 99.99 %
-    edge_gain: variance of noise relative to that of half the difference of two pixels, 2 for white noise [1]; choice
-    floor_sd_px: standard deviation of a centre without other errors: rounding, shading [px]; choice
+    grow_px: distance over which lens, colour mosaic and compression spread a pixel [px]: the mark's edge may be this
+    far outside the component, and noise is correlated up to this lag; choice
+    pad_px: width of the border around the component, whose outer part shows the background [px]; choice
+    core_px: distance inside the component from which pixels show only the mark, even with highlights [px]; choice
+    outlier_sds: distance from the background's median above which pixels are not background [standard deviations];
+        source: normal distribution, two-sided 99.99 %
+    edge_gain: variance of noise relative to that of half the difference of two pixels [1]; choice: white noise has 2
+    floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
     grow_px: int = 3
@@ -39,13 +39,13 @@ class OutlineSettings:
     """Settings for the fit of an outline to the edge of a mark.
 
     reach: largest distance of an edge from the middle of the visible part [sizes]; choice
-    near_px: largest distance of an edge that counts as on the circle [px]; choice
+    near_px: largest distance of an edge from a circle on which it lies [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
-    highest_wave: waves around the outline, from 2 to this, that measure the power of one wave of noise [1]; choice
+    highest_wave: largest number of waves around the outline, from 2 on, that measure noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
     min_share: least share of directions with the mark's own edge, and least visible share of its area [1]; choice
-    whole_share: share of directions with an edge, or of the area, up to which part of the mark is occluded; a piece of
-        more than its inverse may be several marks that touch [1]; choice
+    whole_share: share of directions with an edge, or of the area, below which part of the mark is occluded [1]; above
+        the inverse share of the area, a piece may be several touching marks; choice
     """
 
     reach: float = 2.0
@@ -74,13 +74,13 @@ class RimSettings:
     """Settings for the fit of a mark's rim to steps of colour.
 
     around: distance inside and outside the outline over which steps are searched along a ray [sizes]; choice
-    blur_px: standard deviation of the smoothing before [px]; choice
-    min_step: least step over two pixels, summed over the colours [grey levels]; choice
-    wide, narrow_px: largest distance of a step from the circle, at first [sizes] and at last [px]; choice
+    blur_px: standard deviation of the smoothing before the search [px]; choice
+    min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
+    wide, narrow_px: largest distance of a step from the circle, in the first [sizes] and last iteration [px]; choice
     min_share: share of all directions, weighted by contrast, below which part of the mark is occluded [1]; choice
-    min_share_alone: the same if only the rim shows the mark [1]; choice
+    min_share_alone: least such share if only the rim shows the mark [1]; choice
     smear_gain: variance of the rim's centre relative to the spread that motion adds to the mark [1]; choice
-    shading: shift of the rim of a fully visible ball by shading [sizes]; choice
+    shading: shift that shading causes for the rim of a fully visible ball [sizes]; choice
     """
 
     around: float = 0.45
@@ -100,7 +100,7 @@ class ComponentSettings:
 
     max_picture_share: share of the picture above which a hue shows the scene, not marks [1]; choice
     max_elongation: largest ratio of longest to shortest axis [1]; choice
-    max_noise: noise of a pixel relative to the mark's contrast, above which it is a stain, as of blood [1]; choice
+    max_noise: noise of a pixel relative to the mark's contrast, above which it is a stain, such as blood [1]; choice
     """
 
     max_picture_share: float = 0.3
@@ -112,14 +112,14 @@ class ComponentSettings:
 class CenterSettings:
     """Settings for the choice among several centres of a mark.
 
-    gate: squared Mahalanobis distance above which two centres differ, and a rim is not searched [1];
+    gate: squared Mahalanobis distance above which two centres differ and no rim is searched [1];
         source: chi-square, 2 dof, 99.9 %
-    agree_sd_px: difference of two centres of one mark beyond their covariances [px]; choice
-    min_area: least share of a mark's area for something without an outline, and of the least area of its colour class
-        before its edge is measured; its inverse is the largest [1]; choice
+    agree_sd_px: additional standard deviation of the difference of two centres of one mark [px]; choice
+    min_area: least area without an outline, relative to a mark's, and least area before the edge is measured, relative
+        to the least of its colour class [1]; its inverse is the largest relative area; choice
     grain_noise, grain_gain: noise relative to contrast above which errors of an outline are correlated, and the largest
-        increase of their variance by this [1]; choice
-    blurred: spread of a mark at rest relative to that of its outline [1]; choice
+        resulting increase of their variance [1]; choice
+    blurred: spread of a mark at rest in a picture, relative to that of its outline [1]; choice
     """
 
     gate: float = 13.815510557964274
@@ -131,7 +131,7 @@ class CenterSettings:
 
     @property
     def max_area(self) -> float:
-        """Largest area that may be one mark, relative to the mark's own."""
+        """Largest area that may be one mark, relative to the mark's area."""
         return 1.0 / self.min_area
 
     def for_kernel(self) -> tuple[float, ...]:
@@ -156,11 +156,11 @@ class HueLearningSettings:
 
     window_px: half width of the first window around the position [px]; choice
     min_pixels: least number of pixels of one colour [1]; choice
-    max_distance: largest difference of colours of one mark, relative to its distance from grey [1]; choice
-    sds: half width of a kind of mark, in standard deviations of its pixels' hues [1]; choice
-    min_width_deg: least half width of a learned range, and largest standard deviation of its hues that counts
-        [degrees]; choice
-    paler, darker: by how much other marks may have less saturation and value [1]; choice
+    max_distance: largest difference of colours of one mark, relative to their distance from grey [1]; choice
+    sds: half width of a range of hues, in standard deviations of the pixels' hues [1]; choice
+    min_width_deg: least half width of a learned range, and limit for the standard deviation of its hues [degrees];
+        choice
+    paler, darker: factors for the least saturation and value of other marks [1]; choice
     """
 
     window_px: int = 8

@@ -1,6 +1,6 @@
 """Frame sources: films, folders, devices, streams; exposure times, faults, writers.
 
-Another source or container belongs here.
+A new source or container belongs here.
 """
 
 from vision.sources.events import EventKind, Source, SourceEvent, SourceOf

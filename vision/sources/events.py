@@ -19,21 +19,21 @@ class EventKind(StrEnum):
     BLOCKED = "BLOCKED"
     """No answer: a read does not return."""
     FROZEN = "FROZEN"
-    """The same picture, bit for bit, or the same values, to the last digit, repeatedly."""
+    """The same picture, bit for bit, or the same values, to the last digit, come repeatedly."""
     DROPPED = "DROPPED"
     """A read failed; the source is read again, then reopened."""
     SPARSE = "SPARSE"
-    """At least half of the pictures are lost, or the source records only half as many."""
+    """At least half of the pictures are lost, or the source records at most half as many as usual."""
     RESUMED = "RESUMED"
-    """New pictures after one of these faults, or all of them again."""
+    """New pictures come after one of these faults, or no more pictures are lost."""
     RESIZED = "RESIZED"
-    """Pictures of another size than before."""
+    """Pictures have another size than before."""
     REFUSED = "REFUSED"
     """The input could not be used: it is not a frame, or its time is out of order."""
     ASIDE = "ASIDE"
-    """The first marks are far from their expected positions, but would not be in another unit or order."""
+    """The first marks are far from their expected positions, but would be near with other units or axes."""
     CLOCK = "CLOCK"
-    """The source's own times stand still, go back or drift: arrival times are used."""
+    """The source's own times stand still, go back or drift; arrival times are used instead."""
     ENDED = "ENDED"
     """No more frames will come."""
 
@@ -59,14 +59,14 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def origin_s(self) -> float:
-        """Zero of the source's own time on the clock of its frames [s]; 0 if frames have the source's own time."""
+        """Zero of the source's own time on the clock of its frames [s]; 0 if frames already have that own time."""
 
     @property
     def ended(self) -> bool:
         """Whether all frames have been delivered and none will come."""
 
     def next(self, timeout_s: float) -> F_co | None:
-        """The next frame, or None if there is none within timeout_s [s] or the source ended; raises SourceError."""
+        """The next frame; None if none comes within timeout_s [s], or the source has ended. Raises SourceError."""
 
     def take_events(self) -> tuple[SourceEvent, ...]:
         """The events since the last call, in order."""
@@ -75,7 +75,7 @@ class SourceOf(Protocol[F_co]):
         """Stop, and release the source."""
 
     def __enter__(self) -> Self:
-        """Returns the source, which is closed at the end of the block."""
+        """Return the source, which is closed at the end of the block."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

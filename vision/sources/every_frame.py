@@ -27,7 +27,7 @@ class EveryFrame(Closing):
 
     frames_dropped = 0
     origin_s = 0.0
-    """Zero of the clock [s]: frames have the file's own times."""
+    """Zero of the file's own time [s]: frames have this time."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames

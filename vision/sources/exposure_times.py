@@ -1,4 +1,4 @@
-"""Exposure times of devices, on the monotonic clock, and of films, by their own times; errors of arrival times.
+"""Exposure times of devices, on the monotonic clock, and of films, by their own times; tests of arrival times.
 
 A rule belongs to one opening of a source and is called once for each frame, in order.
 """
@@ -16,11 +16,11 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Largest rounding of times in containers [s]: below it index / rate is used, which is finer."""
+"""Largest rounding error of times in containers [s]: if they differ less from index / rate, that is used."""
 
 
 ExposureRule = Callable[[Any, float], float]
-"""Function that returns the exposure time [s] of the frame that a capture's grab() returned at a time [s]."""
+"""Function that returns the exposure time [s] of the frame that a capture's grab() returned at a given time [s]."""
 
 
 def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
@@ -31,16 +31,16 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 class DeviceTimes:
     """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
 
-    A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if that was plausible in
-    settings.settled_frames in a row: increasing, and its difference from grab()'s time constant within clock_error_s.
-    The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
-    come late but never early; this follows a drifting clock. A trusted device may deliver settled_frames in a row later
-    than that, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used
-    until it is plausible again. Half an interval stands for exposure and read-out, which devices do not report.
+    A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if settings.settled_frames
+    in a row were plausible: increasing, with a difference from grab()'s time constant within clock_error_s. The
+    device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can come
+    late but never early; this follows a drifting clock. A trusted device may deliver up to settled_frames in a row too
+    late, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used until
+    it is plausible again. Half an interval is assumed for exposure and read-out, which devices do not report.
 
-    late_s: largest delay of frames beyond the assumed one [s]: frames that stay later than settings.blocked_s come from
-    a queue, or the clock was set back meanwhile; 0 once they come as early as before
-    State: late_s; the device's and the clock's times of the last frames; numbers of plausible and of late ones in a
+    late_s: largest delay of frames beyond the assumed delay [s]: frames that are late for longer than
+    settings.blocked_s come from a queue, or the clock was set back; 0 when frames come as early as before
+    State: late_s; the device's and the clock's times of the last frames; numbers of plausible and of late frames in a
     row; the clock's earlier delay [s].
     """
 
@@ -96,13 +96,13 @@ class DeviceTimes:
 
 
 class RisingTimes:
-    """Rule for exposure times that uses another rule while its times increase, and else arrival times.
+    """Rule for exposure times that uses another rule while its times increase, otherwise arrival times.
 
     After settings.stuck_frames frames in a row with times that stand still, go back or are not numbers, arrival times
     are used, minus the delay of the last frame whose time increased.
 
-    State: time and delay of the last frame whose time increased [s], frames since; whether arrival is used; the fault
-    not yet fetched.
+    State: time and delay of the last frame whose time increased [s]; number of frames since; whether arrival times are
+    used; the fault not yet fetched.
     """
 
     def __init__(self, rule: ExposureRule, settings: SourceSettings = DEFAULTS) -> None:
@@ -112,7 +112,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; if unknown, that of the last frame."""
+        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; otherwise that of the last frame."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)
@@ -132,27 +132,27 @@ class RisingTimes:
 
     @property
     def by_source(self) -> bool:
-        """Whether the times are the source's own, not those of arrival."""
+        """Whether the times are the source's own and not arrival times."""
         by_device = not isinstance(self._rule, DeviceTimes) or self._rule.trusts_device
         return by_device and not self._by_arrival
 
     @property
     def late_s(self) -> float:
-        """Largest delay of frames after their times, by the source's own times [s]."""
+        """Largest delay of frames, by the source's own times [s]."""
         return self._rule.late_s if isinstance(self._rule, DeviceTimes) else 0.0
 
     def take_fault(self) -> str | None:
-        """The fault of the times since the last call."""
+        """The fault of the times since the last call; None if there was none."""
         fault, self._fault = self._fault, None
         return fault
 
 
 class FilmTimes:
-    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's if the two differ.
+    """Exposure times of a film's frames [s], the first at 0: index / rate, or the container's times if the two differ.
 
-    They differ if the frame rate varies, or is not the one in the film's header. After container times that are not
-    finite and increasing, index / rate is used. Raises ValueError if neither is available: without a rate, or if
-    container times fail after they differed.
+    They differ if the frame rate varies, or differs from that in the film's header. If container times are not finite
+    and increasing, index / rate is used from then on. Raises ValueError if that is not possible: without a rate, or if
+    the two have differed before.
 
     State: number of frames, the container's first and last time [s], whether they ever differed, whether they failed.
     """
@@ -187,16 +187,16 @@ class FilmTimes:
 
 
 class Arrivals:
-    """Test whether arrival times determine exposure times, from the times at which reads returned.
+    """Test, from the times at which reads returned, whether arrival times determine exposure times.
 
-    After a pause, a read that did not return for `settings.blocked_s`, all further pictures may be late by it, from a
-    queue that lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a
-    read fails, since it cannot fail while a picture waits. Arrival times do not otherwise distinguish a lagging source
-    from one that lost pictures. The source's own times do, if they were known before: lost pictures leave gaps in them.
-    An interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
+    After a pause (a read did not return for `settings.blocked_s`) all further pictures may be late, from a queue that
+    lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a read fails,
+    since it cannot fail while a picture waits. Arrival times do not otherwise distinguish a lagging source from one
+    that lost pictures. The source's own times do, if they were known before: lost pictures leave gaps in them. An
+    interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
 
     State: arrival of the last picture [s], the last intervals [s]; late_s, the largest delay of pictures beyond the
-    assumed one [s]; the last irregular arrival [s].
+    assumed delay [s]; time of the last irregular arrival [s].
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -231,7 +231,7 @@ class Arrivals:
             self._uneven_s = now_s
 
     def failed(self) -> None:
-        """Record a failed read: no picture waits."""
+        """Record a failed read, which shows that no picture waits."""
         self._last_s, self.late_s = None, 0.0
 
     def uneven(self, now_s: float) -> bool:
@@ -240,6 +240,6 @@ class Arrivals:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval, a median [s]; None until half of its intervals are known."""
+        """The usual interval [s], the median of recent intervals; None until half of these are known."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

@@ -1,4 +1,4 @@
-"""Frames from files, each with its exposure time, every one and in order."""
+"""All frames of files in order, each with its exposure time."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ import numpy as np
 from vision.arrays import Image
 from vision.sources.exposure_times import FilmTimes
 
-# FFmpeg's own lines bypass OpenCV's log; its level is read when the first film is opened. -8 is AV_LOG_QUIET.
+# FFmpeg's own lines bypass OpenCV's log; FFmpeg's level is read when the first film is opened. -8 is AV_LOG_QUIET.
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 
 FilePath = str | os.PathLike[str]
-"""A file or folder, in any form that all functions accept."""
+"""A file or folder, in a form that all functions accept."""
 
 JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
 """First and last bytes of a JPEG."""
 
 
 class SourceError(ValueError):
-    """Error for frames that are not available; one line names the source, what was expected and what was found."""
+    """Error for frames that are not available; the message, one line, names the source, what was expected and found."""
 
 
 class Closing(ABC):
@@ -63,7 +63,7 @@ class Exposure:
 
 
 def bgr(picture: Any) -> Image:
-    """Convert a picture to (height, width, 3) BGR of 8 bits, from grey, BGR or BGRA of 8 or 16 bits.
+    """Convert a picture, grey, BGR or BGRA of 8 or 16 bits, to (height, width, 3) BGR of 8 bits.
 
     ValueError, "picture: ...", for anything else.
     """
@@ -81,7 +81,7 @@ def bgr(picture: Any) -> Image:
 
 @contextmanager
 def quiet_opencv() -> Iterator[None]:
-    """Suppress OpenCV's warnings on the terminal: the caller reports the error in one line."""
+    """Suppress OpenCV's warnings on the terminal, because the caller reports an error in one line."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
@@ -91,9 +91,9 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def opencv_name(path: FilePath) -> str:
-    """A file's name for OpenCV and FFmpeg; SourceError for one that is not UTF-8, which would end the process.
+    """A file's name for OpenCV and FFmpeg; SourceError if it is not UTF-8, because it would end the process.
 
-    Relative names begin with a point: FFmpeg would read the part before a colon as a protocol.
+    Relative names begin with a dot: otherwise FFmpeg would read the part before a colon as a protocol.
     """
     name = os.fspath(path)
     try:
@@ -105,7 +105,7 @@ def opencv_name(path: FilePath) -> str:
 
 
 def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
-    """Read a picture file with OpenCV's flags, (height, width, 3) BGR or (height, width); SourceError."""
+    """Read a picture file with OpenCV's flags, (height, width, 3) BGR or (height, width); raises SourceError."""
     name = opencv_name(path)
     with quiet_opencv():
         image = cv2.imread(name, flags)
@@ -117,9 +117,9 @@ def read_picture(path: Path, flags: int = cv2.IMREAD_COLOR) -> Image:
 class VideoFileFrames(Closing):
     """Frames of a film, as fast as they are requested.
 
-    Exposure times [s] are exposures_s, multiples of 1 / fps from 0, or the film's own: see `FilmTimes`. State: the
-    open film. Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in number,
-    or the film has no times.
+    Exposure times [s] are exposures_s, multiples of 1 / fps from 0, or the film's own times: see `FilmTimes`. State:
+    the open film. Raises SourceError if it cannot be opened, and while iterating if frames and exposures differ in
+    number, or the film has no times.
     """
 
     def __init__(self, path: FilePath, exposures_s: Sequence[float] | None = None, *, fps: float | None = None) -> None:
@@ -160,8 +160,8 @@ class VideoFileFrames(Closing):
 class FolderFrames(Closing):
     """Pictures 000000.png, 000001.png ... of a folder, with their exposure times [s].
 
-    Raises SourceError if they differ in number from the exposures, are not numbered from 0 without gaps, or cannot be
-    read.
+    Raises SourceError if numbers of pictures and exposures differ, or pictures are not numbered from 0 without gaps, or
+    cannot be read.
     """
 
     def __init__(self, folder: FilePath, exposures_s: Sequence[float]) -> None:
@@ -190,9 +190,9 @@ def count_numbered(folder: FilePath) -> int:
 
 
 def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _share: None) -> int:
-    """Number of frames in a film, counted by reading it: its header may be wrong. Raises SourceError.
+    """Number of frames in a film, counted by reading it because its header may be wrong. Raises SourceError.
 
-    advance: called with the completed share, by the header
+    advance: called with the completed share, which is computed with the header's number
     """
     capture = _opened(Path(path))
     n_frames, expected = 0, max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 1.0)
@@ -205,7 +205,7 @@ def count_frames(path: FilePath, advance: Callable[[float], None] = lambda _shar
 
 
 def whole_packets(path: Path) -> Iterator[Image]:
-    """Compressed frames of a film, not decoded, (n_bytes,) each, up to an incomplete one."""
+    """Compressed, undecoded frames of a film, (n_bytes,) each, up to an incomplete frame."""
     with quiet_opencv():
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_FORMAT, -1])
     try:
@@ -226,7 +226,7 @@ def _opened(path: Path) -> cv2.VideoCapture:
     if not path.is_file():
         raise SourceError(f"{path}: expected a video file, found no such file")
     with quiet_opencv():
-        # The API is named; otherwise OpenCV would read a name with digits as a pattern of pictures.
+        # The API is stated, because OpenCV would otherwise read a name with digits as a pattern of pictures.
         capture = cv2.VideoCapture(opencv_name(path), cv2.CAP_FFMPEG)
         opened = capture.isOpened() and capture.get(cv2.CAP_PROP_FRAME_WIDTH) > 0
     if not opened:

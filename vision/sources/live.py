@@ -1,4 +1,4 @@
-"""Live frames: a camera or stream is read in its own thread, the newest frame first, with recovery from its faults."""
+"""Live frames: a thread reads a camera or stream, delivers the newest frame, and recovers from faults."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from vision.sources.settings import DEFAULTS, SourceSettings
 from vision.sources.watchdog import IN_TURN, SourceWatchdog, SparsePictures
 
 POLL_S = 0.02
-"""Interval of tests for faults and failed reads [s], below a frame interval at 30 frames/s; a frame wakes its reader at
-once."""
+"""Interval of tests for faults and failed reads [s], less than a frame interval at 30 frames/s; a waiting `next` gets a
+frame at once."""
 
 
 class Capture(Protocol):
@@ -32,13 +32,13 @@ class Capture(Protocol):
         """Whether the device is open."""
 
     def grab(self) -> bool:
-        """Wait for the next frame; False if there is none."""
+        """Wait for the next frame; returns False if there is none."""
 
     def retrieve(self) -> tuple[bool, Any]:
         """The frame of the last grab()."""
 
     def get(self, prop: int) -> float:
-        """A property, by OpenCV's number."""
+        """A property by its OpenCV number."""
 
     def release(self) -> None:
         """Release the device."""
@@ -46,7 +46,7 @@ class Capture(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Reader:
-    """A reading thread: time of its last progress [s], how long it may hang [s], whether another replaced it."""
+    """A reading thread: time of its last progress [s], time that it may hang [s], whether another replaced it."""
 
     alive_s: float
     may_hang_s: float
@@ -54,21 +54,21 @@ class Reader:
 
 
 class LiveFrames(Closing):
-    """Source of the newest frames of a camera or stream, each once, until the source ends or `close()`.
+    """Source of the newest frames of a camera or stream, each delivered once, until the source ends or `close()`.
 
     open_capture: opens the source; called in the reading thread, which a dead device may block forever
-    ends: whether a failed read of this capture means the end, not a fault
-    keep: largest number of waiting frames; 1: only the newest
-    exposures: creates the rule of exposure times, for each opening; default: `DeviceTimes`
-    may_repeat: whether a picture may repeat bit for bit, as in a film; otherwise repeats are withheld
-    give_up_s: SourceError after this long without a frame; None: never
+    ends: whether a failed read of this capture is its end and not a fault
+    keep: largest number of waiting frames; with 1, only the newest frame waits
+    exposures: makes the rule for exposure times at each opening; default: `DeviceTimes`
+    may_repeat: whether a picture may repeat bit for bit, as in a film; otherwise repeats are not delivered
+    give_up_s: time without a frame after which SourceError is raised [s]; None: never
     settings: thresholds for a blocked, frozen or hung source
-    clock, nap: the one monotonic clock [s], and a function that pauses; None: a pause that `close()` ends
-    origin: zero of the source's own time on the clock [s], if it has its own time
+    clock, nap: the monotonic clock [s], and a function that pauses; None: a pause that `close()` ends
+    origin: clock time at which the source's own time is zero [s], if it has its own time
     waits: whether reading begins with the first request for a frame, as for a film; otherwise at once
 
-    A source that cannot be opened at all raises SourceError at once; a lost one is reopened repeatedly.
-    State, shared with the threads: whether it still waits; waiting frames, the last pictures, the watchdog, the
+    A source that cannot be opened at first raises SourceError at once; one that is lost later is reopened repeatedly.
+    State, shared with the threads: whether reading has not begun; waiting frames, the last pictures, the watchdog, the
     arrivals, events not yet fetched, the readers and the reader of the last picture.
     """
 
@@ -118,7 +118,7 @@ class LiveFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Zero of the source's own time on the clock [s]; 0 without a time of its own."""
+        """Clock time at which the source's own time is zero [s]; 0 if it has no own time."""
         return self._origin()
 
     @property
@@ -128,12 +128,12 @@ class LiveFrames(Closing):
 
     @property
     def opening(self) -> bool:
-        """Whether the source is being opened for the first time, which takes ten seconds for some cameras."""
+        """Whether the source is being opened for the first time, which takes ten seconds with some cameras."""
         return not (self._opened or self._finished or self.ended or self._error is not None)
 
     @property
     def late_s(self) -> float:
-        """Largest delay of pictures after their times, since a pause [s]."""
+        """Largest delay of pictures after their exposure times, due to a pause [s]."""
         return max(self._arrivals.late_s, self._late_s)
 
     @property
@@ -147,9 +147,9 @@ class LiveFrames(Closing):
         return self._watch.interval_s
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame not yet delivered; None if none comes within timeout_s [s], or at the end.
+        """The newest frame not yet delivered; None at the end, or if none comes within timeout_s [s].
 
-        Raises SourceError if the source never opened, or gave no frame for give_up_s, and any error of the thread.
+        Raises SourceError if the source never opened or gave no frame for give_up_s, and any exception of the thread.
         """
         until = self._clock() + timeout_s
         with self._changed:
@@ -200,7 +200,7 @@ class LiveFrames(Closing):
     def _start_reader(self, now: float) -> None:
         reader = Reader(now, self._settings.opening_s)
         self._readers.append(reader)
-        # A daemon: a device may block in grab() forever (OpenCV #4468), but the program must still end.
+        # A daemon thread: a device may block grab() forever (OpenCV #4468), but the program must still end.
         threading.Thread(target=self._run, args=(reader,), name="softaim frames", daemon=True).start()
 
     def _run(self, reader: Reader) -> None:
@@ -266,7 +266,7 @@ class LiveFrames(Closing):
             self._nap(POLL_S)
 
     def _picture(self, capture: Capture) -> tuple[Image | None, float, str]:
-        """The next picture or None, the time when grab() returned [s], and why there is none."""
+        """The next picture or None, the time when grab() returned [s], and the reason if there is none."""
         try:
             grabbed = capture.grab()
             grabbed_s = self._clock()
@@ -288,7 +288,7 @@ class LiveFrames(Closing):
             if not self._wanted(reader):
                 return
             if self._reader not in (None, reader):
-                self._arrivals.failed()  # after a reopening no picture waits
+                self._arrivals.failed()  # after the source is reopened, no picture waits
             self._reader = reader
             for other in self._readers:
                 other.retired = other is not reader
@@ -325,7 +325,7 @@ class LiveFrames(Closing):
                 self._arrivals.failed()
 
     def close(self) -> None:
-        """Stop; a reading thread releases the device as soon as its read returns."""
+        """Stop; a reading thread releases the device when its present read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

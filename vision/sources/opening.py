@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index: OpenCV uses the hundreds as the number of an API."""
+"""Largest camera index: for OpenCV the hundreds are the number of an API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -36,15 +36,15 @@ def open_source(
 ) -> Source:
     """Open a camera index, /dev/video..., film, folder of pictures or stream (rtsp://, http://, udp:// ...).
 
-    live: only the newest frame is kept, and files play at their own pace; otherwise every frame is kept: files are read
-    as fast as requested, and settings.backlog frames of devices and streams wait
-    fps: frame rate [frames/s] of a folder of pictures, which has no times; for a film, it replaces the film's own
+    live: if True, only the newest frame waits, and files play at their own pace; otherwise every frame is delivered:
+    files are read as fast as requested, and settings.backlog frames of devices and streams may wait
+    fps: frame rate [frames/s] of a folder of pictures, which has no times; for a film, it replaces the film's rate
     give_up_s, settings: thresholds for faults of a device or stream; see `LiveFrames`
 
-    Raises SourceError for a missing source, and for fps with a camera or stream. The first `next` reports a device that
-    does not open.
+    Raises SourceError for a missing source, and for fps with a camera or stream. The first `next` raises it for a
+    device that does not open.
     """
-    opencv_name(spec)  # raises
+    opencv_name(spec)  # raises SourceError
     spec, path = os.fspath(spec), Path(spec)
     ends: Callable[[Any], bool] = _never
     if spec.isascii() and spec.isdecimal():
@@ -58,7 +58,7 @@ def open_source(
         waits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, open_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, read_ms]
         opened, ends = partial(cv2.VideoCapture, spec, cv2.CAP_FFMPEG, waits), _has_length
     elif path.is_char_device():
-        # The API is named; otherwise FFmpeg would first read the device as a file.
+        # The API is stated, because FFmpeg would otherwise first read the device as a file.
         opened = partial(cv2.VideoCapture, spec, cv2.CAP_V4L2)
     else:
         return from_file(_file(spec, fps), live=live)
@@ -69,12 +69,12 @@ def open_source(
 
 
 def from_file(frames: FrameFile, *, live: bool) -> Source:
-    """Source of the frames of a file: live at their own pace, newest first; otherwise every one."""
+    """Source of a file's frames: if live, the newest at the file's own pace; otherwise every frame."""
     return played(frames) if live else EveryFrame(frames)
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source of the frames of a file at its own pace, newest first; start: shared by films that play together."""
+    """Source of a file's newest frames at its own pace; start: shared by films that play together."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,
@@ -91,7 +91,7 @@ def _never(_capture: Any) -> bool:
 
 
 def _has_length(capture: Any) -> bool:
-    """Whether it is a film on a server, which ends; a stream has no length."""
+    """Whether a capture is a film on a server, which ends; a stream has no length."""
     return bool(capture.get(cv2.CAP_PROP_FRAME_COUNT) > 0)
 
 

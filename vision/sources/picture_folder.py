@@ -1,4 +1,4 @@
-"""Frames from the pictures in a folder, with any names."""
+"""Frames from the pictures, with any names, in a folder."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def pictures_in(folder: Path, suffixes: Collection[str] = SUFFIXES) -> list[Path
 class PictureFolderFrames:
     """Pictures of a folder in the natural order of their names, at a given rate.
 
-    Raises SourceError if there are none, and while iterating for one that cannot be read.
+    Raises SourceError if there are no pictures, and while iterating for a picture that cannot be read.
     """
 
     def __init__(self, folder: FilePath, fps: float) -> None:

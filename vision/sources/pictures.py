@@ -1,4 +1,4 @@
-"""Pictures for a calibration: files, folders of files, or sharp frames of a film; grey, each with its name."""
+"""Grey pictures for a calibration, with names: files, folders of files, or sharp frames of a film."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FILMS = frozenset({".avi", ".mp4", ".mkv", ".mov", ".m4v", ".webm", ".mpg", ".mp
 
 
 def grey_pictures(paths: Sequence[FilePath], settings: SourceSettings = DEFAULTS) -> Iterator[tuple[str, Image]]:
-    """Name and grey levels (height, width) of each picture: first of a film, then of files and folders in order.
+    """Name and grey levels, (height, width), of each picture: first of a film, then of files and folders in order.
 
     Raises SourceError for unreadable files, a second film, repeated names, and pictures of
     different sizes.
@@ -51,7 +51,7 @@ def grey_picture(path: FilePath) -> Image:
 def sharp_frames(film: FilePath, n: int = DEFAULTS.sharp_frames) -> Iterator[tuple[str, Image]]:
     """The sharpest frame of each of n equal parts of a film, (height, width, 3), named "frame 000123".
 
-    Raises SourceError as films do.
+    Raises SourceError as `VideoFileFrames` does.
     """
     n_frames = count_frames(film)
     best: tuple[float, str, Image] | None = None

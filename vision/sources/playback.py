@@ -1,4 +1,4 @@
-"""Playback of a film at its own pace, in the form of a camera."""
+"""Playback of a film at its own pace, with the interface of a camera."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vision.sources.frames import Frame
 
 @dataclass(slots=True)
 class Start:
-    """Zero of the films' own times on the clock [s]; None before the first frame of any film."""
+    """Clock time at which the films' own times are zero [s]; None before the first frame of any film."""
 
     at_s: float | None = None
 
@@ -24,7 +24,7 @@ class Playback:
     """Capture that delivers each frame of a file when it is due; frame times count from the first grab().
 
     start: start time, shared by films that play together
-    State: the remaining frames, the present one, the start.
+    State: the remaining frames, the present frame, the start.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Playback:
 
     @property
     def origin_s(self) -> float:
-        """Zero of the file's own time on the clock [s]; 0 before the first frame."""
+        """Clock time at which the file's own time is zero [s]; 0 before the first frame."""
         return self._start.at_s or 0.0
 
     def isOpened(self) -> bool:  # noqa: N802 - OpenCV's name
@@ -50,7 +50,7 @@ class Playback:
         return True
 
     def grab(self) -> bool:
-        """Wait until the next frame is due; False after the last."""
+        """Wait until the next frame is due; returns False after the last frame."""
         self._shown = next(self._coming, None)
         if self._shown is None:
             return False

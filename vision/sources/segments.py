@@ -1,4 +1,4 @@
-"""Film in numbered pieces, which get their names when complete: a killed writer leaves readable pieces."""
+"""Film in numbered pieces, each named when it is complete, so that a killed writer leaves readable pieces."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ SUFFIX: dict[Codec, str] = {"FFV1": ".mkv", "MJPG": ".avi"}
 """File name extension of a piece, by codec."""
 
 NOMINAL_FPS = 30.0
-"""Frame rate in a piece's header [frames/s]; exposure times are stored elsewhere."""
+"""Frame rate in a piece's header [frames/s]; the true exposure times are stored elsewhere."""
 
 
 class SegmentWriter:
     """Writer of a film in pieces, 000000.mkv (FFV1) or 000000.avi (MJPG) ..., in an existing empty folder.
 
     After an interruption at any moment, `finish` can be called again.
-    State: the present piece, hidden until it is complete, and the number of complete ones.
+    State: the present piece, hidden until it is complete, and the number of complete pieces.
     """
 
     def __init__(self, folder: FilePath, size_px: tuple[int, int], codec: Codec = "FFV1") -> None:
@@ -49,7 +49,7 @@ class SegmentWriter:
         self._piece.write(image)
 
     def finish(self) -> None:
-        """Finish the present piece: sync it to the disk, then name it.
+        """Finish the present piece: sync it to the disk, then give it its name.
 
         Raises SourceError and deletes the piece if it is incomplete.
         """
@@ -66,7 +66,7 @@ class SegmentWriter:
 
 
 def segments_in(folder: FilePath) -> list[Path]:
-    """The complete pieces of a folder in order. Raises SourceError if there are none, or one is missing."""
+    """The complete pieces in a folder in order. Raises SourceError if there are none, or a piece is missing."""
     paths = sorted(path for suffix in SUFFIX.values() for path in Path(folder).glob(f"[0-9]*{suffix}"))
     if not paths:
         raise SourceError(f"{folder}: expected pieces of a film, 000000.mkv or .avi, found none")
@@ -82,7 +82,7 @@ def count_segment_frames(folder: FilePath) -> int:
 
 
 class SegmentFrames(Closing):
-    """Frames of all pieces in order, with these exposure times [s]; further frames are omitted.
+    """Frames of all pieces in order, with these exposure times [s]; frames without a time are omitted.
 
     Raises SourceError if pieces are missing, cannot be read, or have too few frames. State: the open piece.
     """
@@ -115,9 +115,9 @@ class SegmentFrames(Closing):
 def join_segments(
     folder: FilePath, film: FilePath, n_frames: int, fps: float, advance: Callable[[float], None] = lambda _share: None
 ) -> None:
-    """Write the first n_frames of a folder's pieces as one film, which appears when it is complete.
+    """Write the first n_frames of a folder's pieces as one film, which gets its name when it is complete.
 
-    Lossless: JPEGs are copied, FFV1 is compressed again. `advance`: gets the completed share. Raises SourceError.
+    It is lossless: JPEGs are copied, FFV1 is compressed again. advance: gets the completed share. Raises SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

@@ -9,26 +9,26 @@ from dataclasses import dataclass, fields
 class SourceSettings:
     """Settings of sources: thresholds for faults and for trust in a clock; frames of a film for a calibration.
 
-    blocked_s: after this long without a new picture a source is blocked (no answer) or frozen (the same picture), and a
-    device whose reads fail is reopened; `close` waits this long for a reading thread [s]; choice
-    hung_s: a read that takes this long has hung: another thread opens the device, FFmpeg drops a packet; also the
-    longest pause between two attempts to open a lost device [s]; choice
-    opening_s: an opening of a device that takes this long has hung; some cameras need ten seconds [s]; choice
-    stream_opening_s: an opening of a stream that takes this long has hung [s]; choice
+    blocked_s: time without a new picture after which a source is blocked (no answer) or frozen (the same picture), and
+    a device whose reads fail is reopened; `close` waits as long for a reading thread [s]; choice
+    hung_s: time after which a read has hung: another thread opens the device, FFmpeg drops a packet; also the longest
+    pause between two attempts to open a lost device [s]; choice
+    opening_s: time after which opening a device has hung [s]; choice: some cameras need ten seconds
+    stream_opening_s: time after which opening a stream has hung [s]; choice
     most_readers: largest number of hung threads, each with the device that it opened [1]; choice
-    slow_intervals: number of usual frame intervals without a picture that a slow camera may have [1]; choice
-    settled_frames: number of frames for the usual interval, a median; a device's own times are trusted after this many
-    plausible ones [1]; choice
-    stuck_frames: after this many frames in a row whose stated times do not increase, arrival times are used; this many
-    frames in the time of twice as many count as sparse [1]; source: a fault is to be reported within 200 ms
+    slow_intervals: number of usual frame intervals for which a slow camera may have no picture [1]; choice
+    settled_frames: number of frames whose median interval is the usual one, and of plausible times after which a
+    device's own times are trusted [1]; choice
+    stuck_frames: after this many frames in a row without increasing times, arrival times are used; this many frames are
+    sparse if they take twice their usual time [1]; source: a fault is to be reported within 200 ms
         or three frames
     clock_error_s: largest drift of a device's times from the arrival times [s]; choice
-    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or as a share of it
-    [1], whichever is more, at which arrival times determine exposure times; choice
-    even_s: time without uneven intervals, or without gaps, after which such a fault ends [s]; choice
-    remembered_frames: frames over which the earliest arrival ties the device's clock to the monotonic clock [1]; choice
-    backlog: largest number of waiting frames of a device if every frame is kept [1]; choice
-    sharp_frames: number of a film's frames for a calibration, the sharpest of each of this many equal parts [1]; choice
+    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or relative to that
+    [1], whichever is more, with which arrival times determine exposure times; choice
+    even_s: time without uneven intervals, or without gaps, after which that fault ends [s]; choice
+    remembered_frames: number of frames whose earliest arrival ties the device's clock to the monotonic one [1]; choice
+    backlog: largest number of waiting frames of a device if every frame is to be delivered [1]; choice
+    sharp_frames: number of equal parts of a film whose sharpest frames are used for a calibration [1]; choice
 
     Raises ValueError that names the field.
     """

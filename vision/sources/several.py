@@ -1,4 +1,4 @@
-"""Pictures of several live cameras in order of exposure; pictures of one time come together."""
+"""Pictures of several live cameras in order of exposure; simultaneous pictures are delivered together."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ TOGETHER_S = 1e-3
 trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
 
 JITTER_S = 5e-3
-"""Largest further delay of a camera's next picture for which another picture waits [s]; choice: the error of an
-exposure time by arrival."""
+"""Largest additional delay of a camera's due picture for which another picture waits [s]; choice: the error of an
+exposure time from arrival."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
-"""Longest wait for the picture of another camera, and for its first one [s]; choices: less than a frame at 30 frames/s,
-and cameras that open one after the other."""
+"""Longest wait for another camera's picture, and for its first picture [s]; choices: less than a frame interval at 30
+frames/s, and enough for cameras that open one after the other."""
 
 POLL_S = 2e-3
-"""Interval between requests to the cameras [s]; choice: short relative to a frame's 33 ms."""
+"""Interval between requests to the cameras [s]; choice: short relative to a frame interval of 33 ms."""
 
 
 class SeveralFrames(Closing):
-    """Source of the newest pictures of several cameras, by name, each once, until all of them end or `close()`.
+    """Source of the newest pictures of several cameras, each delivered once, until all cameras end or `close()`.
 
     Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. An
     exposure is dropped if all its cameras already have a newer picture; their next exposure precedes earlier ones of
     other cameras, so that a slow loop gets pictures of each camera.
-    sources: by camera; clock, nap: the one monotonic clock [s], and a function that pauses
+    sources: source of each camera by name; clock, nap: the monotonic clock [s], and a function that pauses
     State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; cameras whose last
     picture was dropped; number of pictures dropped here.
     """
@@ -64,7 +64,7 @@ class SeveralFrames(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Zero of the sources' own time on the clock [s], the first camera's; 0 without a time of their own."""
+        """Clock time at which the first camera's own time is zero [s]; 0 if it has no own time."""
         return next(iter(self.sources.values())).origin_s
 
     @property
@@ -84,7 +84,7 @@ class SeveralFrames(Closing):
 
     @property
     def late_s(self) -> float:
-        """Largest delay of pictures after their times, since a pause [s]."""
+        """Largest delay of pictures after their exposure times, due to a pause [s]."""
         return max(one.late_s for one in self.sources.values())
 
     @property
@@ -93,7 +93,7 @@ class SeveralFrames(Closing):
         return any(one.uneven for one in self.sources.values())
 
     def next(self, timeout_s: float) -> Exposure | None:
-        """The newest exposure not yet delivered; None if none comes within timeout_s [s], or at the end."""
+        """The newest exposure not yet delivered; None at the end, or if none comes within timeout_s [s]."""
         until = self._clock() + timeout_s
         while True:
             self._fetch()
@@ -107,7 +107,7 @@ class SeveralFrames(Closing):
             self._nap(min(until - now, POLL_S))
 
     def _fetch(self) -> None:
-        """Ask all cameras for their newest picture; this also finds their faults."""
+        """Request the newest picture of each camera, which also detects faults."""
         for name, source in self.sources.items():
             try:
                 frame = source.next(0.0)
@@ -128,7 +128,7 @@ class SeveralFrames(Closing):
             return None
         group = [name for name, (_, one) in heads.items() if abs(one.exposure_s - first.exposure_s) <= TOGETHER_S]
         images = {name: self._waiting[name].popleft()[1].image for name in group}
-        if not first.exposure_s > self._given_s:  # it came after a later one was delivered
+        if not first.exposure_s > self._given_s:  # it came after a later picture was delivered
             self._drop(images)
             return self._first()
         self._given_s = first.exposure_s

@@ -14,14 +14,14 @@ from vision.arrays import Image
 from vision.sources.frames import FilePath, SourceError, opencv_name, quiet_opencv, whole_packets
 
 Codec = Literal["MJPG", "FFV1"]
-"""Compression of a film: each frame as JPEG, with small files; or lossless."""
+"""Compression of a film: each frame as JPEG, for small files, or lossless."""
 
 
 class VideoWriter:
-    """Writer of a film, which appears under its name when it is complete.
+    """Writer of a film, which gets its name when it is complete.
 
     MJPG compresses every frame separately as JPEG of the given quality, in .avi; FFV1 is lossless.
-    State: the open writer, the count of frames, whether it ended. As a context manager: an error inside leaves no file.
+    State: the open writer, the count of frames, whether it ended. As a context manager, it leaves no file on errors.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class VideoWriter:
         self.size_px = size_px
         self.n_frames = 0
         self._ended = False
-        # The suffix stays last: OpenCV chooses the container by it. The process id keeps two writers apart.
+        # The suffix is last, because OpenCV chooses the container by it. The process id distinguishes two writers.
         self._partial = self.path.with_name(f".{self.path.stem}.{os.getpid()}.partial{self.path.suffix}")
         # Only OpenCV's own MJPG writer has a quality, and it writes only .avi.
         api = cv2.CAP_OPENCV_MJPEG if codec == "MJPG" else cv2.CAP_FFMPEG
@@ -60,16 +60,16 @@ class VideoWriter:
         self.n_frames += 1
 
     def close(self, *, sync: bool = False) -> None:
-        """Finish the film and give it its name; with sync, after it is on the disk.
+        """Finish the film and give it its name; with sync, only when it is on the disk.
 
-        Raises SourceError and deletes the film if frames are missing, as on a full disk: OpenCV does not report write
-        errors. It can be called again after an interruption at any moment.
+        Raises SourceError and deletes the film if frames are missing, for example on a full disk, since OpenCV does not
+        report write errors. It can be called again after an interruption at any moment.
         """
         if self._ended:
             return
         self._writer.release()
         there = self._partial.exists()
-        if there or not self.path.exists():  # otherwise it was interrupted after naming the file
+        if there or not self.path.exists():  # otherwise it was interrupted after the file got its name
             n_found = sum(1 for _ in whole_packets(self._partial)) if there and self.n_frames else 0
             if not there or n_found < self.n_frames:
                 self._partial.unlink(missing_ok=True)
@@ -101,7 +101,7 @@ class VideoWriter:
 def compress(image: Image, quality: int) -> Image:
     """The image, (height, width, 3), after compression as JPEG of this quality, 1 to 100, and decompression.
 
-    Similar to each frame of an MJPG film.
+    Frames of an MJPG film look like this.
     """
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:

@@ -1,6 +1,6 @@
 """Detection of a source's faults: blocked, frozen, failed or resumed; lost pictures; repeated values.
 
-Without threads and clock.
+It has no threads and no clock.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ DARK = 60
 class SourceWatchdog:
     """Detects faults of a live source, from the times at which reads returned.
 
-    A fault is detected as soon as `check` is called after its time: without an answer or with the same picture for
-    settings.blocked_s, or for settings.slow_intervals usual frame intervals if these are longer; a failed read at
-    once. may_repeat: whether pictures may repeat, as those of a film
+    `check` detects a fault if there was no answer, or only the same picture, for settings.blocked_s, or for
+    settings.slow_intervals usual frame intervals if these are longer; a failed read is a fault at once. may_repeat:
+    whether pictures may repeat, like those of a film
 
     State: times of the last answer and of the last new picture [s], the last intervals [s], the size, the present fault
     or None, whether the picture repeats.
@@ -48,7 +48,7 @@ class SourceWatchdog:
         return float(np.median(self._intervals)) if self._intervals else 0.0
 
     def saw_new(self, now_s: float, size_px: tuple[int, int]) -> list[SourceEvent]:
-        """Record a new picture, (width, height)."""
+        """Record a new picture, with its width and height [px]."""
         events = []
         if self.fault is not None:
             events.append(SourceEvent(now_s, EventKind.RESUMED, f"after {now_s - self.new_s:.2f} s without a frame"))
@@ -71,7 +71,7 @@ class SourceWatchdog:
         return self._now(now_s, EventKind.DROPPED, why)
 
     def check(self, now_s: float) -> list[SourceEvent]:
-        """Events that are due without a new picture until now."""
+        """Events that are due because no new picture has come until now."""
         if self.fault is EventKind.DROPPED:
             return []
         most_s = max(self._settings.blocked_s, self._settings.slow_intervals * self.interval_s)
@@ -89,14 +89,14 @@ class SourceWatchdog:
 
 
 IN_TURN = 8
-"""Number of last frames that must not repeat: a hung driver may deliver its buffers in turn, usually four."""
+"""Number of last frames that must not repeat: a hung driver may deliver its buffers, usually four, in turn."""
 
 
 class FrozenValues:
     """Detects repeated values: all values of a frame equal those of one of the last `IN_TURN` frames to the last digit.
 
     Noise makes that almost impossible. A sender that sends each value several times is not frozen: FROZEN needs two
-    more successive repeats than usual between new values. A frame without values is ignored.
+    more successive repeats than are usual between new values. A frame without values is ignored.
 
     frozen: whether the values repeat now
     State: the last new frames; number of repeats before each, and since the newest; time of the newest [s].
@@ -110,7 +110,7 @@ class FrozenValues:
         self._n_repeats, self._new_s = 0, 0.0
 
     def saw(self, time_s: float, values: Mapping[str, tuple[float, ...]]) -> tuple[bool, list[SourceEvent]]:
-        """Whether the values of a frame, by name, repeat and must not be used, and the events at this time [s]."""
+        """Whether the values of a frame, by name, repeat and must not be used, and the events that this causes."""
         if not values:
             return False, []
         if any(values.items() <= one.items() for one in self._recent):
@@ -132,15 +132,14 @@ class FrozenValues:
 
 
 class SparsePictures:
-    """Detects lost pictures from exposure times: every second one, or more.
+    """Detects, from exposure times, that at least every second picture is lost.
 
-    Pictures are lost if `settings.stuck_frames` came in the time of twice as many, by the usual interval, with more
-    than one gap. A drifting rate has no gap of half an interval more than usual, and a late reader finds waiting
-    pictures, which come in less than half an interval. It is one event until no picture is missing for
-    `settings.even_s`.
+    Pictures are lost if `settings.stuck_frames` took twice their usual time, with more than one gap. A drifting rate
+    has no gap of half an interval more than usual, and a late reader finds waiting pictures, which come in less than
+    half an interval. The fault is one event until no picture is missing for `settings.even_s`.
 
-    State: exposure times of the last picture [s] and of the last that had not waited; the last intervals [s], and those
-    used for the test; time of the last gap [s], None if pictures are not sparse.
+    State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s],
+    and those used for the test; time of the last gap [s], None if pictures are not sparse.
     """
 
     def __init__(self, settings: SourceSettings = DEFAULTS) -> None:
@@ -152,7 +151,7 @@ class SparsePictures:
         self._gap_s: float | None = None
 
     def began_again(self) -> None:
-        """Restart after a pause, whose interval is not used for the rate."""
+        """Restart after a pause, whose interval does not count for the rate."""
         self._last_s = None
 
     def saw(self, exposure_s: float, image: Image) -> list[SourceEvent]:
@@ -193,6 +192,6 @@ class SparsePictures:
 
     @property
     def _usual_s(self) -> float | None:
-        """The usual interval, a median [s]; None until half of its intervals are known."""
+        """The usual interval [s], the median of recent intervals; None until half of these are known."""
         known = len(self._intervals) >= self._settings.settled_frames // 2
         return median_low(self._intervals) if known else None

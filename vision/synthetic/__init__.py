@@ -1,6 +1,6 @@
-"""Synthetic frames with known truth, plain or of a modelled camera.
+"""Synthetic frames with known truth, by plain or realistic camera models.
 
-Code that no detector imports belongs here.
+Detectors must not import code from here.
 """
 
 from vision.synthetic.camera_frames import (

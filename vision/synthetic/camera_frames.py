@@ -1,7 +1,7 @@
 """Synthetic frames of a modelled camera, with marks at exactly known sub-pixel positions: lens, light, motion, sensor.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Marks are discs on a plane [m]. Light is linear;
-colours are BGR. `vision/synthetic/plain_frames.py` is the plain camera, square to the plane.
+colours are BGR. `vision/synthetic/plain_frames.py` has the plain camera, perpendicular to the plane.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from vision.synthetic.view import SyntheticView, disc_box, disc_coverage
 class Highlight:
     """Mirror image of the lamp on each mark.
 
-    size: its radius as a share of the mark's
+    size: its radius relative to the mark's
     strength: 0 to 1, the share of the mark's colour that white replaces
-    offset: its position relative to the mark's centre, as shares of the mark's radius along x and y of the plane
+    offset: its position from the mark's centre along x and y of the plane, relative to the mark's radius
     """
 
     size: float = 0.2
@@ -37,10 +37,10 @@ class Highlight:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """Soft edge of a shadow cast by something outside the picture.
+    """Soft edge of a shadow that something outside the picture casts.
 
     depth: 0 to 1, the share of light that the shadow removes
-    edge_px: a point of its edge [px], with half the depth
+    edge_px: a point on its edge [px], where it has half the depth
     towards_deg: direction in which it darkens, 0 right, 90 down [degrees]
     softness_px: the standard deviation of its edge [px]
     """
@@ -53,20 +53,20 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SyntheticCamera:
-    """A camera in front of a plane, with lamps and sensor; with the defaults only the view has an effect.
+    """A camera in front of a plane, with lamps and sensor; by default only the view has an effect.
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
-    vignetting: 1 for the natural law, cos⁴ of the ray's angle; other values are a power of that; 0 for none
-    blur_sd_px: the lens's point spread [px]
+    vignetting: 1 for the natural law, cos⁴ of the ray's angle; other values are exponents on that; 0 for none
+    blur_sd_px: standard deviation of the lens's point spread [px]
     exposure_share: share of the time between frames during which the shutter is open, 0 to 1
-    exposure: factor on the light that the sensor counts; 1 shows a white thing white
+    exposure: factor on the light that the sensor counts; with 1 a white object looks white
     lamp_bgr: the lamp's colour, as shares of light
-    slope: decrease of light from one border of the scene to the other, as a share, along slope_deg
+    slope: decrease of light, as a share, from one border of the scene to the other along slope_deg
     slope_deg: direction in which the light decreases, 0 right, 90 down [degrees]
-    flicker: the lamp's ripple, as a share of light, in rows that are read successively
+    flicker: the lamp's ripple, as a share of light, which shows because rows are read one after the other
     flicker_period_px, flicker_phase: rows per ripple [px], and its phase [radians]
-    highlight, shadow: the lamp's mirror image on marks; a soft shadow; None: without
+    highlight, shadow: the lamp's mirror image on marks, and a soft shadow; None: not present
 
     Raises ValueError that names the field.
     """
@@ -105,7 +105,7 @@ class SyntheticMark:
     """A coloured disc on the plane, with its motion while the shutter is open.
 
     path_m: its centre at evenly spaced moments of the exposure [m], shape (n_moments, 2); n_moments is odd, and the
-        middle one is the mark's stated position
+        middle moment has the mark's stated position
     radius_m: its radius [m]
     hue_deg, saturation, value: its colour under white light, in sRGB
     """
@@ -131,7 +131,7 @@ class SyntheticFrame:
     """A synthetic frame with its truth.
 
     image: (height, width, 3) BGR uint8
-    centers_px: projections of the marks' centres in mid-exposure [px], shape (n_marks, 2); these are not the
+    centers_px: projections of the marks' centres at mid-exposure [px], shape (n_marks, 2), which differ from the
         centres of the ellipses in the picture
     visible: the share of each mark that is in the picture and not covered, shape (n_marks,)
     """
@@ -149,9 +149,9 @@ def draw_synthetic_frame(
     *,
     occluders: Sequence[Layer] = (),
 ) -> SyntheticFrame:
-    """Draw a frame of marks on a surface; later marks cover earlier ones, and occluders cover all.
+    """Draw a frame of marks on a surface; later marks cover earlier ones, and occluders cover all marks.
 
-    surface_bgr: the share of light that the empty plane reflects at each pixel, linear, (height, width, 3)
+    surface_bgr: linear share of light that the empty plane reflects at each pixel, (height, width, 3)
     """
     width, height = camera.view.size_px
     if surface_bgr.shape != (height, width, 3):
@@ -175,12 +175,12 @@ def draw_synthetic_frame(
 
 
 def reflectance(hue_deg: float, saturation: float, value: float) -> Picture:
-    """Linear BGR shares of light of a colour with this hue, saturation and value in sRGB; shape (3,)."""
+    """Linear BGR shares of light, (3,), for a colour with this hue, saturation and value in sRGB."""
     return light_of(colorsys.hsv_to_rgb(hue_deg % 360.0 / 360.0, saturation, value))[::-1].astype(np.float32)
 
 
 def _mark_layer(view: SyntheticView, mark: SyntheticMark) -> Layer | None:
-    """The mark as a layer; None if all of it is outside the picture."""
+    """The mark as a layer; None if it is completely outside the picture."""
     box = disc_box(view, mark.path_m, mark.radius_m)
     if box[2] <= 0 or box[3] <= 0 or box[0] >= view.size_px[0] or box[1] >= view.size_px[1]:
         return None
@@ -240,7 +240,7 @@ def _still_light(view: SyntheticView, vignetting: float, slope: float, slope_deg
 
 
 def _shadow_light(size_px: tuple[int, int], shadow: Shadow) -> Picture:
-    """Light that the shadow leaves: its edge is a logistic function of the given standard deviation."""
+    """Share of light that the shadow leaves; its edge is a logistic function with the stated standard deviation."""
     c, s = np.cos(np.deg2rad(shadow.towards_deg)), np.sin(np.deg2rad(shadow.towards_deg))
     u = (np.arange(size_px[0]) - shadow.edge_px[0])[None, :]
     v = (np.arange(size_px[1]) - shadow.edge_px[1])[:, None]

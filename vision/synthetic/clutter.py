@@ -1,6 +1,6 @@
 """Occluders and clutter of synthetic frames: needles and hands over marks, blood and other discs on the surface.
 
-Image axes: u right, v down [px]. Colours are shares of reflected light, linear, BGR. Every shape follows from a seed.
+Image axes: u right, v down [px]. Colours are linear BGR shares of reflected light. Every shape follows from a seed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of rows in a band of a needle: a box around a whole slanting needle would be most of the picture."""
+"""Number of rows in a band of a needle; a box around a whole slanted needle would cover most of the picture."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class OccludingNeedle:
 
     tip_px, tail_px: its ends [px]
     width_px: its width [px]
-    gloss: 0 to 1, brightness of the lamp's streak along it
+    gloss: brightness of the lamp's reflection along it, 0 to 1
     """
 
     tip_px: tuple[float, float]
@@ -38,14 +38,14 @@ class OccludingNeedle:
 
 @dataclass(frozen=True, slots=True)
 class OccludingHand:
-    """A hand over the marks: fingers that enter from one side, out of focus.
+    """A hand over the marks: fingers, out of focus, that enter from one side.
 
     tip_px: the end of its longest finger [px]
     towards_deg: direction in which it points, 0 right, 90 down [degrees]
     finger_px: half the width of a finger [px]
-    n_fingers: 1 to 4
+    n_fingers: number of fingers, 1 to 4
     skin_srgb: its colour, red, green, blue in sRGB, 0 to 1
-    softness_px: the standard deviation of its outline [px]
+    softness_px: standard deviation of the blur of its outline [px]
     """
 
     tip_px: tuple[float, float]
@@ -57,7 +57,7 @@ class OccludingHand:
 
 
 def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
-    """The needle as bands of rows that do not overlap; covered shares are accurate to 1e-2 of a pixel at its edges."""
+    """The needle as bands of rows that do not overlap; coverage of pixels at its edges is accurate to 1e-2."""
     tip, tail = np.array(needle.tip_px), np.array(needle.tail_px)
     length = float(np.hypot(*(tail - tip)))
     along = (tail - tip) / length
@@ -68,7 +68,7 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
     bottom = min(size_px[1], int(np.ceil(max(tip[1], tail[1]) + reach)) + 1)
     for row in range(top, bottom, ROWS_PER_BAND):
         end = min(row + ROWS_PER_BAND, bottom)
-        # Where the axis crosses the band, and the width to both sides there.
+        # Position at which the axis crosses the band, and the needle's width to both sides of it.
         if abs(along[1]) > 1e-3:
             crossings = tip[0] + (np.array([row - reach, end + reach]) - tip[1]) * along[0] / along[1]
             ends = np.clip(crossings, min(tip[0], tail[0]), max(tip[0], tail[0]))
@@ -94,7 +94,7 @@ def needle_layers(needle: OccludingNeedle, size_px: Size) -> list[Layer]:
 
 def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     """The hand as a layer, from the tip of its longest finger to outside the picture."""
-    scale = 2  # the outline is soft: half the picture's resolution suffices
+    scale = 2  # half the picture's resolution suffices for a soft outline
     width, height = (size_px[0] + 1) // scale, (size_px[1] + 1) // scale
     angle = np.deg2rad(hand.towards_deg)
     ahead, side = np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)])
@@ -110,7 +110,7 @@ def hand_layer(hand: OccludingHand, size_px: Size) -> Layer:
     for a, b, half in parts:
         distances = _distances_to_segment((width, height), a, b)
         alpha = np.maximum(alpha, np.clip(0.5 + half - distances, 0.0, 1.0))
-        # Fingers and palm are round: the light decreases towards their sides.
+        # Fingers and palm are round, so that light decreases towards their sides.
         depth = np.maximum(depth, np.sqrt(np.clip(1.0 - (distances / half) ** 2, 0.0, 1.0)))
     if hand.softness_px:
         alpha, depth = (cv2.GaussianBlur(part, (0, 0), hand.softness_px / scale) for part in (alpha, depth))
@@ -155,7 +155,7 @@ def blood_layer(
 
 
 def plain_surface(size_px: Size, srgb: Sequence[float], rng: np.random.Generator, *, texture: float = 0.0) -> Picture:
-    """Light that an empty plane of this colour reflects, linear BGR, (height, width, 3), uneven by a share."""
+    """Linear BGR light that an empty plane of this colour reflects, (height, width, 3); texture: its unevenness."""
     surface = np.ones((size_px[1], size_px[0], 3)) * light_of(srgb)[::-1]
     if texture:
         uneven = 0.7 * _clouds(size_px, 40.0, rng) + 0.5 * _clouds(size_px, 5.0, rng) + 0.5 * _clouds(size_px, 1.0, rng)
@@ -193,5 +193,5 @@ def _distances_to_segment(size_px: Size, a: Picture, b: Picture) -> Picture:
 
 
 def _fine(point: Picture) -> tuple[int, int]:
-    """A point in sixteenths of a pixel, in OpenCV's form."""
+    """A point as OpenCV's integers, in sixteenths of a pixel."""
     return int(np.rint(16 * point[0])), int(np.rint(16 * point[1]))

@@ -1,6 +1,6 @@
-"""Layers of a drawn scene: each covers part of the picture, with its colour and its share of each pixel.
+"""Layers of a drawn scene: each has a colour, and covers a share of each pixel in part of the picture.
 
-Colours are shares of reflected light, linear, BGR.
+Colours are linear BGR shares of reflected light.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from vision.arrays import Picture
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Layer:
-    """A thing that covers part of the picture.
+    """An object that covers part of the picture.
 
-    left, top: the pixel of its first element [px]; it may lie outside the picture
+    left, top: the pixel of its first element [px], which may lie outside the picture
     alpha: the share of each pixel that it covers, shape (n_rows, n_columns), 0 to 1
     color_bgr: its colour, linear, shape (3,) or (n_rows, n_columns, 3)
     """
@@ -36,7 +36,7 @@ class Layer:
 
 
 def paint(picture: Picture, layer: Layer) -> None:
-    """Draw the layer over the picture, (height, width, 3), in place."""
+    """Draw the layer over the picture, (height, width, 3), which is changed in place."""
     inside, own = _overlap(picture.shape[:2], layer)
     part, alpha = picture[inside], layer.alpha[own].astype(np.float32)[:, :, None]
     color = layer.color_bgr if layer.color_bgr.ndim == 1 else layer.color_bgr[own]
@@ -44,7 +44,7 @@ def paint(picture: Picture, layer: Layer) -> None:
 
 
 def take(free: Picture, layer: Layer) -> float:
-    """Area of the layer on free pixels [px]; these become covered, (height, width), in place."""
+    """Area of the layer on uncovered pixels [px]; free: uncovered share of each, (height, width), changed in place."""
     inside, own = _overlap(free.shape, layer)
     part, alpha = free[inside], layer.alpha[own]
     seen = float((part * alpha).sum(dtype=np.float64))
@@ -53,7 +53,7 @@ def take(free: Picture, layer: Layer) -> float:
 
 
 def _overlap(shape: ArrayLike, layer: Layer) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """The layer's rows and columns in the picture, and the same in the layer; empty if it lies outside."""
+    """Rows and columns of the visible part in the picture, and in the layer; empty if it lies outside."""
     inside, own = [], []
     for start, length, size in zip((layer.top, layer.left), layer.alpha.shape, np.asarray(shape), strict=True):
         low, high = max(start, 0), min(start + length, int(size))

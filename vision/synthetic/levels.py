@@ -1,4 +1,4 @@
-"""Realistic cameras drawn from a seed, at two levels of difficulty."""
+"""Realistic cameras, drawn at random from a seed, at two levels of difficulty."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from vision.synthetic.view import tilted_view
 Triple = tuple[float, float, float]
 
 LAMPS_BGR: dict[str, Triple] = {"daylight": (1.0, 1.0, 1.0), "led": (0.86, 1.0, 0.97), "tungsten": (0.45, 0.78, 1.25)}
-"""Colours of lamps for a sensor balanced for daylight; choice."""
+"""Colours of lamps as a sensor balanced for daylight records them; choice."""
 
 
 def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A camera in good light: modest noise, mild lamps, a lens with little distortion, almost square to the plane."""
+    """A camera in good light: modest noise, mild lamps, little lens distortion, almost perpendicular to the plane."""
     return SyntheticCamera(
         tilted_view(
             size_px,
@@ -44,7 +44,7 @@ def good_camera(size_px: tuple[int, int], rng: np.random.Generator) -> Synthetic
 
 
 def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticCamera:
-    """A camera of the whole range: every effect acts, with a strength from the seed; choice: as a webcam may be."""
+    """A camera of the whole range: every effect acts, with random strength; choice: the range of webcams."""
     lamp = LAMPS_BGR[str(rng.choice(list(LAMPS_BGR)))]
     balanced = float(rng.uniform(0.5, 1.0))
     gains = np.array(_cast(lamp, -balanced))
@@ -73,7 +73,7 @@ def any_camera(size_px: tuple[int, int], rng: np.random.Generator) -> SyntheticC
         lamp_bgr=lamp,
         slope=float(rng.uniform(0.0, 0.5)),
         slope_deg=float(rng.uniform(0.0, 360.0)),
-        # A shutter open for whole ripples of the lamp shows none of them.
+        # A shutter that is open for whole periods of the lamp's ripple does not show the ripple.
         flicker=float(rng.uniform(0.0, 0.10)) * (1.0 - share) * float(rng.random() < 0.5),
         flicker_period_px=float(rng.uniform(0.3, 0.6)) * size_px[1],
         flicker_phase=float(rng.uniform(0.0, 2.0 * np.pi)),
@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour to a power: the part that white balance leaves, or the gains that remove the other part."""
+    """A lamp's colour to a power: the part that white balance leaves, or the gains that remove the rest."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

@@ -21,9 +21,9 @@ from vision.detection.hue import hue_distance
 Line = tuple[Sequence[float], Sequence[float]]
 
 ROWS_PER_PIXEL = 16
-"""Number of chords of a disc per row of pixels: coverage is exact along u and accurate to 1e-3 along v."""
+"""Number of chords of a disc per row of pixels, with which coverage is exact along u and accurate to 1e-3 along v."""
 BLUR_REACH = 4.0
-"""Standard deviations beyond which a blurred edge has ended."""
+"""Number of standard deviations after which a blurred edge ends."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Disc:
 
     center_px: its centre [px], shape (2,)
     axes_px: semi-axes along u and v [px]; they differ if pixels are not square
-    lean: shift along u of each of its rows by the row's distance below the centre [1], as for a disc seen obliquely
+    lean: shift along u of each row, per pixel of its distance below the centre [1], as for a disc seen obliquely
     hue_deg, saturation, value: its colour
     smear_px: its motion along u and v while the shutter is open [px]; center_px is the middle of that path
     """
@@ -61,25 +61,25 @@ class Disc:
 
     @property
     def reach_px(self) -> Floats:
-        """Largest distance of its points from its centre along u and v [px], (2,)."""
+        """Largest distance of the disc's points from its centre along u and v [px], (2,)."""
         across, down = self.axes_px
         return np.array([np.hypot(across, self.lean * down), down])
 
 
 @dataclass(frozen=True, slots=True)
 class Lighting:
-    """Effects of light, lens and sensor on a frame; the defaults are a decent webcam in front of acrylic.
+    """Effects of light, lens and sensor on a frame; by default those of a decent webcam in front of acrylic.
 
     background_bgr: colour of the acrylic in full light [grey levels]
     slope: decrease of light from the picture's upper left to its lower right, as a share of full light
     vignetting: decrease of light from the centre to the corners, as a share of full light
-    blur_sd_px: the lens's point spread [px]
-    noise_sd: the sensor's noise in the dark, after the camera's own smoothing [grey levels]
-    shot_noise_sd: noise that grows as the square root of light, at level 255 [grey levels]
+    blur_sd_px: standard deviation of the lens's point spread [px]
+    noise_sd: the sensor's noise in the dark, after smoothing by the camera [grey levels]
+    shot_noise_sd: noise, proportional to the square root of light, at level 255 [grey levels]
     grain_px: spread of the noise by the camera's smoothing [px], 0 for white noise
     mark_strength: 1 for fresh marks; below 1, the remaining share of a worn mark's colour on the acrylic
-    wander_px: error of each mark's drawn position in each frame [px], one standard deviation per axis; for errors that
-    no picture shows, such as those of manually marked references
+    wander_px: standard deviation of each mark's drawn position in each frame, per axis [px]; for errors that no picture
+    shows, such as those of manually marked references
     """
 
     background_bgr: tuple[float, float, float] = (208.0, 210.0, 206.0)
@@ -122,7 +122,7 @@ def draw_frame(
 def distractors(
     n: int, size_px: tuple[int, int], rng: np.random.Generator, keep_clear_of_hues: Sequence[float]
 ) -> list[Disc]:
-    """Discs at random positions, of random sizes and of hues at least 50 degrees from those to keep clear of."""
+    """Discs with random positions and sizes, and hues at least 50 degrees from those in `keep_clear_of_hues`."""
     clear = [h for h in range(0, 360, 5) if all(hue_distance(h, kept) >= 50.0 for kept in keep_clear_of_hues)]
     if n and not clear:
         raise ValueError(f"keep_clear_of_hues: expected to leave a hue free, found {list(keep_clear_of_hues)}")
@@ -137,15 +137,15 @@ def distractors(
 def paper_camera() -> Lighting:
     """Lighting with which marks 7 px wide have the error in the paper: 4.14 mm at 4.4 mm per pixel.
 
-    For films of MJPG quality 60. The paper gives only the resulting error; every value here is a choice. If only sensor
-    noise made 4.1 mm, a twentieth of the marks or more could not be recognised, and the empty scene would have colours
-    of marks. So most of the error is one that no picture shows: the paper's own reference was marked manually. A scene
-    filmed like this must state it in calibration_sd_px.
+    It is for films of MJPG quality 60. The paper states only the resulting error; every value here is a choice. If
+    sensor noise alone caused 4.1 mm, at least a twentieth of the marks would not be recognisable, and the empty scene
+    would have colours of marks. So a picture does not show most of the error: the paper's own reference was marked
+    manually. A scene filmed like this must state it in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens
         noise_sd=14.0,  # choice: a dim room at high gain
-        shot_noise_sd=0.0,  # choice: included in the noise above
+        shot_noise_sd=0.0,  # choice: noise_sd includes it
         grain_px=1.5,  # choice: colour of lower resolution than the picture
         mark_strength=1.0,  # choice: fresh marks
         wander_px=0.68,  # choice: 3 mm per axis
@@ -194,7 +194,7 @@ def _draw_disc(frame: Picture, light: Picture, disc: Disc, lighting: Lighting) -
 
 
 def _coverage(disc: Disc, low: NDArray[np.int64], high: NDArray[np.int64]) -> Picture:
-    """The share of each pixel from low to high that the disc covers, averaged over the exposure."""
+    """The share of each pixel, from corner low to corner high, that the disc covers, averaged over the exposure."""
     n_moments = 1 + int(np.ceil(2.0 * np.hypot(*disc.smear_px)))
     v = np.arange(low[1] - 0.5, high[1] - 0.5, 1.0 / ROWS_PER_PIXEL) + 0.5 / ROWS_PER_PIXEL
     u = np.arange(low[0], high[0], dtype=float)
@@ -228,7 +228,7 @@ def _with_noise(frame: Picture, lighting: Lighting, rng: np.random.Generator) ->
 
 @lru_cache(maxsize=2)
 def _noise_bank(height: int, width: int, grain_px: float) -> Picture:
-    """Standard normal numbers, (2 height, 2 width, 3), to be read from a random corner with a random sign.
+    """Standard normal numbers, (2 height, 2 width, 3), which are read from a random corner with a random sign.
 
     New noise for every frame would take longer than all other steps; two frames share noise at a mark only if
     their corners are within a mark's size of each other, once in some hundred frames.

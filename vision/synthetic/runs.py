@@ -1,4 +1,4 @@
-"""Synthetic runs: marks that move smoothly in front of a realistic camera, in good light or over the whole range.
+"""Synthetic runs: marks that move smoothly in front of a realistic camera, in good light or the whole range.
 
 Everything follows from the seed: the camera, its lamps, the surface, the motion and the noise.
 """
@@ -44,9 +44,9 @@ FASTEST_PX = 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunFrame:
-    """One frame of a run: index, time of mid-exposure [s], the camera at that time, the marks, picture and truth.
+    """A frame of a run: its index, its time of mid-exposure [s], the camera at that time, its marks, picture and truth.
 
-    The camera changes from frame to frame if lamps and exposure drift; its view is the same in all frames.
+    The camera differs between frames if lamps and exposure drift; its view is the same in all frames.
     """
 
     index: int
@@ -58,7 +58,7 @@ class RunFrame:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sway:
-    """A smooth motion on the plane: home plus sines.
+    """A smooth motion on the plane: a sum of sines about a home position.
 
     home_m: shape (2,) [m]; amplitudes_m, phases: shape (n_sines, 2) [m, radians]; rates_hz: shape (n_sines,)
     """
@@ -76,7 +76,7 @@ class Sway:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
-    """A factor that drifts slowly about 1: exp of a sine."""
+    """A factor that drifts slowly about 1: the exponential of a sine."""
 
     depth: float
     rate_hz: float
@@ -90,9 +90,9 @@ class Drift:
 def exposure_path(
     position_m: Callable[[Floats], Floats], time_s: float, open_s: float, longest_step_m: float
 ) -> Floats:
-    """Positions of a mark at an odd number of evenly spaced moments of an exposure about time_s, (n_moments, 2) [m].
+    """Positions of a mark at an odd number of evenly spaced moments of an exposure around time_s, (n_moments, 2) [m].
 
-    Each moment is the middle of its part of the exposure, and no step is longer than longest_step_m.
+    Each moment is the middle of its part of the exposure, and no step exceeds longest_step_m [m].
     """
     if open_s == 0:
         return position_m(np.array([time_s]))
@@ -112,10 +112,10 @@ def synthetic_run(
     radius_px: float | None = None,
     fps: float = 30.0,
 ) -> Iterator[RunFrame]:
-    """Frames of marks, one for each hue, that move by up to 20 px per frame, each about a fixed point.
+    """Frames of marks, one for each hue; each moves about a fixed point by up to 20 px per frame.
 
-    good light: modest noise, no occluders, mild lamps. whole range: every effect, each drawn from the seed.
-    radius_px: the marks' radius at mid-picture; None: drawn from the seed
+    Level good light: modest noise, mild lamps, no occluders. Level whole range: every effect, with random strength.
+    radius_px: the marks' radius at mid-picture [px]; None: random
     """
     if level not in ("good light", "whole range"):
         raise ValueError(f"level: expected good light or whole range, found {level}")
@@ -157,7 +157,7 @@ def synthetic_run(
 
 
 def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) -> list[Sway]:
-    """One motion for each mark about the middle of its own tile of the picture, with a random speed."""
+    """A motion with random speed for each mark, about the middle of the mark's own tile of the picture."""
     n_across = max(1, round(np.sqrt(n * view.size_px[0] / view.size_px[1])))
     n_down = int(np.ceil(n / n_across))
     tile = np.array(view.size_px) / (n_across, n_down)
@@ -166,8 +166,8 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
     for k in range(n):
         home = view.to_plane([(np.array([k % n_across, k // n_across]) + rng.uniform(0.42, 0.58, 2)) * tile])[0]
         shares = rng.dirichlet((2.0, 2.0))
-        speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # m/s; the sines' speeds add up to it at most
-        # Slow sines have large amplitudes: none larger than the tile allows.
+        speed = rng.uniform(0.1, 1.0) * FASTEST_PX * scale * fps  # m/s; the sum of the sines' speeds is at most this
+        # Slow sines have large amplitudes, which the tile limits.
         slowest = speed / (2.0 * np.pi * 0.28 * tile.min() * scale)
         rates = np.maximum(rng.uniform(0.4, 1.2, 2), slowest)
         heading = rng.uniform(0.0, 2.0 * np.pi, 2)
@@ -180,7 +180,7 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
 def _surface(
     view: SyntheticView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
 ) -> Picture:
-    """The empty plane; over the whole range with blood and discs of other hues on it."""
+    """The empty plane; at level whole range with blood and discs of other hues on it."""
     if level == "good light":
         return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
     tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))
@@ -218,9 +218,9 @@ def _no_cover(time_s: float) -> list[Layer]:
 
 
 def _occluders(size_px: tuple[int, int], homes_px: Floats, rng: np.random.Generator) -> Callable[[float], list[Layer]]:
-    """A needle that slides in and out, and a hand that enters, in some of the runs: the layers at a time [s].
+    """Function from a time [s] to layers: in some runs a needle that slides in and out, and a hand that enters.
 
-    Both are aimed at a mark's home: elsewhere they would seldom cover one.
+    Both are aimed at a mark's home position, since otherwise they would seldom cover a mark.
     """
     with_needle, with_hand = rng.random() < 0.7, rng.random() < 0.5
     size = np.array(size_px, dtype=float)

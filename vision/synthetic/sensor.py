@@ -17,19 +17,19 @@ from vision.sources.video import compress
 
 FULL_SCALE = 65535
 BLACK = 4096
-"""Sensor count without light: noise in the dark has both signs, and a cut at 0 would brighten it."""
+"""Sensor count without light: noise in the dark has both signs, and clipping at 0 would brighten the dark."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sensor:
-    """A sensor and its camera's software; with the defaults they only round to grey levels.
+    """A sensor and its camera's software; by default they only round to grey levels.
 
-    bayer: one colour per pixel, RGGB from the first pixel on, the others interpolated
-    full_well_e: electrons at light 1; shot noise has the variance light / full_well_e; none if infinite
+    bayer: whether each pixel has one colour, RGGB from the first pixel on, and other colours are interpolated
+    full_well_e: number of electrons at light 1; the variance of shot noise is light / full_well_e
     read_noise_e: the noise in the dark [electrons]; needs a finite full well
-    gains_bgr: white balance, after the noise
-    gamma: sRGB's curve in place of grey levels in proportion to light
-    jpeg_quality: 1 to 100; None: no compression
+    gains_bgr: gains of the white balance, applied after the noise
+    gamma: whether grey levels follow sRGB's curve; otherwise they are proportional to light
+    jpeg_quality: quality of JPEG compression, 1 to 100; None: no compression
     """
 
     bayer: bool = False
@@ -69,7 +69,7 @@ def light_of(srgb: ArrayLike) -> Floats:
 
 
 def develop(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Image:
-    """The picture, (height, width, 3) uint8, of linear light, (height, width, 3) float32; even sizes for a mosaic."""
+    """The picture, (height, width, 3) uint8, of linear light, (height, width, 3) float32; a mosaic needs even sizes."""
     height, width = light.shape[:2]
     if sensor.bayer and (height % 2 or width % 2):
         raise ValueError(f"light: expected an even width and height for a mosaic, found {width} x {height}")
@@ -102,7 +102,7 @@ def _with_noise(light: Picture, sensor: Sensor, rng: np.random.Generator) -> Pic
 
 
 def _counts(light: Picture) -> NDArray[np.uint16]:
-    """Light as counts of the sensor: whole numbers from 0 to its full scale."""
+    """Light as whole counts of the sensor, from 0 to full scale."""
     counts = light * np.float32(FULL_SCALE - BLACK)
     counts += np.float32(BLACK + 0.5)
     np.clip(counts, 0, FULL_SCALE, out=counts)
@@ -111,6 +111,6 @@ def _counts(light: Picture) -> NDArray[np.uint16]:
 
 @lru_cache(maxsize=64)
 def _tone_table(gain: float, gamma: bool) -> Image:
-    """The grey level of each count of the sensor."""
+    """Table with the grey level of each count of the sensor."""
     light = np.clip((np.arange(FULL_SCALE + 1) - BLACK) * (gain / (FULL_SCALE - BLACK)), 0.0, 1.0)
     return np.rint(255.0 * (srgb_of(light) if gamma else light)).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""Projection of a drawn camera: a lens with distortion, a pose, and the exact image of a disc on the plane.
+"""Projection of a synthetic camera: a lens with distortion, a pose, and the exact image of a disc on the plane.
 
 Image axes: u right, v down, the centre of the first pixel is (0, 0). Plane axes x and y [m]; a point (x, y, 0) has the
 position R (x, y, 0) + t relative to the lens, with the lens's z forward (OpenCV's convention).
@@ -17,14 +17,14 @@ from vision.arrays import Floats
 
 Singles = NDArray[np.float32]
 Box = tuple[int, int, int, int]
-"""Box of pixels: left, top, and one past right and bottom [px]; it may extend outside the picture."""
+"""Box of pixels: left, top, right + 1, bottom + 1 [px]; it may extend outside the picture."""
 
 SAMPLES_PER_PIXEL = 8
-"""Number of sub-samples of a pixel along each axis; each takes the share that an edge through it leaves."""
+"""Number of sub-samples of a pixel along each axis; an edge through a sub-sample gives it a partial share."""
 MOVING_SAMPLES_PER_PIXEL = 4
-"""The same for a moving disc, whose moments use different sub-samples."""
+"""Number of sub-samples along each axis for a moving disc, whose moments use different sub-samples."""
 NODES = 9
-"""Chebyshev nodes along each axis of a box: over 100 px of a distorting lens, interpolated rays err by 1e-6 px."""
+"""Number of Chebyshev nodes along each axis of a box: for 100 px and a distorting lens, rays err by 1e-6 px."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,7 +107,7 @@ def tilted_view(
     tilt_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0),
 ) -> SyntheticView:
-    """A view with the plane's origin mid-picture at mm_per_px, rotated about the axes u, v and depth [degrees].
+    """A view with the plane's origin at mid-picture and mm_per_px there, rotated about u, v and depth [degrees].
 
     Without tilt x is right and y up.
     """
@@ -126,14 +126,14 @@ def tilted_view(
 def disc_box(view: SyntheticView, path_m: Floats, radius_m: float) -> Box:
     """Box of the pixels that a disc may touch while its centre moves along a path [m], (n_moments, 2)."""
     angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
-    rim = 1.02 * radius_m * np.column_stack([np.cos(angle), np.sin(angle)])  # the rim between the 32 points
+    rim = 1.02 * radius_m * np.column_stack([np.cos(angle), np.sin(angle)])  # margin for the rim between the 32 points
     seen = view.project((path_m[:, None] + rim).reshape(-1, 2))
     low, high = np.floor(seen.min(axis=0)).astype(int) - 1, np.ceil(seen.max(axis=0)).astype(int) + 2
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
 
 def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float) -> Floats:
-    """The share of each pixel of the box that a disc covers, averaged over the moments of its path.
+    """The share of each pixel in the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
     Returns shape (bottom - top, right - left), 0 to 1. Accurate to 1e-3 of the disc's area from a radius of 2 px.
@@ -153,7 +153,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
 def _plane_samples(view: SyntheticView, box: Box, origin_m: Floats, n_samples: int) -> tuple[Singles, Singles]:
     """Positions on the plane, x and y from the origin [m], of the box's sub-samples; each (n_rows, n_columns).
 
-    Rays are traced at Chebyshev nodes and interpolated between: the map is smooth, and tracing all costs 20 times more.
+    Rays are traced at Chebyshev nodes and interpolated: the map is smooth, and tracing all rays takes 20 times longer.
     """
     (u, along_u), (v, along_v) = (_interpolation(box[k], box[k + 2], n_samples) for k in (0, 1))
     grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -172,6 +172,6 @@ def _interpolation(low: int, high: int, n_samples: int) -> tuple[Floats, Floats]
 
 @lru_cache(maxsize=1)
 def _nodes() -> tuple[Floats, Floats]:
-    """Chebyshev nodes in -1 to 1, and the matrix from values there to Chebyshev coefficients."""
+    """Chebyshev nodes from -1 to 1, and the matrix from values at the nodes to Chebyshev coefficients."""
     nodes = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
     return nodes, np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, NODES - 1)))

@@ -1,4 +1,4 @@
-"""Mark tracking: association, drift of hue, appearance, and the finder.
+"""Mark tracking: association, drift of hue, appearance, finder of marks.
 
 Methods that use earlier frames belong here.
 """

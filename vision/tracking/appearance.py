@@ -1,7 +1,7 @@
 """Appearance model of a mark: its last complete views, and their best match in a picture.
 
-If blood of the same colour touches a mark, or a hand covers half of it, its colour class has another shape. Then the
-picture is compared pixel by pixel with the mark's earlier appearance. Image axes: u right, v down, pixels.
+If blood of the same colour touches a mark, or a hand covers half of it, the pixels of its colour have another shape.
+Then the picture is compared pixel by pixel with the mark's earlier appearance. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from vision.tracking.likeness import likeness, likeness_in_other_light, median_c
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
-"""Step of the coarse search [px]: it only saves time."""
+"""Step of the coarse search [px], which only saves time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AppearanceMatch:
     """The position in a picture that best matches a mark.
 
-    center_px: [px], (2,)
-    score: from -1.5, no similarity, to 1.5, the mark with a different surrounding; share: share of the mark's pixels
-    that are similar; around: similarity of the ring around it, from -1 to 1; color_bgr: median of the similar pixels
-    weighed: the score, less a loss for its distance from the mark's expected position
+    center_px: centre of the mark [px], (2,)
+    score: from -1.5 for no similarity to 1.5 for the mark in different surroundings; share: share of the mark's pixels
+    that are similar; around: similarity of the ring around it, from -1 to 1; color_bgr: median of similar pixels
+    weighed: the score minus a loss for the distance from the mark's expected position
     """
 
     center_px: Floats
@@ -48,8 +48,8 @@ class AppearanceMatch:
 class _Template:
     """A mark and its surroundings.
 
-    inside, ring: pixels from its centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of
-    the ring, (3,)
+    inside, ring: pixels relative to its centre, (n, 2); colors: of pixels inside, (n, 3); core, behind: median colours
+    inside and in the ring, (3,)
     """
 
     inside: NDArray[np.int64]
@@ -61,14 +61,14 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is too similar to the mark, by the measure for a ring."""
+        """Whether the background is too similar to the mark to tell a ring from it."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
 class _View:
-    """A mark in one frame: its picture, its centre there, (2,), and its shape then, (2, 2).
+    """A mark in one frame: its picture, its centre in the picture, (2,), and its shape, (2, 2).
 
-    State: the picture after its last transformation, and the shape of that.
+    State: the picture after its last transformation, and the shape to which it was transformed.
     """
 
     def __init__(self, picture: Image, center_px: Floats, shape_px: Floats, blur_px: float) -> None:
@@ -77,11 +77,11 @@ class _View:
 
     @cached_property
     def picture(self) -> Image:
-        """The smoothed picture, computed when needed: most views are never compared."""
+        """The smoothed picture, computed on demand, because most views are never compared."""
         return np.asarray(cv2.GaussianBlur(self._sharp, (0, 0), self._blur_px), dtype=np.uint8)
 
     def redrawn(self, inverse: Floats, half: int) -> Image:
-        """The picture transformed to the shape with this inverse, (2, 2), up to this many pixels from its centre."""
+        """The picture transformed to the shape with this inverse, (2, 2), up to `half` pixels from its centre."""
         key = inverse.tobytes()
         if self._drawn is None or self._drawn[0] != key:
             turn = self._shape @ inverse
@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: of its kind; unseen: number of frames since then, counted by its owner
+    hue_deg: hue of its kind; unseen: number of frames since the last of these, counted by the owner
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -106,11 +106,11 @@ class AppearanceModel:
 
     @property
     def is_full(self) -> bool:
-        """Whether it has the full number of frames."""
+        """Whether it has views from the full number of frames."""
         return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
-        """Keep a frame's view of the mark, unless the border is near."""
+        """Store a frame's view of the mark, unless the picture's border is near."""
         half = _half(outline, self._settings) + 2
         x, y = center_px.tolist()
         u, v = round(x), round(y)
@@ -133,7 +133,7 @@ class AppearanceModel:
         """The best match of the mark's appearance near its expected position.
 
         about_px: another position, (2,); within_px: the search range around it
-        another: the search is for another mark of this kind, with a known highlight and a fitted, uniform colour
+        another: whether to search any mark of this kind, with a known highlight and a fitted, uniform colour
         None if the mark may be anywhere, or cannot be distinguished from its surroundings.
         """
         settings, outline = self._settings, expected.outline
@@ -156,7 +156,7 @@ class AppearanceModel:
         )
         box = (u0, v0, u1, v1)
         if another:
-            # a colour is fitted at each position: first at every third, then near the best
+            # a colour is fitted at each position: first at every third position, then near the best
             _, weighed = _weighed(part, corner, box, template, expected, COARSE_PX, another)
             j, i = divmod(int(np.argmax(weighed)), weighed.shape[1])
             u, v, far = u0 + COARSE_PX * i, v0 + COARSE_PX * j, COARSE_PX
@@ -179,7 +179,7 @@ class AppearanceModel:
         )
 
     def _template(self, outline: Outline) -> _Template:
-        """The median of the kept views, each transformed to the shape of this outline."""
+        """The median of the stored views, each transformed to the shape of this outline."""
         settings, half, shape = self._settings, _half(outline, self._settings), outline.shape_px
         key = shape.tobytes()
         if self._drawn is not None and self._drawn[0] == key:
@@ -203,9 +203,9 @@ def _weighed(
     step: int,
     another: bool,
 ) -> tuple[Floats, Floats]:
-    """The evidence of `likeness` for the positions in a box, and their scores less the loss for distance.
+    """The evidence of `likeness` for positions in a box, and their scores minus the loss for distance.
 
-    part, corner: part of the picture, and its first pixel; box: in the picture
+    part, corner: part of the picture, and its first pixel; box: box of positions in the picture
     """
     (left, top), (u0, v0, u1, v1) = corner, box
     inside = (u0 - left, v0 - top, u1 - left, v1 - top)
@@ -224,26 +224,26 @@ def _weighed(
 
 
 def _score(evidence: Floats, ring_weight: float) -> Any:
-    """Scores from evidence inside and around, as `likeness` returns them."""
+    """Scores from evidence inside and around, which `likeness` returns."""
     return evidence[0] - ring_weight * evidence[2]
 
 
 def _half(outline: Outline, settings: AppearanceSettings) -> int:
-    """Distance from the centre to the outside of the ring [px]."""
+    """Distance from the centre to the outer edge of the ring [px]."""
     (a, b), (c, d) = outline.shape_px.tolist()
-    # the longer half axis: the larger singular value, written out
+    # the longer half axis is the larger singular value, in closed form
     total = a * a + b * b + c * c + d * d
     longer = sqrt(0.5 * (total + sqrt(max(total * total - 4.0 * (a * d - b * c) ** 2, 0.0))))
     return ceil((1.0 + settings.margin) * longer + settings.ring_px + 1.0)
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distance of colours, in units of the difference of similar pixels: (n, 3) or (3,) each."""
+    """Squared distance of colours, relative to that of similar pixels; pixels, colors: (n, 3) or (3,) each."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 
 def _peak(line: Floats, k: int) -> float:
-    """Offset of the peak of the parabola through a largest value and its neighbours, up to half a step."""
+    """Offset of the peak of the parabola through the largest value and its neighbours, at most half a step."""
     if not 0 < k < len(line) - 1:
         return 0.0
     bend = 2.0 * line[k] - line[k - 1] - line[k + 1]

@@ -14,12 +14,12 @@ from vision.detection.records import Detection
 from vision.tracking.settings import FINDER
 
 SAME_CLASS_DEG = 1.0
-"""Largest difference of hues of one class [degrees]: it allows for rounding in files."""
+"""Largest difference of hues in one class [degrees], which allows for rounding in files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedMark:
-    """A detection, with the name of the node that bears its mark."""
+    """A detection, with the name of the node that has its mark."""
 
     name: str
     detection: Detection
@@ -36,10 +36,10 @@ def squared_distance(expected: Expected, detection: Detection) -> float:
 def associate_marks(
     detections: Sequence[Detection], expected: Sequence[Expected], *, gate: float = FINDER.association.gate
 ) -> list[AssociatedMark]:
-    """The most probable pairs, in the order of expected; a mark without a detection is absent.
+    """The most probable pairs, in the order of `expected`; marks without a detection are omitted.
 
-    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Of all sets of pairs, those
-    with the most marks are considered, and of these the one with the least sum of d² + log det S is taken.
+    A pair must be of one hue class, with a squared Mahalanobis distance of at most `gate`. Among the sets of pairs with
+    the most marks, the one with the least sum of d² + log det S is chosen.
     """
     if not detections or not expected:
         return []
@@ -47,7 +47,7 @@ def associate_marks(
     means_px = np.array([e.center_px for e in expected])
     S = np.array([e.cov_px2 for e in expected])[:, None] + np.array([d.cov_px2 for d in detections])[None, :]
     innovations = found_px[None, :] - means_px[:, None]
-    # Two by two, written out: inv(S) = [[S_vv, -S_uv], [-S_uv, S_uu]] / det S
+    # In closed form for (2, 2): inv(S) = [[S_vv, -S_uv], [-S_uv, S_uu]] / det S
     det = S[..., 0, 0] * S[..., 1, 1] - S[..., 0, 1] * S[..., 1, 0]
     definite = (det > 0) & (S[..., 0, 0] > 0)
     if not definite.all():
@@ -60,7 +60,7 @@ def associate_marks(
     if not allowed.any():
         return []
     cost = squared + np.log(det)
-    # A forbidden pair costs more than the difference of any allowed sets, so that it is the last choice.
+    # A forbidden pair costs more than any two allowed sets can differ, so that it is the last choice.
     forbidden = cost[allowed].max() + (1.0 + np.ptp(cost[allowed])) * min(cost.shape)
     rows, columns = linear_sum_assignment(np.where(allowed, cost, forbidden))
     return [

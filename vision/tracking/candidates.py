@@ -1,4 +1,4 @@
-"""Detections from matches of an appearance model: test whether it is the mark, its centre, its covariance."""
+"""Detections from matches of an appearance model: tests of a match, its centre and its covariance."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; a smaller part suffices if the ring is free.
+    """Whether a match with a mark's own appearance is the mark; a smaller similar part suffices if the ring is free.
 
-    color_distance: squared distance of its colour from that of its kind [gates]; a larger one needs a better match
+    color_distance: squared distance of its colour from that of its kind [gates]; a larger distance needs a better match
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -28,9 +28,9 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark: with a better score than for a known colour, and unlike the ring.
+    """Whether a match with a fitted colour is a mark: it needs a better score than a known colour, and another ring.
 
-    color_distance: as for `is_mark`, of the fitted colour
+    color_distance: as in `is_mark`, for the fitted colour
     """
     least = _least_score(settings.score + settings.other_margin, color_distance)
     if is_free(match, settings):
@@ -39,7 +39,7 @@ def is_mark_in_other_light(
 
 
 def _least_score(score: float, color_distance: float) -> float:
-    """The score that a match needs [1]; a colour beyond its gate multiplies it by the square of color_distance."""
+    """The score that a match needs [1]; for a colour beyond the gate it is multiplied by color_distance squared."""
     return score * max(color_distance, 1.0) ** 2
 
 
@@ -58,7 +58,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour: its centre is the mean of the centres of match and rim.
+    """As `detection_at`, for a match with a fitted colour: its centre is the mean of those of match and rim.
 
     frame_bgr: (height, width, 3) uint8
     """
@@ -85,7 +85,7 @@ def _rim_px(frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: D
 
 
 def fused(seen: Detection, match: AppearanceMatch, settings: CandidateSettings = FINDER.candidates) -> Detection:
-    """A detection with the mean of its centre and that of a match [px], weighted by their covariances [px²]."""
+    """A detection whose centre is the mean of its own and a match's [px], weighted by their covariances [px²]."""
     variance = _sd_px(match, settings) ** 2
     gain = seen.cov_px2 @ np.linalg.inv(seen.cov_px2 + variance * np.eye(2))
     center_px = seen.center_px + gain @ (match.center_px - seen.center_px)

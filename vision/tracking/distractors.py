@@ -1,4 +1,4 @@
-"""Distractors: new things in a mark's colour that are not marks, such as blood, a glove or a red cloth."""
+"""Distractors: new objects in a mark's colour that are not marks, such as blood, a glove or a red cloth."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ SQUARE_2 = np.ones((2, 2), np.uint8)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Distractor:
-    """A new thing in the picture with the colour of marks that is no mark.
+    """A new object in the picture that has the colour of marks but is not a mark.
 
-    hue_deg: the nominal hue of these marks; like: the name of the nearest mark
+    hue_deg: the nominal hue of these marks; like: the name of the nearest of them
     center_px: the middle of its largest piece [px], (2,); size: its area relative to that of a mark [1]
     """
 
@@ -37,9 +37,9 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """Amount of a hue away from its marks [samples].
+    """Number of samples with a hue outside its marks.
 
-    known: amount from the start; of_late: in the last frames; reported: excess over known in the last report
+    known: number since the start; of_late: numbers in the last frames; reported: excess over known in the last report
     """
 
     of_late: deque[float]
@@ -49,12 +49,12 @@ class _Level:
 
 
 class DistractorWatch:
-    """Reports, once each, new or grown things in a mark's colour that are as large as a mark.
+    """Reports, once each, new or grown objects in a mark's colour that are as large as a mark.
 
     Each frame is sampled at a few points per mark diameter, which takes a fraction of the time of a search. Connected
-    samples away from marks count, except for a hue with a missing mark, because they may be that mark. Things in the
-    first frames are known, and so are those that a range of colours adds when it follows its marks.
-    State: the ranges of the last frame; amounts by nominal hue.
+    samples outside marks count, except for a hue with a missing mark, because they may be that mark. Objects in the
+    first frames are known, and so are those that enter a colour range when it adapts to its marks.
+    State: the colour ranges in the last frame; numbers of samples by nominal hue.
     """
 
     def __init__(self, settings: DistractorSettings = FINDER.distractors) -> None:
@@ -69,7 +69,7 @@ class DistractorWatch:
         expected: Sequence[Expected],
         found: Mapping[str, Detection],
     ) -> tuple[Distractor, ...]:
-        """The new things in this frame.
+        """The new objects in this frame.
 
         hues: present colour range of each kind of mark, by nominal hue; expected: all marks; found: found marks by name
         """
@@ -115,12 +115,12 @@ class DistractorWatch:
         for one, size in zip(expected, sizes, strict=True):
             center = found[one.name].center_px if one.name in found else one.center_px
             u, v = (round(float(x) / step) for x in center)
-            if abs(u) + abs(v) < 1_000_000:  # an expected position may be anywhere
+            if abs(u) + abs(v) < 1_000_000:  # an expected position may be far outside the picture
                 cv2.circle(free, (u, v), ceil(self._settings.around * size / step), 0, -1)
         return free
 
     def _comes(self, level: _Level, n: float, mark: float) -> bool:
-        """Whether this number of samples shows something new that stays; mark: number of samples of one mark."""
+        """Whether n samples show a new object that stays; mark: number of samples of one mark."""
         s = self._settings
         level.of_late.append(n)
         level.n_seen += 1
@@ -161,5 +161,5 @@ def _counted(part: Picture, free: Picture, hues: tuple[MarkHue, ...]) -> list[Pi
 
 
 def _hanging_together(samples: Picture) -> Picture:
-    """Mask of the samples in a square of four; usually there are none."""
+    """Mask of the samples that are part of a square of four; usually there are none."""
     return np.asarray(cv2.morphologyEx(samples, cv2.MORPH_OPEN, SQUARE_2)) if cv2.countNonZero(samples) else samples

@@ -1,4 +1,4 @@
-"""Finder of a scene's marks: it searches near expected positions, names detections, and adapts to their colours."""
+"""Finder of a scene's marks: it searches near expected positions, names detections, and adapts to marks' colours."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from vision.tracking.templates import AppearanceTemplates
 class MarkFinder:
     """Finds marks by their hue and names them by their expected positions, frame after frame.
 
-    hues: of the marks, by the nominal hue that `Expected` gives
-    settings: of all stages; `settings.stages` names the stages that run, in their order
+    hues: colour ranges of the marks, by the nominal hue that `Expected` has
+    settings: settings of all stages; `settings.stages` names the stages that run, in their order
     explain: record why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
-    Only the surroundings of expected positions are searched; the whole picture at the start and for a missing mark.
+    It searches only near expected positions, and the whole picture at the start and for a missing mark.
     State: adapted colours; appearance models; names of marks missed in the last frame, None before the first;
     with explain, that frame's search, and the state of the distractors.
     Raises HueError if marks of one hue differ in their range of colours, ValueError for an unknown stage.
@@ -49,7 +49,7 @@ class MarkFinder:
         expected: Sequence[Expected],
         expected_after_impulse: Callable[[str], Expected] | None = None,
     ) -> list[AssociatedMark]:
-        """The found marks, in any order; a mark that is not found is absent.
+        """The found marks, in any order; marks that are not found are omitted.
 
         frame_bgr: (height, width, 3) uint8
         expected: expected position of each mark
@@ -79,7 +79,7 @@ class MarkFinder:
 
     @property
     def lost(self) -> tuple[LostMark, ...]:
-        """Reasons why marks of the last frame were not found; empty without explain."""
+        """Reasons why marks were not found in the last frame; empty without explain."""
         search = self._last
         if search is None or search.rejections is None:
             return ()
@@ -95,7 +95,7 @@ class MarkFinder:
 
 
 def _of_one_range(hues: Iterable[MarkHue]) -> list[MarkHue]:
-    """Each hue once; raises HueError if marks of one hue differ in their range of colours."""
+    """The different hues; raises HueError if marks of one hue differ in their range of colours."""
     known: dict[float, MarkHue] = {}
     for hue in hues:
         other = known.setdefault(hue.hue_deg, hue)

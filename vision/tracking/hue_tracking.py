@@ -1,4 +1,4 @@
-"""Adaptation of the marks' colours to drift of lamps, white balance and exposure."""
+"""Adaptation of marks' colour ranges to drift of lamps, white balance and exposure."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ LEAST = 0.01
 
 
 class AdaptiveHue:
-    """The colour of a kind of mark, adapted from frame to frame.
+    """The colour range of a kind of mark, adapted from frame to frame.
 
     now: the present colour range of this kind
-    State: now, and the number of frames that it was learned from; the mean colour as hue [degrees from its start],
-    saturation and log of value, and the variance of hue and saturation about it.
+    State: now, and the number of frames from which it was learned; the mean colour as hue [degrees from its start],
+    saturation and log of value, and the variance of hue and saturation about the mean.
     """
 
     def __init__(self, hue: MarkHue, settings: HueTrackingSettings = FINDER.hue) -> None:
@@ -63,7 +63,7 @@ class AdaptiveHue:
                 self._scatter[k] = min(self._scatter[k] + share * (spread - self._scatter[k]), self._max_scatter[k])
         furthest = settings.max_drift * first.half_width_deg
         drift, saturation, value = self._color[0], self._color[1], exp(self._color[2])
-        # in steps, so that the table of classes is the same from frame to frame
+        # in steps, so that the table of classes seldom changes between frames
         drift = round(2.0 * min(max(drift, -furthest), furthest)) / 2.0
         seen_deg = on_circle(first.middle_deg + drift)
         min_saturation = max(LEAST, min(first.min_saturation, round(settings.learning.paler * saturation, 2)))

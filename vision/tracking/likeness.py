@@ -2,7 +2,7 @@
 
 frame: (height, width, 3) uint8; box: range of positions u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's
 centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
-settings: as `AppearanceSettings.for_kernel` returns them
+settings: from `AppearanceSettings.for_kernel`
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ N_FITS = 2
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
-    """Pixels inside a mark and in the ring around it, from its centre, each (n, 2).
+    """Pixels inside a mark and in the ring around it, relative to its centre, each (n, 2).
 
     inverse: of the mark's shape, (2, 2); half: outer distance of the ring [px]; margin, ring_px: as in the settings
     """
@@ -38,7 +38,7 @@ def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def median_picture(views):  # type: ignore[no-untyped-def]
-    """Median of pictures, (n, height, width, 3) uint8: as `np.median` over the first axis, for few of them."""
+    """Median of pictures, (n, height, width, 3) uint8: as `np.median` over the first axis, for few pictures."""
     n, height, width = views.shape[:3]
     median, several = np.empty((height, width, 3)), np.empty(n)
     for y in range(height):
@@ -62,7 +62,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write weights, (n, 3), of squared differences from colours (n, 3), for a mean in units of similar pixels."""
+    """Write weights, (n, 3), of squared differences from colours, (n, 3): their mean is 1 for similar pixels."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -80,8 +80,8 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
     """For each position in a box: evidence inside, share of similar pixels, evidence around, core; (6, height, width).
 
-    The evidence of a pixel beside or behind the mark does not depend on the mark's position: it is computed once, then
-    summed.
+    The evidence of a pixel beside or behind the mark does not depend on the mark's position, so that it is computed
+    once, then summed.
     """
     shade, noise, _, hidden = settings
     u0, v0, u1, v1 = box
@@ -167,7 +167,7 @@ def likeness_in_other_light(frame, box, step, inside, ring, colors, core, settin
 
 @njit(cache=True, nogil=True)
 def _fit_core(frame, v, u, inside, colors, core, level, own_core, own_colors, weights):  # type: ignore[no-untyped-def]
-    """Fit the colour of a mark at a position: the mean of similar pixels, starting with all.
+    """Fit the colour of a mark at a position: the mean of similar pixels, starting with all pixels.
 
     Writes own_core (1, 3), and own_colors and weights, (n, 3).
     """

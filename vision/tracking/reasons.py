@@ -19,8 +19,8 @@ from vision.tracking.settings import FinderSettings
 class LostMark:
     """A mark that was not found in a frame.
 
-    reason: why not; detail: the numbers of the decision, empty without numbers
-    candidate_px: the middle of the rejected pixels [px], (2,); None without any
+    reason: why it was not found; detail: the numbers of the decision, empty without numbers
+    candidate_px: centre of the rejected pixels [px], (2,); None if there are none
     """
 
     name: str
@@ -33,8 +33,8 @@ class LostMark:
 class Rejections:
     """Record of the finder's rejections in one frame, if requested.
 
-    pieces: rejected pixels of a hue; detections: rejected detections, and why
-    dropped: by name, why a detected mark was dropped, and the detection; flooded: the hue that is everywhere
+    pieces: rejected pixels of a hue; detections: rejected detections with the reason
+    dropped: by name, a detected mark that was dropped, with the reason; flooded: the hue that covers the picture
     """
 
     pieces: list[Rejected] = field(default_factory=list)
@@ -69,18 +69,18 @@ def lost_marks(
 ) -> tuple[LostMark, ...]:
     """The reason why each missing mark was not found.
 
-    found: detections of the others, by name; unassigned: detections that are no expected mark's
-    size_px: of the picture, width and height
+    found: detections of the other marks, by name; unassigned: detections that belong to no expected mark
+    size_px: width and height of the picture
 
-    Dropped marks have priority; then detections within the gate of the mark's position: a rejected piece, or the mark
-    of another name; then the nearest mark of its hue beyond the gate; then specks within it. If a mark is expected
-    smaller than `BLOCK_AREA_PX`, the reason for too few pixels is its size.
+    Dropped marks have priority; then a rejected piece or a mark of another name within the gate of the mark's position;
+    then the nearest mark of its hue beyond the gate; then specks within the gate. If a mark is expected smaller than
+    `BLOCK_AREA_PX`, the reason for too few pixels is its size.
     """
     return tuple(_by_size(one, next(_causes(one, found, unassigned, rejections, size_px, settings))) for one in missing)
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """The lost mark, with too few pixels replaced by too small if that is expected."""
+    """The lost mark, with the reason FEW_PIXELS replaced by SMALL if it is expected to be small."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))
@@ -95,7 +95,7 @@ def _causes(
     size_px: tuple[int, int],
     settings: FinderSettings,
 ) -> Iterator[LostMark]:
-    """Reasons why a mark was not found, the first decision first."""
+    """Reasons why a mark was not found, in the order in which `lost_marks` considers them."""
     gate = settings.association.gate
     if rejections.flooded is not None:
         yield LostMark(one.name, Reason.FLOODED, str(rejections.flooded))
@@ -114,7 +114,7 @@ def _causes(
     for name, seen in found.items():
         if seen.hue_deg == one.hue_deg and squared_distance(one, seen) <= gate:
             yield LostMark(one.name, Reason.TAKEN, name, seen.center_px)
-    taken = [id(seen) for seen in found.values()]  # by a later stage than the one that left them
+    taken = [id(seen) for seen in found.values()]  # named by a later stage than the one that left them unassigned
     of_its_hue = [seen for seen in unassigned if seen.hue_deg == one.hue_deg and id(seen) not in taken]
     if of_its_hue:
         nearest = min(of_its_hue, key=lambda seen: squared_distance(one, seen))
@@ -132,14 +132,14 @@ def _causes(
 
 
 def _piece_distance(one: Expected, piece: Rejected) -> float:
-    """Squared Mahalanobis distance of pixels from a mark's position: they may be any part of the mark."""
+    """Squared Mahalanobis distance of pixels from a mark's position: these may be any part of the mark."""
     anywhere = piece.area_px if one.outline is None else max(piece.area_px, one.outline.area_px)
-    # variance of a point anywhere in a disc: a quarter of its squared radius
+    # the variance of a random point in a disc is a quarter of its squared radius
     cov_px2 = anywhere / (4.0 * np.pi) * np.eye(2)
     return squared_distance(one, Detection(piece.center_px, cov_px2, piece.area_px, piece.hue_deg, False))
 
 
 def _speck_px(one: Expected, settings: FinderSettings) -> float:
-    """Number of pixels below which a piece counts less than another one further away [px]."""
+    """Number of pixels below which a piece has lower priority than a larger one farther away [px]."""
     least = BLOCK_AREA_PX if one.outline is None else settings.detection.outline.min_share * one.outline.area_px
     return min(BLOCK_AREA_PX, least)

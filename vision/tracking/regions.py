@@ -14,7 +14,7 @@ Box = tuple[int, int, int, int]
 def search_regions(
     expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings
 ) -> list[tuple[Box, list[Expected]]]:
-    """Left, top, width, height [px] of the parts of a picture, (height, width), to search, and the marks inside each.
+    """Left, top, width, height [px] of the parts of a picture, (height, width), to search, with the marks in each.
 
     The marks of a part are of one hue; parts of one hue do not overlap.
     """
@@ -38,7 +38,7 @@ def search_regions(
             if x0 < u1 and u0 < x1 and y0 < v1 and v0 < y1:
                 u0, v0, u1, v1, marks = min(u0, x0), min(v0, y0), max(u1, x1), max(v1, y1), more + marks
                 del others[k - 1]
-                k = 0  # the merged part may overlap others
+                k = 0  # the merged part may overlap other parts
         others.append(((u0, v0, u1, v1), marks))
     boxes = [each for of_hue in apart.values() for each in of_hue]
     return [((u0, v0, u1 - u0, v1 - v0), marks) for (u0, v0, u1, v1), marks in boxes]

@@ -29,9 +29,9 @@ STAGE_NAMES = (
 class AssociationSettings:
     """Settings of the association of detections with marks.
 
-    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds; an exchange of the names of touching marks
-        must increase theirs by as much [1]; source: chi-square, 2 dof, 99.99 %
-    impulse_gate: the same for one of many candidates after an impulse [1]; source: chi-square, 2 dof, 99 %
+    gate: squared Mahalanobis distance that one true mark in 10,000 exceeds, and least increase of this distance if the
+        names of touching marks are exchanged [1]; source: chi-square, 2 dof, 99.99 %
+    impulse_gate: gate for one of many candidates after an impulse [1]; source: chi-square, 2 dof, 99 %
     """
 
     gate: float = GATE
@@ -43,17 +43,17 @@ class AppearanceSettings:
     """Settings for the comparison of a picture, pixel by pixel, with a mark's appearance.
 
     n_views: number of views of a mark whose median is its appearance [1]; choice
-    margin: pixels this near to the outline are neither mark nor background [sizes]; choice
+    margin: distance from the outline within which pixels are neither mark nor background [sizes]; choice
     ring_px: width of the ring around a mark [px]; choice
-    blur_px: standard deviation of the smoothing before [px]; choice
+    blur_px: standard deviation of the smoothing before the comparison [px]; choice
     shade: difference of similar pixels due to shadow and lamps, relative to their level [1]; choice
-    level: the same due to noise; root mean square over the colours, as that of `shade` [grey levels]; choice
-    ring_contrast: how much nearer a colour of the ring must be to a fitted colour to be similar [1]; choice
+    level: difference of similar pixels due to noise, rms over the colours as for `shade` [grey levels]; choice
+    ring_contrast: factor by which a colour of the ring must be nearer to a fitted colour to be similar [1]; choice
     occluded_cost: cost of a pixel that is neither similar to the mark nor to its background [1]; choice
     ring_weight: weight of the ring relative to that of the inside [1]; choice
-    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position; the second for a
+    prior, other_prior: loss of score per squared Mahalanobis distance from the expected position, for a known and for a
     fitted colour [1]; choice
-    max_reach_px: largest search range by appearance; marks with a larger one are not searched [px]; choice
+    max_reach_px: search range above which a mark is not searched by its appearance [px]; choice
     """
 
     n_views: int = 5
@@ -70,7 +70,7 @@ class AppearanceSettings:
     max_reach_px: float = 25.0
 
     def for_kernel(self) -> tuple[float, ...]:
-        """The settings in the form of the kernels of `appearance`."""
+        """The settings in the form that the kernels of `likeness` need."""
         return self.shade, self.level, self.ring_contrast, self.occluded_cost
 
 
@@ -79,12 +79,12 @@ class CandidateSettings:
     """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
 
     score, share: least score, and least share of its pixels that are similar to the mark [1]; choice
-    free, free_share: similarity of the ring below which it is free, and the share that suffices then [1]; choice
-    other_margin: further similarity to the mark and dissimilarity of the ring, for a fitted colour [1]; choice
-    min_sd_px, max_sd_px: standard deviation of a match, least and largest [px]; choice
-    best_score, growth: score up to which it is the least, and its exponential growth below [1]; choice
-    rim_gain: standard deviation of the mean of match and rim relative to their distance [1]; choice
-    shared: variance of the mean of outline and match relative to that of independent ones [1]; choice
+    free, free_share: similarity of the ring below which it is free, and the least share that then suffices [1]; choice
+    other_margin: additional similarity to the mark and dissimilarity of the ring that a fitted colour needs [1]; choice
+    min_sd_px, max_sd_px: least and largest standard deviation of a match [px]; choice
+    best_score, growth: score above which that deviation is the least, and its exponential growth below [1]; choice
+    rim_gain: standard deviation of the mean of match and rim, relative to their distance [1]; choice
+    shared: variance of the mean of outline and match, relative to that for independent errors [1]; choice
     """
 
     score: float = 0.55
@@ -104,12 +104,12 @@ class CandidateSettings:
 class TemplateSettings:
     """Settings of appearance models: when detections are compared with them, and when views are stored.
 
-    clear_sd_px: standard deviation up to which a whole mark is certain [px]; choice
-    whole_sd_px: the same up to which its view is stored [px]; choice
-    unknown_sd_px: the same up to which it is accepted without a comparison [px]; choice
+    clear_sd_px: largest standard deviation with which a whole mark is certain [px]; choice
+    whole_sd_px: largest standard deviation with which its view is stored [px]; choice
+    unknown_sd_px: largest standard deviation with which it is accepted without a comparison [px]; choice
     refresh: number of frames after which a view is stored again [1]; choice
     forget: number of frames without a clear view after which a mark may look different [1]; choice
-    near_px: distance up to which a centre and the best match agree [px]; choice
+    near_px: largest distance at which a centre and the best match agree [px]; choice
     plain_score: score above which the search stops [1]; choice
     """
 
@@ -128,11 +128,11 @@ class HueTrackingSettings:
 
     gain: share of the newest frame in the mean colour [1]; choice
     max_drift: largest drift of the hue [half widths]; choice
-    hue_sd_deg, saturation_sd: least scatter of colours of one kind: hue [degrees] and saturation; choice
-    max_scatter: largest scatter relative to the least [1]; choice
-    n_learned: number of frames after which a colour rejects others [1]; choice
-    gate: squared distance in these deviations [1]; source: chi-square, 2 dof, 99.9 %
-    learning: of the first range of colours; limits of saturation and value follow the mean by its shares
+    hue_sd_deg, saturation_sd: least standard deviations of colours of one kind: hue [degrees], saturation [1]; choice
+    max_scatter: largest standard deviation relative to the least [1]; choice
+    n_learned: number of frames after which a learned colour rejects other colours [1]; choice
+    gate: largest squared distance in these standard deviations [1]; source: chi-square, 2 dof, 99.9 %
+    learning: settings of the first colour range; their shares also give the least saturation and value from the mean
     """
 
     gain: float = 0.05
@@ -151,12 +151,12 @@ class DistractorSettings:
 
     spacing: distance of the samples [radii of the smallest mark]; choice
     most_samples: largest number of samples in a frame [1]; choice: 0.1 ms
-    around: distance around a mark within which samples belong to it, by blur or its light [radii]; choice
-    stands: successive frames in which it has to be there [1]; source: a fault is to be reported within three frames
+    around: distance from a mark within which samples belong to it, due to blur or its reflection [radii]; choice
+    stands: number of successive frames that must show it [1]; source: a fault is to be reported within three frames
     settled_frames: number of first frames, whose content counts as known [1]; choice
     least: least new area, relative to that of a mark [1]; choice
-    grows: least ratio of the present amount to the one reported before [1]; choice
-    wavers: least ratio of the new amount to the known one [1]; choice
+    grows: least ratio of the present area to that in the last report [1]; choice
+    wavers: least ratio of the new area to the known area [1]; choice
     """
 
     spacing: float = 0.5
@@ -171,7 +171,7 @@ class DistractorSettings:
 
 @dataclass(frozen=True, slots=True)
 class FinderSettings:
-    """Settings of `MarkFinder`, a record for each part of it.
+    """Settings of `MarkFinder`, with a record for each of its parts.
 
     min_radius_px: least radius of a mark with an outline and an appearance [px]; choice
     stages: the stages that run, in their order; source: the list in `vision.tracking.stages`

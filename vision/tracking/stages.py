@@ -1,4 +1,4 @@
-"""Stages of the mark finder, in one list: the candidates of each, and the test that they must pass.
+"""Stages of the mark finder in one list; each has candidates, and a test that they must pass.
 
 A new stage is a function that yields candidates, a function that accepts or rejects one, and a `Stage` in STAGES.
 """
@@ -29,20 +29,20 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture above which searching regions is not faster than searching all of it: it only saves time."""
+"""Share of the picture above which searching regions is not faster than searching all of it: this only saves time."""
 
 
 @dataclass(slots=True, eq=False)
 class Search:
     """The search for the marks of one frame, passed from stage to stage.
 
-    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: as in `MarkFinder.find`
+    frame_bgr: (height, width, 3) uint8; expected, expected_after_impulse: see `MarkFinder.find`
     hues: adapted colours, by nominal hue; templates: appearance models; missed: names of marks that were not found
     in the last frame, None before the first
     where: expected marks by name; found: detections by name
-    unassigned: detections of the last stage that are no expected mark's
-    rejections: receives rejections with their reason; None: not recorded
-    regions: parts of the picture, none of one hue overlapping, and the marks of that hue that are expected there
+    unassigned: detections of the last stage that belong to no expected mark
+    rejections: receives rejections with their reasons; None: not recorded
+    regions: parts of the picture, with the marks of one hue that are expected there; parts of one hue do not overlap
     """
 
     frame_bgr: Image
@@ -63,17 +63,17 @@ class Search:
 
     @property
     def missing(self) -> list[Expected]:
-        """Expected marks that are not found yet."""
+        """Expected marks that have not been found yet."""
         if len(self.found) == len(self.expected):
             return []
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
-        """Squared distance of a detection's colour from its kind's [gates]."""
+        """Squared distance of a detection's colour from that of its kind [gates]."""
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
-        """Whether no other mark was found at this detection."""
+        """Whether no other mark was found at the place of this detection."""
         near = self.settings.detection.coverage.pad_px
         return all(np.hypot(*(seen.center_px - other.center_px)) > near for other in self.found.values())
 
@@ -83,7 +83,7 @@ class Candidate:
     """A detection that may be a mark.
 
     detection: None to drop a mark that was found; name: None if association decides which mark it is
-    match: by an appearance model; margin: squared distance by which its name is more probable than another's
+    match: match of an appearance model; margin: increase of squared distance if its name is exchanged with another's
     """
 
     detection: Detection | None
@@ -96,7 +96,7 @@ class Candidate:
 class Stage:
     """One stage of the finder: its candidates and its acceptance test; a named candidate replaces an earlier detection.
 
-    reason: why a rejected mark is lost; None if later stages decide that, or earlier ones have
+    reason: why a rejected mark is lost; None if another stage decides that
     """
 
     name: str
@@ -126,7 +126,7 @@ class Stage:
 
 
 def _isolated(search: Search) -> Iterator[Candidate]:
-    """Marks that are alone in the region of their expected position; only if none was missed in the last frame."""
+    """Marks that are alone near their expected position; only if no mark was missed in the last frame."""
     if search.missed is None or search.missed:
         return
     shape = search.frame_bgr.shape[:2]
@@ -150,7 +150,7 @@ def _is_expected(search: Search, candidate: Candidate, seen: Detection) -> bool:
 
 
 def _in_regions(search: Search) -> Iterator[Candidate]:
-    """Components in the regions around expected marks that are not found yet."""
+    """Components in the regions around expected marks that have not been found yet."""
     if len(search.found) == len(search.expected):
         return
     for box, own in search.regions:
@@ -162,7 +162,7 @@ def _in_regions(search: Search) -> Iterator[Candidate]:
 def _in_picture(search: Search) -> Iterator[Candidate]:
     """Components of the whole picture if marks are missing: all are assigned again.
 
-    Raises HueError if a hue covers most of the picture and no mark was ever found: then the range is wrong.
+    Raises HueError if a hue covers most of the picture and no mark was ever found, since its range is then wrong.
     """
     if len(search.found) == len(search.expected):
         return
@@ -173,7 +173,7 @@ def _in_picture(search: Search) -> Iterator[Candidate]:
     try:
         yield from _components(search, search.expected, None)
     except HueError as error:
-        # later, it is an object in front of the camera
+        # once marks were found, an object in front of the camera is the cause
         if search.missed is None:
             raise
         if search.rejections is not None:
@@ -210,7 +210,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
     gates = search.settings.association
     gate = gates.gate
     if len(search.unassigned) > len(missing):
-        # of several candidates, only a near one, and only in the second frame
+        # if there are several candidates, only a near one, and only in the second frame
         gate = gates.impulse_gate
         missing = [name for name in missing if search.missed is not None and name in search.missed]
     for one in associate_marks(search.unassigned, [elsewhere(name) for name in missing], gate=gate):
@@ -218,7 +218,7 @@ def _after_impulse(search: Search) -> Iterator[Candidate]:
 
 
 def _checked(search: Search) -> Iterator[Candidate]:
-    """Found marks that are not clear, compared with their appearance; views of clear ones are stored."""
+    """Found marks that are not clear, after a comparison with their appearance; views of clear marks are stored."""
     frame, templates = search.frame_bgr, search.templates
     where = search.where
     unclear = []
@@ -230,13 +230,13 @@ def _checked(search: Search) -> Iterator[Candidate]:
     for one, seen in unclear:
         better = templates.checked(frame, one, seen, search.color_distance)
         if better is not None and better.occluded == seen.occluded:
-            # from its outline alone: with a fused match the model would learn its own errors
+            # with the centre from the outline alone: with a fused match the model would learn its own errors
             templates.remember(frame, seen, one)
         yield Candidate(better, one.name)
 
 
 def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> bool:
-    """Always true: the comparison has no candidate if neither detection nor match is similar to the mark."""
+    """Always True: the comparison yields no candidate if neither detection nor match is similar to the mark."""
     return True
 
 
@@ -284,7 +284,7 @@ def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> 
 
 
 def _touching(search: Search) -> list[Candidate]:
-    """Found marks that touch another of their hue, with the margin of their names."""
+    """Found marks that touch another mark of their hue, with the margin of their names."""
     where = search.where
     placed = [
         (name, seen, one.hue_deg, (one.outline.area_px / np.pi) ** 0.5, *one.center_px.tolist())
@@ -306,7 +306,7 @@ def _touching(search: Search) -> list[Candidate]:
 
 
 def _is_unambiguous(search: Search, candidate: Candidate, _seen: Detection) -> bool:
-    """Whether the names of touching marks are certain: a missing mark is better than swapped ones."""
+    """Whether the names of touching marks are certain: a missing mark is better than exchanged names."""
     return candidate.margin >= search.settings.association.gate
 
 
@@ -334,13 +334,13 @@ def stages_named(names: Sequence[str]) -> tuple[Stage, ...]:
 
 
 def _sizes(marks: Sequence[Expected], settings: FinderSettings) -> tuple[list[Outline], float, float | None]:
-    """Outlines of these marks, if all have a large enough one; least and largest area of a component [px]."""
+    """Outlines of these marks, if all are large enough; least and largest area of a component [px]."""
     outlines = [one.outline for one in marks if one.outline is not None]
     if len(outlines) < len(marks) or not outlines:
         return [], 1.0, None
     limits, areas = settings.detection.centers, [one.area_px for one in outlines]
     if min(areas) < np.pi * settings.min_radius_px**2:
         return [], limits.min_area * min(areas), limits.max_area * max(areas)
-    # as many as touch, if outlines can separate them
+    # area of all touching marks, if outlines can separate them
     most = len(marks) * limits.max_area * max(areas) if all(one.even for one in outlines) else None
     return outlines, settings.detection.outline.min_share * min(areas), most

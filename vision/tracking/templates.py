@@ -1,4 +1,4 @@
-"""Appearance models of a scene's marks, by name: learned from clear views, and compared with detections."""
+"""Appearance models of a scene's marks, by name, which are learned from clear views and compared with detections."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from vision.tracking.settings import FINDER, FinderSettings
 
 
 class AppearanceTemplates:
-    """Appearance models by name, of marks with one even colour and a known outline.
+    """Appearance models, by name, of marks with a uniform colour and a known outline.
 
     State: a model for each mark with a clear view in the last `TemplateSettings.forget` frames.
     """
@@ -36,7 +36,7 @@ class AppearanceTemplates:
         return name in self._known
 
     def can_compare(self, one: Expected) -> bool:
-        """Whether a mark is of one colour and has enough pixels for an appearance model."""
+        """Whether a mark has a uniform colour and enough pixels for an appearance model."""
         outline = one.outline
         return outline is not None and outline.even and outline.area_px >= np.pi * self._settings.min_radius_px**2
 
@@ -45,7 +45,7 @@ class AppearanceTemplates:
         return not seen.occluded and not seen.clipped and _sd_px(seen) <= self._settings.templates.clear_sd_px
 
     def remember(self, frame_bgr: Image, seen: Detection, expected: Expected) -> None:
-        """Add a view of a mark that was completely visible, if its model is due for one."""
+        """Add a view of a completely visible mark, if its model is due for a new view."""
         settings, model = self._settings.templates, self._known.get(expected.name)
         if model is not None and model.unseen < settings.refresh and model.is_full:
             return
@@ -57,7 +57,7 @@ class AppearanceTemplates:
         model.remember(frame_bgr, seen.center_px, expected.outline)
 
     def forget(self) -> None:
-        """Count a frame, and drop models of marks without a clear view for long."""
+        """Count a frame, and drop models of marks that had no clear view for long."""
         longest, forget = 0, self._settings.templates.forget
         for model in self._known.values():
             model.unseen += 1
@@ -68,7 +68,7 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """A detection compared with the mark's appearance: unchanged, fused with a match, or the match; or None.
+        """A detection after comparison with the mark's appearance: unchanged, fused with a match, the match, or None.
 
         frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's
             [gates]
@@ -100,9 +100,9 @@ class AppearanceTemplates:
     def mark_in_other_light(
         self, frame_bgr: Image, one: Expected, match: AppearanceMatch, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """The detection of a match with a fitted colour; None if that is not the mark.
+        """The detection from a match with a fitted colour; None if the match is not the mark.
 
-        frame_bgr: (height, width, 3) uint8; color_distance: as for `checked`
+        frame_bgr: (height, width, 3) uint8; color_distance: as in `checked`
         """
         limits = self._settings.candidates
         if not is_mark_in_other_light(match, color_distance(detection_at(match, one, limits)), limits):
@@ -133,7 +133,7 @@ class AppearanceTemplates:
         return fused(seen, match, self._settings.candidates)
 
     def _score_at(self, frame_bgr: Image, one: Expected, seen: Detection) -> float:
-        """Score of the mark's appearance at a detection, whatever the mark's expected position."""
+        """Score of the mark's appearance at a detection, regardless of the mark's expected position."""
         there = replace(one, center_px=seen.center_px, cov_px2=np.eye(2))
         match = self.match(frame_bgr, there, seen.center_px, 0.0)
         return -np.inf if match is None else match.score

@@ -6,13 +6,13 @@ import struct
 from collections.abc import Sequence
 
 HEADER = b"\x00\x01\x00\x00"
-"""Header of plain CDR, little-endian, no options."""
+"""Header of plain CDR in little-endian order without options."""
 
 
 class Cdr:
     """A message, field by field in the order of its definition.
 
-    State: its bytes. Each number is aligned to its own size after the header.
+    State: the bytes so far. After the header each number is aligned to its own size.
     """
 
     def __init__(self) -> None:
@@ -31,18 +31,18 @@ class Cdr:
         return self._put("I", 4, [value])
 
     def doubles(self, values: Sequence[float]) -> Cdr:
-        """Consecutive numbers: fields, or an array of fixed length, which is written without its length."""
+        """Consecutive numbers: several fields, or an array of fixed length, whose length CDR does not write."""
         return self._put("d", 8, values)
 
     def text(self, value: str) -> Cdr:
-        """UTF-8 text and a zero byte, after their length."""
+        """The length of a UTF-8 text with a zero byte, then both."""
         encoded = value.encode("utf-8") + b"\x00"
         self.uint32(len(encoded))
         self._bytes += encoded
         return self
 
     def octets(self, value: bytes) -> Cdr:
-        """A sequence of bytes, after its length."""
+        """The length of a sequence of bytes, then the bytes."""
         self.uint32(len(value))
         self._bytes += value
         return self

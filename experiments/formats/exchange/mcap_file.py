@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """A message of an MCAP file: time [ns], topic, kind in `DEFINITIONS`, and bytes."""
+    """A message of an MCAP file: its time [ns], its topic, its kind as in `DEFINITIONS`, and its bytes."""
 
     time_ns: int
     topic: str
@@ -26,9 +26,9 @@ class Message:
 
 
 class McapFile:
-    """An MCAP file during writing; `mcap_file` opens it.
+    """An MCAP file while it is written; `mcap_file` opens it.
 
-    State: the writer; ids of schemas by kind, of channels by topic; number of messages by topic.
+    State: the writer; schema ids by kind; channel ids and numbers of messages by topic.
     """
 
     def __init__(self, writer: Writer) -> None:
@@ -52,9 +52,9 @@ class McapFile:
 
 @contextmanager
 def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFile]:
-    """Open a file for messages, which is finished after a clean exit; InputError if the package is not installed.
+    """Open a file for messages; a clean exit completes the file. InputError if the package is not installed.
 
-    metadata: of the recording, in the record `softaim`
+    metadata: data on the recording, written as the record `softaim`
     """
     require("--to mcap", "export")
     from mcap.writer import Writer

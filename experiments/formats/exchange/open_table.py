@@ -1,4 +1,4 @@
-"""CSV files with missing entries: columns of numbers, NaN for missing ones, and of text."""
+"""CSV files with missing entries: columns of numbers, where missing entries are NaN, and columns of text."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MISSING = ("", "nan", "NaN")
 def open_table(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str], *, first_row: int = 2
 ) -> Table:
-    """The table of these rows, each as long as the header, with unique names; all columns except `words` are numbers.
+    """The table of these rows, each as long as the header; all columns except `words` are numbers.
 
     Missing and infinite numbers are NaN. Raises InputError with row and column.
     """

@@ -1,6 +1,6 @@
-"""Sequence files of PLUS, `.igs.mha`: MetaImage with fields of each frame before the pixels of all.
+"""Sequence files of PLUS, `.igs.mha`: MetaImage files with the fields of all frames before all pixels.
 
-Fields are those of [plus], "Sequence file"; they are read as in [igsio].
+The fields are those in [plus], "Sequence file", and PLUS reads them as in [igsio].
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from experiments.arrays import Floats
 from vision.arrays import Image
 
 WHOLE_READ_BYTES = 2**32
-"""Size above which PLUS reads wrong frames: it counts the bytes of a file's pixels in 32 bits."""
+"""Number of bytes of all pixels above which PLUS reads wrong frames, because it counts them in 32 bits."""
 
 _FIXED = {
     "BinaryData": "True",
@@ -29,7 +29,7 @@ _FIXED = {
     "Kinds": "domain domain list",
     "UltrasoundImageOrientation": "MF",
 }
-"""Pixels as in the picture, u right and v down: PLUS does not flip MF."""
+"""Fixed fields; MF is the orientation of pictures, u right and v down, which PLUS does not flip."""
 
 
 def write_plus(
@@ -42,8 +42,8 @@ def write_plus(
 ) -> None:
     """Write a sequence, frame by frame.
 
-    frames: fields of each, by name; frame number and picture fields are added
-    images: of the frames, (height, width, 3) BGR; None: each frame is one pixel, INVALID
+    frames: the fields of each frame by name; frame number and picture fields are added
+    images: one for each frame, (height, width, 3) BGR; None: each frame is one pixel marked INVALID
     size_px: width and height of the images
     """
     width, height = (1, 1) if images is None else size_px
@@ -64,7 +64,7 @@ def write_plus(
 
 
 def transform_fields(name: str, matrix: Floats | None) -> dict[str, str]:
-    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; None: INVALID."""
+    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; None: marked INVALID."""
     values = np.eye(4) if matrix is None else matrix
     text = " ".join(f"{value:.9g}" for value in values.ravel())
     return {f"{name}Transform": text, f"{name}TransformStatus": "INVALID" if matrix is None else "OK"}

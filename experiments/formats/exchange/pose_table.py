@@ -1,4 +1,4 @@
-"""Tables of pose trackers, with one animal or several: DeepLabCut's CSV files and SLEAP's analysis CSV files.
+"""Tables of pose trackers for one or several animals: CSV files of DeepLabCut, analysis CSV files of SLEAP.
 
 Their pixel coordinates are those of this program: the centre of the first pixel is (0, 0).
 """
@@ -32,9 +32,9 @@ SLEAP_HEADS = ("track", "frame_idx", "instance.score")
 class PoseTable:
     """Positions of body parts from a pose tracker.
 
-    frames: numbers of the film's frames, increasing, (n_rows,)
-    parts: names; places_px: positions [px], (n_rows, n_parts, 2), NaN for missing parts
-    likelihood: of each, (n_rows, n_parts), NaN for a position that a person set
+    frames: indices of the film's frames, increasing, (n_rows,)
+    parts: names of body parts; places_px: positions [px], (n_rows, n_parts, 2), NaN for missing parts
+    likelihood: the tracker's confidence in each position [1], (n_rows, n_parts), NaN if a person set it
     """
 
     path: Path
@@ -47,7 +47,7 @@ class PoseTable:
 def read_poses(path: Path, individual: str | None = None) -> PoseTable:
     """The table of a pose tracker; raises InputError.
 
-    individual: name of the animal in a table of several, or of the track in a table of SLEAP
+    individual: name of the animal in a table of several animals, or of the track in a table of SLEAP
     """
     _check_text(path)
     rows = list(read_rows(path, KINDS))
@@ -59,12 +59,12 @@ def read_poses(path: Path, individual: str | None = None) -> PoseTable:
 
 
 def _check_text(path: Path) -> None:
-    """Raise InputError for other file formats of both trackers."""
+    """Raise InputError for the trackers' other file formats."""
     try:
         with path.open("rb") as file:
             first = file.read(len(HDF5))
     except OSError:
-        return  # the reader reports it
+        return  # the reader of the table reports this fault
     if first == HDF5:
         raise InputError.at(path, f"{KINDS}, from an export to CSV", "an HDF5 file")
 
@@ -97,7 +97,7 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
 
 
 def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
-    """The requested animal, or the only one; the InputError lists all."""
+    """The requested animal, or the only one; otherwise an InputError that lists all."""
     names = list(dict.fromkeys(animals))
     if individual is None and len(names) <= 1:
         return names[0] if names else None

@@ -1,4 +1,4 @@
-"""Output folder of `softaim track`, as pandas DataFrames."""
+"""Output folders of `softaim track`, read as pandas DataFrames."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Result:
 def read_result(folder: FilePath) -> Result:
     """Read the tables and figures in an output folder of `softaim track`; raises InputError.
 
-    Folders of `softaim live` are read, too; they have no figures.
+    It also reads folders of `softaim live`, which have no summary.
     """
     place = Path(folder)
     if not place.is_dir():

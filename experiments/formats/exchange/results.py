@@ -20,9 +20,9 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
 FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
-"""Statuses of usable estimates; others are reported by their status alone."""
+"""Statuses of usable estimates; for other statuses the exports have only the status."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""Rounding of times in a table, relative to the time, and at most relative to the shortest frame interval [1]: older
+"""Tolerance of times in a table, relative to the time, and its limit relative to the shortest frame interval [1]: older
 tables have nine digits."""
 
 Entry = float | str | bool | None
@@ -32,9 +32,9 @@ Entry = float | str | bool | None
 class Results:
     """Results of a run for a recording, row by row.
 
-    table: of the file; columns: their names, in order
-    times_s: of the rows, exact for those of frames [s], (n,)
-    frames: index of each row's frame, -1 for moments without one, (n,)
+    table: the file's table; columns: their names, in order
+    times_s: times of the rows [s], (n,), replaced by the exposure time of their frame, if any
+    frames: index of each row's frame, (n,), -1 for rows without a frame
     """
 
     table: Table
@@ -43,7 +43,7 @@ class Results:
     frames: NDArray[np.int64]
 
     def entries(self, row: int) -> dict[str, Entry]:
-        """Values of a row, by column; None for empty ones."""
+        """Values of a row by column; empty values are None."""
         return {column: self._entry(column, row) for column in self.columns}
 
     def _entry(self, column: str, row: int) -> Entry:
@@ -63,7 +63,7 @@ class Estimates(Results):
 
     @property
     def trusted(self) -> NDArray[np.bool_]:
-        """Which rows have a usable estimate, (n,)."""
+        """Whether each row has a usable estimate, (n,)."""
         followed = np.isin(self.table.texts["status"], TRUSTED)
         return followed & np.isfinite(self.means).all(axis=1) & np.isfinite(self.covs).all(axis=(1, 2))
 
@@ -71,7 +71,7 @@ class Estimates(Results):
 def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     """The estimates in a folder of results, for frames with these exposure times [s]; raises InputError.
 
-    dim: of the scene. At least one row must belong to a frame.
+    dim: dimension of the scene. At least one row must belong to a frame.
     """
     path = folder / ESTIMATES
     if not folder.is_dir():
@@ -90,7 +90,7 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
 
 
 def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
-    """The advice in a folder of results; None if there is none. Raises InputError."""
+    """The advice in a folder of results; None if the folder has no advice. Raises InputError."""
     path = folder / ADVICE
     if not path.exists():
         return None
@@ -108,7 +108,7 @@ def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Times of rows [s], replaced by those of their frames, and the frame of each row, -1 for none."""
+    """Times of rows [s], replaced by those of their frames, and the frame's index for each row, -1 for none."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)

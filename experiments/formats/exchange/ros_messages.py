@@ -1,6 +1,6 @@
-"""ROS 2 messages of the exports: definitions, and encoding as CDR.
+"""ROS 2 messages that are exported: definitions, and encoding as CDR.
 
-Definitions are those of ROS 2's common_interfaces, the same since Foxy. Lengths in metres; stamps in nanoseconds.
+Definitions are those of ROS 2's common_interfaces, unchanged since Foxy. Lengths in metres; stamps in nanoseconds.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _POSED = ("geometry_msgs/PoseWithCovariance", "geometry_msgs/Pose", "geometry_ms
 
 
 def _definition(own: str, *parts: str) -> str:
-    """A definition with those of its nested messages, in the format of MCAP and rosbag2."""
+    """A message definition followed by those of nested messages, in the format of MCAP and rosbag2."""
     return f"\n{'=' * 80}\n".join([own, *(f"MSG: {part}\n{_PARTS[part]}" for part in parts)]) + "\n"
 
 
@@ -43,13 +43,13 @@ DEFINITIONS: Mapping[str, str] = {
     IMAGE: _definition("std_msgs/Header header\nstring format\nuint8[] data", *_STAMPED),
     TEXT: _definition("string data"),
 }
-"""Definitions by message, in the encoding `ros2msg`."""
+"""Definition of each message type, in the encoding `ros2msg`."""
 
 
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
     """Message of the target's position [m], (dim,), with its covariance [m²], (dim, dim).
 
-    The target has no orientation: that of the axes is stated as exact, as is z in the plane.
+    The target has no orientation: the message states that of the axes as exact; in the plane also z.
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov
@@ -67,7 +67,7 @@ def image_message(time_ns: int, frame_id: str, jpeg: bytes) -> bytes:
 
 
 def text_message(text: str) -> bytes:
-    """Message of a text, without a stamp."""
+    """Message with a text and without a stamp."""
     return Cdr().text(text).content()
 
 

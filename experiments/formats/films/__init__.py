@@ -1,4 +1,4 @@
-"""Pictures of a recording: of one camera, or of several in space.
+"""Pictures of a recording: those of one camera, or of several cameras in space.
 
-Another way of storing pictures belongs here.
+A new way of storing pictures belongs here.
 """

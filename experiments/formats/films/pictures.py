@@ -26,14 +26,14 @@ Pictures = VideoFileFrames | FolderFrames | SegmentFrames
 
 
 def source_in(folder: Path) -> Path:
-    """The one film, folder or marks.csv in a recording's folder; InputError if there is none or more than one."""
+    """The film, folder of pictures or marks.csv in a recording's folder; InputError unless there is exactly one."""
     several = sorted(path.name for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)
     if several:
         raise InputError.at(folder, f"{', '.join(VIDEOS[:-1])} or {VIDEOS[-1]} ({ONE_CAMERA})", " and ".join(several))
     names = (*VIDEOS, FRAMES, MARKS, SEGMENTS)
     present = [name for name in names if (folder / name).exists()]
     if SEGMENTS in present and any(name in VIDEOS for name in present):
-        present.remove(SEGMENTS)  # they have been joined, and will be removed
+        present.remove(SEGMENTS)  # these pieces have been joined, and will be removed
     if len(present) != 1:
         found = " and ".join(f"{name}/" if name in FOLDERS else name for name in present)
         raise InputError.at(folder, f"one of {', '.join(VIDEOS)}, {FRAMES}/ or {MARKS}", found or "none")
@@ -45,12 +45,12 @@ def source_in(folder: Path) -> Path:
 
 
 def growing_in(folder: Path, camera: str) -> Path:
-    """Folder of a camera's pieces and their times during recording; camera: its name, empty for the only one."""
+    """Folder of a camera's film pieces and times during recording; camera: its name, empty for a single camera."""
     return folder / f"{SEGMENTS}.{camera}" if camera else folder
 
 
 def is_folder(source: Path) -> bool:
-    """Whether pictures are the numbered files of a folder, `frames/` or `frames.NAME/` of a camera."""
+    """Whether pictures are the numbered files of a folder `frames/`, or `frames.NAME/` for one of several cameras."""
     return source.name == FRAMES or source.name.startswith(f"{FRAMES}.")
 
 
@@ -65,9 +65,9 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """The number of frames, and their name in messages; InputError, SourceError if some are missing.
+    """The number of frames, and what messages call them; InputError, SourceError if some are missing.
 
-    A film is counted by reading it, because its header may be wrong; this takes a fraction of the tracking time.
+    A film's frames are counted by reading it, because its header may be wrong; this is much faster than tracking.
     `advance` is called with the completed share.
     """
     if source.name == SEGMENTS:
@@ -89,9 +89,9 @@ def check_pictures(
     place: str,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> None:
-    """Raise InputError now for faults that would otherwise appear only at the end of a long run.
+    """Raise InputError for faults that would otherwise appear only at the end of a long run.
 
-    times: the file of the exposure times; size_px, place: of the camera's pictures, and the key that states it
+    times: the file of exposure times; size_px, place: size of the camera's pictures, and the key that states it
     """
     try:
         n_frames, what = count_pictures(source, advance)

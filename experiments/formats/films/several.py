@@ -72,7 +72,7 @@ def read_films(
     read_times: reads the exposure times of a `frames.NAME.csv`
     """
     if scene.network.dim == 2:
-        source_in(folder)  # refuses more than one camera
+        source_in(folder)  # raises an error for more than one camera
     if scene.reference.marks:
         raise InputError.at(f"{scene_path}: reference.mark", "none with films of cameras in space", "some")
     others = [name for name in (*VIDEOS, FRAMES, MARKS) if (folder / name).exists()]
@@ -101,9 +101,9 @@ def read_films(
 
 
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
-    """Times at which any camera exposed [s], (n,), and the numbers of the films with a picture of each.
+    """Times at which any camera exposed [s], (n,), and for each time the indices of the films with a picture.
 
-    Pictures of several cameras within `vision.TOGETHER_S` of the first have its time.
+    Pictures of other cameras within `vision.TOGETHER_S` after the first one have its time.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

@@ -1,4 +1,4 @@
-"""Marks from another tracker: covariances, times, repeated values, and test against the drawing.
+"""Marks from another tracker: covariances, times, repeated values, and comparison with the drawing.
 
-Each is imported from its own module.
+Import each from its own module.
 """

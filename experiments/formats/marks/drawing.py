@@ -14,28 +14,28 @@ from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
 """Root mean square distance of marks from the drawing, relative to the body's size, above which they do not fit;
-choice: more than the effect of pokes and weight on a body that is drawn at rest."""
+choice: more than pokes and weight move the marks of a body that is drawn at rest."""
 
 FITS = 0.1
-"""Distance below which another interpretation of the numbers fits; it must also be a quarter of that before;
-choice."""
+"""Distance, relative to the body's size, below which another interpretation of the numbers fits, if it is also below a
+quarter of the first distance; choice."""
 
 ALIKE = 1.5
-"""Ratio of distances up to which interpretations are equivalent to the best [1]; the simplest of them is named;
+"""Ratio to the least distance up to which interpretations fit equally well [1]; the message names the simplest;
 choice."""
 
 FLAT = 0.2
-"""Relative spread of marks across their longest direction, below which they are collinear; choice."""
+"""Spread of marks across their longest direction, relative to that along it, below which they are collinear; choice."""
 
 N_FRAMES = 10
-"""Number of frames with marks that may pass until all marks were visible once; choice."""
+"""Number of frames with marks after which the test is done, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Units that lengths may have instead of mm."""
+"""Millimetres per unit that lengths may have instead of mm."""
 
 
 RESIZED = 8.0
-"""Largest factor on the spread of marks by a deformation of the tissue [1]; choice: another unit is ten or more."""
+"""Largest factor by which tissue may spread its marks [1]; choice: a wrong unit gives ten or more."""
 
 
 class FirstMarks:
@@ -46,7 +46,7 @@ class FirstMarks:
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Result of `misread` for the marks so far, by node [m], reported once; else None."""
+        """Result of `misread` for the marks so far, if the test is due, else None; places: positions by node [m]."""
         if self._judged or not places:
             return None
         self._places = {**places, **self._places}
@@ -56,15 +56,15 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """Result of the test now, if it was not done yet."""
+        """Do the test now, unless it was done, and return its message."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
 
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks, by node [m], (dim,), are spread so little or so far that no tissue deforms like that.
+    """A message if marks, by node [m], (dim,), are closer together or farther apart than tissue can deform.
 
-    Tested for three marks of the body or more: the two of a cord may come close to each other.
+    Only for three or more marks of the body, since two marks of a cord may come close to each other.
     """
     nodes = [name for name in seen_m if name in scene.network.names]
     if len(nodes) < 3:
@@ -85,7 +85,7 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Another interpretation of the marks' numbers: in words, its complexity, and the resulting marks [m]."""
+    """Another interpretation of the marks' numbers: its description, its complexity, and the resulting marks [m]."""
 
     words: str
     changes: int
@@ -95,10 +95,10 @@ class Reading:
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
     """A message if marks, by node [m], (dim,), lie far from the drawing and a simple other interpretation fits.
 
-    None if they fit, and if no simple interpretation, or too many, would make them fit.
+    None if they fit, if no simple interpretation makes them fit, or if too many do.
     """
     network = scene.network
-    nodes = [name for name in seen_m if name in network.names]  # not reference marks on the rig
+    nodes = [name for name in seen_m if name in network.names]  # without reference marks on the rig
     if len(nodes) < 2:
         return None
     drawn = network.positions[[network.index(node) for node in nodes]]
@@ -124,7 +124,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether another interpretation fits, from its distance, that of the plain one, and the body's size [m]."""
+    """Whether another interpretation fits: rms: its distance; plain: that without it; size: the body's size [m]."""
     return rms <= min(FITS * size, 0.25 * plain)
 
 
@@ -165,7 +165,7 @@ def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
 
 
 def _axes(dim: int) -> Iterator[Floats]:
-    """All ways to exchange and mirror axes, (dim, dim)."""
+    """All matrices that permute and mirror axes, (dim, dim)."""
     for order in permutations(range(dim)):
         for signs in product((1.0, -1.0), repeat=dim):
             axes = np.zeros((dim, dim))
@@ -174,7 +174,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Axes in words: which of the marks' axes are which of the scene's, and the number of changes."""
+    """Text that relates the marks' axes to the scene's, and the number of differences."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

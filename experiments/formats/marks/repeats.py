@@ -1,4 +1,4 @@
-"""Detection of frames of marks that repeat an earlier frame: the tracker is frozen, though its times advance."""
+"""Detection of frames of marks that repeat an earlier frame, because the tracker is frozen while its times advance."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from vision import FrozenValues, SourceEvent
 
 
 def values_of(marks: Iterable[MarkRow]) -> dict[str, tuple[float, ...]]:
-    """The values of a frame that do not repeat by chance: positions by node [m]."""
+    """The values of a frame that two frames never share by chance: positions by node [m]."""
     return {mark.node: tuple(mark.position_m.tolist()) for mark in marks}
 
 
 def without_repeats(
     times_s: Floats, marks: Sequence[Sequence[MarkRow]]
 ) -> tuple[tuple[tuple[MarkRow, ...], ...], tuple[SourceEvent, ...]]:
-    """The marks of each frame, without those of repeated values, and the events FROZEN and RESUMED."""
+    """The marks of each frame, none for frames with repeated values, and the events FROZEN and RESUMED."""
     watch, used, events = FrozenValues(), [], []
     for time_s, found in zip(times_s.tolist(), marks, strict=True):
         repeats, noticed = watch.saw(time_s, values_of(found))

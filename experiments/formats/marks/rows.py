@@ -13,14 +13,14 @@ from experiments.arrays import Floats
 AXES = ("x_mm", "y_mm", "z_mm")
 
 LEAST_SHARE = 1e-9
-"""Least variance of a covariance in any direction, relative to its largest [1]; numerical: files are more precise."""
+"""Least variance of a covariance in any direction, relative to the largest [1]; numerical: files have more digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
     """A mark from another tracker: its node, its position [m], (dim,), one standard deviation for each axis [m].
 
-    full_cov: its covariance [m²], (dim, dim), if stated in place of sd_m; sd_m is then its mean size
+    full_cov: its covariance [m²], (dim, dim), if the file states it; sd_m is then its mean standard deviation
     """
 
     node: str

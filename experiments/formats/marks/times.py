@@ -1,4 +1,4 @@
-"""Test whether times of frames can be seconds, and which other unit they probably have."""
+"""Test whether times of frames can be in seconds; if not, which unit they probably have."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Range of usual frame intervals [s]; choice: 1000 frames/s, and the time after which the filter forgets."""
+"""Range of usual frame intervals [s]; choice: 1000 frames/s, and the time after which the filter forgets a frame."""
 
 USUAL_S = 1.0 / 30.0
-"""Typical interval of a tracker's frames, for the choice of the unit [s]; choice."""
+"""Typical interval of a tracker's frames [s], to guess the unit; choice."""
 
 UNITS = {
     "nanoseconds": 1e-9,
@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit in which a stated time is nearest to the expected one [s].
+    """The unit in which a stated time is nearest to an expected time [s].
 
-    None if that is seconds, or if all units differ by more than this factor.
+    None if that is seconds, or if the times differ by more than the factor `most` in every unit.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -35,7 +35,7 @@ def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str |
 
 
 def check_seconds(table: Table, column: str) -> None:
-    """Raise InputError if times of frames, in order and possibly repeated, cannot be seconds.
+    """Raise InputError if times of frames, in order and possibly repeated, cannot be in seconds.
 
     The median interval is tested: single gaps may have any length.
     """

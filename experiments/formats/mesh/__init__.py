@@ -1,4 +1,4 @@
 """Meshes of bodies: readers and checks of mesh files, filling of surfaces, and the mesh file of a project.
 
-A new file format: its reader in `READERS` of `source.py`.
+The reader of a new file format belongs in `READERS` of `source.py`.
 """

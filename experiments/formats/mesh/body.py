@@ -21,8 +21,8 @@ UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 """Metres per unit of length."""
 
 SMALLEST_M, LARGEST_M = 0.02, 1.0
-"""Permitted extent of a body along its longest axis [m]; choice: a phantom of 20 mm and a trunk of 1 m are inside,
-while neighbouring units differ by 10 or more."""
+"""Permitted extent of a body along its longest axis [m]; choice: it includes a phantom of 20 mm and a trunk of 1 m, and
+a wrong unit changes the extent by a factor of ten or more."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,7 +31,7 @@ class Body:
 
     fields: numbers at the nodes, (n,), by name
     cell_fields: numbers of the elements, (m,), by name
-    faces: of the outside, with the fields of triangles in the file, NaN where it has none
+    faces: the outer faces, with the fields of the file's triangles, NaN where it has none
     """
 
     mesh: TetMesh
@@ -48,8 +48,8 @@ def read_body(
 ) -> Body:
     """Read the body of a mesh file; raises InputError for the first fault.
 
-    unit: of the file, a key of `UNITS`; size_m: edge length of new elements [m], which replace those of the file
-    check: called before elements are made, with positions [m], (n, 3), and the body of the file, None for a surface
+    unit: unit of the file, a key of `UNITS`; size_m: edge length [m] of new elements that replace the file's
+    check: called before elements are made, with positions [m], (n, 3), and the file's body, None for a surface
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
@@ -139,8 +139,8 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body in elements with edges of this size [m].
 
-    A field takes the mean over the old nodes nearest to a new node, or the nearest value if there is none;
-    labels take that of the nearest element or face.
+    A field at a new node is the mean over the old nodes nearest to it, or the nearest value if there is none; labels
+    are those of the nearest element or face.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

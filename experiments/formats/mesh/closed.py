@@ -13,7 +13,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError
 
 FLATTEST = 1e-8
-"""Least area of a triangle, relative to its longest edge squared [1]; numerical, a regular one has 0.43."""
+"""Least area of a triangle, relative to its longest edge squared [1]; numerical: a regular triangle has 0.43."""
 
 
 def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
@@ -44,7 +44,7 @@ def checked_surface(path: Path, points: Floats, faces: NDArray[np.int64]) -> tup
 
 
 def _check_edges(path: Path, nodes: Floats, faces: NDArray[np.int64]) -> None:
-    """Raise InputError unless each edge has two triangles that pass it in opposite directions."""
+    """Raise InputError unless each edge belongs to two triangles, which run along it in opposite directions."""
     n = len(nodes)
     ends = np.stack([faces, faces[:, [1, 2, 0]]], axis=2).reshape(-1, 2)
     keys, which, count = np.unique(n * ends.min(axis=1) + ends.max(axis=1), return_inverse=True, return_counts=True)

@@ -17,14 +17,14 @@ from experiments.errors import InputError
 from experiments.extras import require
 
 EDGES = 20
-"""Default number of element edges along the diagonal of a body; that of fTetWild."""
+"""Default number of element edges along the diagonal of a body, as in fTetWild."""
 
 LEAST_EDGES, MOST_EDGES = 3.0, 200.0
-"""Permitted numbers of edges along the diagonal; choice: fewer leave no inside, more give millions of nodes."""
+"""Permitted numbers of edges along the diagonal; choice: fewer leave no interior, more give millions of nodes."""
 
 ENVELOPE = 0.1
-"""Largest distance of the new surface from the given one, relative to an element's edge [1]; choice: below the error of
-elements of that size."""
+"""Largest distance of the new surface from the given one, relative to an element's edge [1]; choice: less than the
+error of such elements."""
 
 GRID = 0.4
 """Size of cells whose points are joined before the filling, relative to an element's edge [1]; choice: a surface of
@@ -60,7 +60,7 @@ def filled(
 def _by_ftetwild(
     nodes: Floats, faces: NDArray[np.int32], size_m: float, envelope: float
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Nodes and tetrahedra from a separate process: fTetWild takes over signals, and leaves files where it runs."""
+    """Nodes and tetrahedra from a separate process: fTetWild catches signals, and writes files where it runs."""
     import pytetwild
 
     with TemporaryDirectory() as folder, chdir(folder):
@@ -71,7 +71,7 @@ def _by_ftetwild(
 def _joined(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
     """The surface with the points of each grid cell joined at their mean; triangles without area are omitted.
 
-    Triangles are in the order of their cells: fTetWild is ten times slower if neighbours are far apart in the list.
+    Triangles are sorted by cell: fTetWild is ten times slower if neighbours are far apart in the list.
     """
     cells = np.unique(np.floor(nodes / side_m).astype(np.int64), axis=0, return_inverse=True)[1].ravel()
     means = np.stack([np.bincount(cells, axis) for axis in nodes.T], axis=1) / np.bincount(cells)[:, None]

@@ -1,4 +1,4 @@
-"""Selection of the fixed nodes of a mesh: beyond a plane, of a region, or of a labelled wall."""
+"""Selection of a mesh's fixed nodes: those beyond a plane, in a region, or on a labelled wall."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def beyond(places: Floats, plane: re.Match[str]) -> NDArray[np.int64]:
 
 
 def held(of: ProjectMesh, fixed: str) -> NDArray[np.int64]:
-    """Indices of the fixed nodes by `fixed`, (k,) int; ValueError, `expected …, found …`, for none or all nodes."""
+    """Indices of the nodes that `fixed` selects, (k,) int; ValueError, `expected …, found …`, for none or all."""
     mesh = of.mesh
     if plane := PLANE.fullmatch(fixed.strip()):
         nodes = beyond(mesh.nodes, plane)

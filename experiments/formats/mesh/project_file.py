@@ -37,7 +37,7 @@ def mesh_of(content: bytes, path: Path) -> ProjectMesh:
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as file:
             arrays = {key: file[key] for key in ARRAYS if key in file.files}
-    except Exception as error:  # from a file that is not NumPy's
+    except Exception as error:  # raised for a file in another format than NumPy's
         raise InputError.at(path, "the mesh of softaim new", shown(str(error) or type(error).__name__)[1:-1]) from None
     for key, kind in ARRAYS.items():
         if key not in arrays or arrays[key].dtype.kind != kind:

@@ -25,9 +25,9 @@ DIGEST = hashlib.sha256().digest_size
 
 
 def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) -> MassSpringNetwork:
-    """The reduced network of a mesh: from the cache if it is there, else computed by `make`.
+    """The reduced network of a mesh, from the cache or, if it is not there, from `make`.
 
-    key: determines it together with the program, as values that JSON can write
+    key: values for JSON that, together with the program, determine the network
     """
     path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
     if (kept := _read(path)) is not None:
@@ -91,5 +91,5 @@ def _read(path: Path) -> MassSpringNetwork | None:
 
 
 def tissue_key(tissues: Sequence[Tissue]) -> list[dict[str, object]]:
-    """Tissues as a key of the cache."""
+    """Tissues as part of a cache key."""
     return [asdict(tissue) for tissue in tissues]

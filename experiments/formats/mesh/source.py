@@ -21,17 +21,17 @@ READERS = {".vtk": "vtk", ".vtu": "vtu", ".msh": "gmsh", ".stl": "stl", ".obj": 
 """Modules of meshio by file name extension."""
 
 READ = {"vertex": 1, "line": 2, "triangle": 3, "quad": 4, "tetra": 4}
-"""Permitted cells, with their numbers of nodes; points and lines are ignored, a quadrilateral is two triangles."""
+"""Permitted cells with their numbers of nodes; points and lines are ignored, a quadrilateral becomes two triangles."""
 
 HEADER = 600
-"""Bytes of a VTK file that contain its header: lines of 256 characters at most."""
+"""Number of bytes of a VTK file that contain its header, whose lines have at most 256 characters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
     """Cells of one kind.
 
-    nodes: of each, (m, 3) or (m, 4)
+    nodes: indices of each cell's nodes, (m, 3) or (m, 4)
     fields: a number for each cell, (m,), by name
     """
 
@@ -46,7 +46,7 @@ class Cells:
 class Source:
     """The content of a mesh file.
 
-    points: (n, 3) in the file's unit; triangles, tetrahedra: their nodes count from 0
+    points: positions in the file's unit, (n, 3); triangles, tetrahedra: cells, their nodes counted from 0
     fields: numbers at the points, (n,), by name
     """
 
@@ -75,7 +75,7 @@ def read_source(path: Path) -> Source:
         raise
     except OSError as error:
         raise InputError.refused(path, "a file that can be read", error) from error
-    except Exception as error:  # from a parser, which may raise anything
+    except Exception as error:  # the parser may raise any exception
         fault = shown(str(error) or type(error).__name__)[1:-1]
         raise InputError.at(path, f"a mesh of {READERS[path.suffix.lower()].upper()}", fault) from None
     points = np.asarray(mesh.points, dtype=float)

@@ -25,9 +25,9 @@ Camera = PlaneCamera | SpaceCamera | LensFile
 
 
 def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
-    """The camera of a table, or only its lens without a pose; a named file is searched in this folder.
+    """The camera of a table, or only its lens if the pose is missing; a named file lies in `folder`.
 
-    dim: of the scene. Raises ValueError, `key: expected …, found …`, and InputError for that file.
+    dim: dimension of the scene. Raises ValueError, `key: expected …, found …`, and InputError for that file.
     """
     if dim == 3:
         for key in ("plane_to_px", "scale_sd"):
@@ -62,7 +62,7 @@ def _of_keys(table: CameraTable, dim: int) -> Camera:
     homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
     try:
         return PlaneCamera(table.name, size_px, homography)
-    except ValueError:  # the file's model has checked all else
+    except ValueError:  # the file's model has checked the rest
         raise ValueError(
             "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
             f" found {shown(table.plane_to_px)}"
@@ -70,7 +70,7 @@ def _of_keys(table: CameraTable, dim: int) -> Camera:
 
 
 def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
-    """The camera with this lens at the table's pose; only the lens without a pose."""
+    """The camera with this lens at the table's pose; only the lens if the table has no pose."""
     if table.rotation is None or table.translation_mm is None:
         return lens
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM

@@ -1,4 +1,4 @@
-"""Filter tables of a scene file: `[uncertainty]` of the constants and `[filter]`, noise levels and led nodes."""
+"""Filter tables of a scene file: `[uncertainty]` of the constants, and `[filter]` with noise levels and led nodes."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
 
 
 def filter_table(settings: FilterSettings) -> dict[str, float | list[str]]:
-    """The keys of `[filter]` for these settings, without defaults."""
+    """The keys of `[filter]` for these settings, without those that have default values."""
     usual = FilterSettings()
     keys: dict[str, float | list[str]] = {}
     if settings.poked.poke != usual.poked.poke:

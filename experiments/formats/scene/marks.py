@@ -15,7 +15,7 @@ class Mark:
     """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False if it only scores estimates.
 
     half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
-    even: whether it has one colour, unlike a shaded ball
+    even: whether its colour is uniform, unlike that of a shaded ball
     ball: whether it is a ball, whose image is a circle; else a disc on the plane, whose image is an ellipse
     """
 
@@ -35,7 +35,7 @@ class Mark:
         return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """Image of the mark at a position on the plane [m], (2,), as `Outline.shape_px`, (2, 2) [px]."""
+        """Image of the mark at a position on the plane [m], (2,), as in `Outline.shape_px`, (2, 2) [px]."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 

@@ -1,4 +1,4 @@
-"""Mesh table of a scene file: read from `[mesh]` as a network of its points, and written to it."""
+"""Mesh table of a scene file: read from `[mesh]` as a network of the named points, and written to it."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTiss
 from experiments.formats.toml_file import key_lines
 
 LINE = "needle"
-"""Name of points on a needle's line, before their number."""
+"""Name, before a number, of the points on a needle's line."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Spacing of points on a line, relative to the extent, and least spacing in element edges [1]; choice: the radius of
-the patch of a force; more points than elements cannot move independently."""
+"""Spacing of points on a line relative to the body's extent, and least spacing in element edges [1]; choice: the radius
+of a force's patch; more points than elements cannot move independently."""
 
 APART_M = 1e-5
 """Distance of two points below which they coincide [m]; choice: finer than any mark."""
@@ -41,11 +41,11 @@ ON_SKIN_M = 1e-3
 class SceneMesh:
     """The mesh of a scene.
 
-    file: its name, beside the scene's file; content: of that file
-    fixed: the fixed nodes, in the form of `held`; None: none
-    tissues: with the numbers of their regions, (n_tissues,)
+    file: name of the mesh file, beside the scene's file; content: its bytes
+    fixed: selection of the fixed nodes, see `held`; None: no node is fixed
+    tissues, regions: each tissue and the number of its region, (n_tissues,)
     points: names and positions [m] of marks and target
-    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): its ratio gives a scaled network's factors
+    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): compared to find a network's factors
     """
 
     file: str
@@ -57,9 +57,9 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with their stiffness in a network of this mesh, as identification scales it.
+        """The tissues with the stiffness that they have in a network of this mesh after identification.
 
-        Their damping does not change: its time, damping divided by stiffness, becomes shorter by the same factor.
+        Their damping does not change: `damping_s`, damping over stiffness, is divided by the stiffness's factor.
         """
         factors = _traces(network) / self.stiffness
         return tuple(
@@ -68,9 +68,9 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """Network of these points with all responses to smooth surface forces, and the tissues of this network.
+        """Network of these points with this network's tissues and all responses to smooth forces on the surface.
 
-        These are not all modes of the mesh.
+        They do not include all modes of the mesh.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
@@ -89,7 +89,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
 
 
 def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh of a table, from the content of its file, and its network; raises SceneError, `mesh…: …`, InputError."""
+    """The mesh of a table with its file's content, and the network; raises SceneError, `mesh…: …`, InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
@@ -118,7 +118,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
-    """Distance of positions [m], (n, 3), outside the body [m], (n,): 0 inside."""
+    """Distance [m], (n,), of positions [m], (n, 3), from the body; 0 inside."""
     return _outside_m(mesh_of(mesh.content, Path(mesh.file)).mesh, places)
 
 
@@ -130,8 +130,8 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
     """Mesh and network with additional points on the part of a straight line inside the body, `LINE 1` and so on.
 
-    A point of the mesh within half the spacing replaces one on the line; names in use are skipped.
-    ends: of the line [m], (2, 3). Masses of points, by which forces are stated, do not change.
+    A point of the mesh within half the spacing replaces a point on the line; names in use are skipped.
+    ends: ends of the line [m], (2, 3). The points' masses do not change, because forces are stated relative to them.
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
@@ -225,7 +225,7 @@ def _check_apart(of: ProjectMesh, points: Mapping[str, Floats]) -> None:
 
 
 def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
-    """The fault of the first point that is outside of a mesh, None if there is none."""
+    """The error for the first point outside of a mesh; None if all are inside."""
     outside = surface(of.mesh)
     for i, place in enumerate(points.values()):
         try:

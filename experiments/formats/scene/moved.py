@@ -19,9 +19,9 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 
 
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
-    """The scene with its body, gravity, target and reference marks moved; SceneError if that does not fit its cameras.
+    """The scene with its body, gravity, target and reference marks moved; SceneError if its cameras do not fit then.
 
-    Gravity turns with the body, which keeps the posture in which it was drawn. mesh_file: file of the moved mesh
+    Gravity turns with the body, so that the body's posture does not change. mesh_file: file of the moved mesh
     """
     mesh, drawn = None, scene.network
     if scene.mesh is not None:
@@ -41,7 +41,7 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 def _moved_mesh(
     mesh: SceneMesh, network: MassSpringNetwork, motion: RigidMotion, file: Path
 ) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh with its fixed nodes as its wall, because a plane that fixes them refers to the old axes."""
+    """The moved mesh; its fixed nodes become its wall, because a plane that selects them refers to the old axes."""
     of = mesh_of(mesh.content, Path(mesh.file))
     wall = of.wall if mesh.fixed is None else held(of, mesh.fixed)
     content = mesh_content(ProjectMesh(replace(of.mesh, nodes=motion.moved(of.mesh.nodes)), wall))
@@ -64,7 +64,7 @@ def _moved_reference(scene: Scene, motion: RigidMotion, network: MassSpringNetwo
             marks.append(replace(mark, position_m=tuple(place.tolist())))
             continue
         marks.append(mark)
-        if np.linalg.norm(mark.place(network) - place) > APART_M:  # a mesh may show its wall by other nodes
+        if np.linalg.norm(mark.place(network) - place) > APART_M:  # the wall of a mesh may have other nodes
             expected = "position_mm for an anchor whose name changes as the mesh moves"
             raise SceneError(f"reference.mark[{i}]: expected {expected}, found {shown(mark.node)}")
     return replace(scene.reference, marks=tuple(marks))

@@ -19,7 +19,7 @@ NEAREST_MM = 1e-4
 
 
 def is_node_name(name: str) -> bool:
-    """Whether this is a valid name: printable on one line, without surrounding spaces."""
+    """Whether a name is valid: printable on one line, without surrounding spaces."""
     return bool(name) and name.isprintable() and name == name.strip()
 
 
@@ -110,7 +110,7 @@ def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> lis
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {
             "name": name,
-            # rounded to 1e-12 m, so that rounding errors of rest shapes are zero; adding 0.0 removes the sign
+            # rounded to 1e-12 m, so that rounding errors of rest shapes become zero; adding 0.0 turns -0.0 into 0.0
             "position_mm": np.round(1e3 * network.positions[i], 9) + 0.0,
             "mass_kg": None if network.fixed[i] and network.masses[i] == 0 else network.masses[i],
         }

@@ -1,4 +1,4 @@
-"""Outer surface of a body in space for drawing: of its mesh at rest, or the convex hull of its springs."""
+"""Outer surface of a body in space for drawing: that of its mesh at rest, or the convex hull of its springs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Size of the first cells that become one corner, relative to the body's size, and its factor for coarser ones."""
+"""Size of the smallest cells whose corners are joined, relative to the body's size, and the factor to the next size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class Outside:
 
     @property
     def normals(self) -> Floats:
-        """Outward normals of the faces, with twice their area as length [m²], (n_faces, 3)."""
+        """Outward normals of the faces; the length of each is twice the face's area [m²], (n_faces, 3)."""
         a, b, c = (self.corners[self.faces[:, k]] for k in range(3))
         return np.cross(b - a, c - a)
 
@@ -41,7 +41,7 @@ def outside_of(scene: Scene, most: int) -> Outside:
     x = scene.network.positions
     try:
         hull = ConvexHull(x)
-    except QhullError:  # flat
+    except QhullError:  # flat body
         return _outside(x, np.empty((0, 3), dtype=np.int64))
     faces = hull.simplices.astype(np.int64)
     inward = np.einsum("ni,ni->n", Outside(x, faces).normals, hull.equations[:, :3]) < 0.0
@@ -49,7 +49,7 @@ def outside_of(scene: Scene, most: int) -> Outside:
 
 
 def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
-    """Which faces of a mesh belong to its wall, (n_faces,): the body is fixed near all of their corners."""
+    """Which faces of a mesh belong to its wall, (n_faces,): those whose corners are all near fixed nodes."""
     if scene.mesh is None or not scene.mesh.fixed:
         return np.zeros(len(outside.faces), dtype=bool)
     of = mesh_of(scene.mesh.content, Path(scene.mesh.file))

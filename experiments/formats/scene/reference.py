@@ -24,8 +24,8 @@ from vision import PlaneCamera
 class ReferenceMark:
     """A reference mark, which does not move.
 
-    name: in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
-    look: its look in a film, with its name as the node; None without a camera
+    name: its name in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
+    look: its look in a film, where its name stands for the node; None without a camera
     """
 
     name: str
@@ -42,8 +42,7 @@ class ReferenceMark:
 class Reference:
     """Reference marks of a scene.
 
-    drift_sd_m: possible unnoticed drift of the camera or tracker, one standard deviation for each axis [m]; None: not
-    stated
+    drift_sd_m: standard deviation of an undetected drift of the camera or tracker on each axis [m]; None: not stated
     """
 
     marks: tuple[ReferenceMark, ...] = ()

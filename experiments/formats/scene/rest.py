@@ -1,7 +1,7 @@
-"""Test whether a network rests near its drawing; if not, which key of its file probably has another unit.
+"""Test whether a network rests near its drawing; if not, which key of its file is probably in another unit.
 
 The rest depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
-density from masses and distances decides between them.
+density from masses and distances shows which of them is wrong.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ UNIT = 30.0
 """Factor above which a number probably has another unit: units differ by 100 or 1000; choice."""
 
 BALANCED = 0.05
-"""Share of the weight that springs may leave unbalanced as drawn, due to rounded rest lengths; choice."""
+"""Share of the weight that the springs as drawn may leave unbalanced because rest lengths are rounded; choice."""
 
 LONGEST = 2.0
-"""Ratio of length at rest to rest length of a spring above which a body sags by stretching, not turning; choice."""
+"""Ratio of a spring's length at rest to its rest length above which a body stretches and not only turns; choice."""
 
 DENSITY = 100.0
-"""Plausible density, a node's mass in the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
+"""Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
 less."""
 
 GRAVITY = 9.81
@@ -42,7 +42,7 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""The suspected unit, by the key and the power of ten that the stiffness lacks."""
+"""The suspected unit, by the key and the power of ten by which the stiffness is too small."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
@@ -79,14 +79,14 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on the stiffness with which springs balance the weight as drawn, by least squares; 1 if none does.
+    """Factor on the stiffness with which the springs as drawn balance the weight, by least squares; 1 if none does.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
     largest, heaviest = np.abs(springs).max(), np.abs(weight).max()
     if largest == 0.0:
         return 1.0
-    f, w = springs / largest, weight / heaviest  # neither overflows
+    f, w = springs / largest, weight / heaviest  # scaled to avoid overflow
     factor = -float(np.vdot(f, w) / np.vdot(f, f))
     balanced = np.linalg.norm(factor * f + w) <= BALANCED * np.linalg.norm(w)
     return float(factor * (heaviest / largest)) if balanced else 1.0
@@ -113,11 +113,11 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """The suspected key if the stiffness lacks this factor, and its first value in the file."""
+    """Message with the suspected key and its first value in the file, if the stiffness must grow by this factor."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)
-    # error of the density, to the power of the corrected unit in it
+    # power with which the unit of each key enters the density
     powers = {"stiffness_N_m": 0, "mass_kg": 1, "position_mm": 3}
     key = min(powers, key=lambda key: abs(np.log(density / DENSITY) - powers[key] * factor))
     if _is_unit(float(np.linalg.norm(network.gravity)) / GRAVITY):

@@ -26,7 +26,7 @@ from experiments.formats.toml_file import VERSION, key_lines, long_list, read_to
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
 
 POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
-"""End of a message on the pose of a camera with a lens."""
+"""End of an error message on the pose of a camera that has a lens."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,14 +34,14 @@ class Scene:
     """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit together.
 
     uncertainty: of the constants of the tissue, None for exact ones
-    settings: noise levels, pokes and led nodes in the filter
+    settings: noise levels, pokes and led nodes of the filter
     spring_groups: name of each spring's group, whose constants are identified together, (n_springs,), empty for a
     single spring; an empty tuple without groups
-    steps: steps that were done on it, in order
+    steps: processing steps done on it, in order
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose, whose pictures cannot be used
     mesh: the mesh of the network, None for springs
-    space_cameras: cameras of a scene in space; `cameras`: those of a flat scene
+    space_cameras: cameras of a scene in space; those of a flat scene are `cameras`
     """
 
     network: MassSpringNetwork
@@ -113,15 +113,15 @@ class Scene:
 
     @property
     def n_cameras(self) -> str:
-        """Text for a message: the number of cameras, and what lenses lack."""
+        """Text for a message: the number of cameras, and that lenses lack a pose."""
         lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
         return f"{len(self.cameras) + len(self.space_cameras)}{lacking}"
 
     @property
     def n_calibration(self) -> int:
-        """Number of uncertain directions of the calibration, of the first camera or of all in space.
+        """Number of uncertain directions of the calibration: those of the first camera, in space of all cameras.
 
-        Directions of the pose from reference marks come last; in space they need marks.csv, not pictures.
+        Directions of the pose from reference marks are last; in space only marks.csv gives them, not pictures.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
@@ -146,7 +146,7 @@ class Scene:
 
     @property
     def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
-        """The measured nodes grouped by the hue of their marks: marks of one group may be confused."""
+        """The measured nodes grouped by the hue of their marks; the filter may confuse marks of one group."""
         hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
@@ -159,7 +159,7 @@ def read_scene(path: FilePath) -> Scene:
 def usable_scene(path: Path, *, rests: bool = True) -> Scene:
     """Read a scene file for simulation or estimation: its body must rest near its drawing. Raises InputError.
 
-    rests: False: accept a body without any rest there, for inspection
+    rests: if False, accept a body without rest near its drawing, for inspection
     """
     scene = read_scene(path)
     try:
@@ -173,7 +173,7 @@ def usable_scene(path: Path, *, rests: bool = True) -> Scene:
 
 
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:
-    """The scene of a file's tables; raises InputError."""
+    """The scene that a file's tables describe; raises InputError."""
     try:
         mesh, network = _body(file, path.parent)
         cameras = [_camera(i, camera, path.parent, network.dim) for i, camera in enumerate(file.camera)]
@@ -256,7 +256,7 @@ def network_digest(scene: Scene) -> str:
 def with_step(
     scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
 ) -> Scene:
-    """The scene with one more step, done by this version of the program with a recording of this digest.
+    """The scene with one more step in its list, done by this `program` version with the recording of this digest.
 
     kept: constants that the step did not change
     """

@@ -12,7 +12,7 @@ from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positi
 
 
 class SceneError(ValueError):
-    """Error for parts of a scene that do not fit together: `key: expected …, found …` with keys of scene.toml."""
+    """Error for inconsistent parts of a scene: `key: expected …, found …` with keys of scene.toml."""
 
 
 def check_own_names(key: str, names: Sequence[str]) -> None:
@@ -87,9 +87,9 @@ class MeshPointTable(Strict):
 
 
 class MeshTable(Strict):
-    """`[mesh]`: a body of tetrahedra in place of a network.
+    """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
-    fixed: the fixed nodes, see `held`
+    fixed: selection of the fixed nodes, see `held`
     """
 
     file: Name
@@ -141,7 +141,7 @@ class ReferenceMarkTable(_LookTable):
 
 
 class ReferenceTable(Strict):
-    """`[reference]`: marks that correct the pose of a camera or tracker, and its drift."""
+    """`[reference]`: fixed marks that correct the pose of a camera or tracker, and the drift of that pose."""
 
     drift_sd_mm: NotNegative | None = None
     mark: list[ReferenceMarkTable] = Field(default_factory=list)
@@ -157,9 +157,9 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]`: a homography, or a lens and its pose, or a file with both; in space not a homography.
+    """`[[camera]]`: a homography (only in the plane), or a lens and its pose, or a file with both.
 
-    A lens, or a ROS or OpenCV file of one, may lack a pose; the table may state a pose beside such a file.
+    The pose of a lens may be missing. A ROS or OpenCV file has no pose; the table may add one.
     """
 
     name: Name | None = None
@@ -200,14 +200,14 @@ class CameraTable(Strict):
 
 
 LogSd = Annotated[float, Field(gt=0, le=700)]
-"""Largest standard deviation of the log of a constant: for a larger one the factor overflows."""
+"""Standard deviation of the log of a constant; the limit prevents overflow of the factor on the constant."""
 
 
 class UncertaintyTable(Strict):
     """`[uncertainty]` of the constants: relative standard deviations.
 
-    They are given either by kind, for each constant independently, or as directions: each row is one standard deviation
-    along one independent direction in the logs of the named parameters.
+    They are stated either by kind, for each constant independently, or as directions: each row is one standard
+    deviation along one independent direction in the logs of the named parameters.
     """
 
     stiffness: LogSd | None = None
@@ -241,12 +241,12 @@ class FilterTable(Strict):
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     unified: Literal[True] = True
-    """Key of scenes for an earlier filter."""
+    """Key that scenes for an earlier filter may have."""
     led_nodes: list[Name] = Field(default_factory=list)
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""Steps on a scene; simulate: the truth of the recording in its folder was computed with its constants."""
+"""Steps on a scene; simulate: its constants produced the true motion in the recording of its folder."""
 
 
 class ProvenanceTable(Strict):

@@ -20,7 +20,7 @@ from vision import SpaceCamera
 
 
 def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
-    """Outward unit normals of the marks of nodes, (n, 3), from the mesh as drawn, or from its network."""
+    """Outward unit normals of these nodes' marks, (n, 3), from the mesh as drawn or, without one, the network."""
     network = scene.network
     if scene.mesh is None:
         return _out_of_hull(network, nodes)
@@ -30,7 +30,7 @@ def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
 
 @lru_cache(maxsize=8)
 def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], ...]) -> Floats:
-    """Normals of a mesh's surface near these positions, (n, 3): those of nodes, with the weights of a face."""
+    """Normals of a mesh's surface near these positions, (n, 3), interpolated between the nodes of a face."""
     mesh = mesh_of(content, Path(file)).mesh
     skin, normals = surface(mesh), np.zeros((len(mesh.nodes), 3))
     normals[skin.nodes] = skin.normals
@@ -42,12 +42,12 @@ def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], .
 def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
     """Normals of the convex hull of the body as drawn.
 
-    At a corner of the hull: the mean of its facets by area; inside the hull: the nearest facet.
+    A corner of the hull has the mean normal of its facets, weighted by area; a node inside, that of the nearest facet.
     """
     x, rows = network.positions, [network.index(node) for node in nodes]
     try:
         hull = ConvexHull(x)
-    except QhullError:  # flat
+    except QhullError:  # flat body
         _, _, axes = np.linalg.svd(x - x.mean(axis=0))
         return np.tile(axes[2] * (1.0 if axes[2, 2] >= 0.0 else -1.0), (len(rows), 1))
     corners, normals = x[hull.simplices], hull.equations[:, :3]
@@ -62,7 +62,7 @@ def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
 
 
 def facing(camera: SpaceCamera, places_m: Floats, normals: Floats, least: float) -> NDArray[np.bool_]:
-    """Which marks at these positions [m], (n, 3), face the camera, (n,).
+    """Whether each mark at these positions [m], (n, 3), faces the camera, (n,).
 
     normals: (n, 3); least: cosine of the largest angle between a normal and the direction to the camera
     """
@@ -72,7 +72,7 @@ def facing(camera: SpaceCamera, places_m: Floats, normals: Floats, least: float)
 
 
 def across(normals: Floats) -> Floats:
-    """Two unit vectors perpendicular to each of these, (n, 3): (n, 3, 2)."""
+    """Two perpendicular unit vectors, (n, 3, 2), that span the plane normal to each vector of `normals`, (n, 3)."""
     least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     one = np.cross(normals, least)
     one /= np.linalg.norm(one, axis=1, keepdims=True)
@@ -84,7 +84,7 @@ def mark_shapes_px(
 ) -> Floats:
     """Images of marks at these positions [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses or circles.
 
-    discs: `across` of their normals, (n, 3, 2); by_place: derivatives of their projections, (n, 2, 3) [px/m]
+    discs: `across` of the marks' normals, (n, 3, 2); by_place: derivatives of the projections, (n, 2, 3) [px/m]
     """
     are_balls = np.array([mark.ball for mark in marks])
     if are_balls.any():  # a ball looks like a disc perpendicular to the line of sight

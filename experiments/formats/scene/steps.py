@@ -1,6 +1,6 @@
 """Steps done on a scene: read from `[[provenance]]`, and written to it.
 
-Times are omitted, so that the same steps give the same file; they are in the provenance file beside it.
+The scene file omits the times of steps, so that the same steps give the same file; its provenance file has them.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from experiments.formats.toml_file import key_lines, long_list
 class Step:
     """A step done on a scene.
 
-    program: its version; recording: SHA-256 of its recording, None without
-    network, scene: SHA-256 of the network and of the whole scene after it, by `scene_digest`
-    kept: constants that it did not change, because the recording does not determine them
+    program: version of the program; recording: SHA-256 of the recording, None without one
+    network, scene: SHA-256 of the network and of the whole scene after the step, by `scene_digest`
+    kept: constants that the step did not change, because the recording does not determine them
     """
 
     name: StepName
@@ -32,7 +32,7 @@ class Step:
 
 
 def digest(lines: Sequence[str]) -> str:
-    """SHA-256 of lines of a scene file, with numbers to twelve digits, so that rounding does not change it."""
+    """SHA-256 of lines of a scene file; their numbers are rounded to twelve digits, to ignore rounding errors."""
     text = re.sub(r"(?<![\w.])-?\d+\.\d+(?:e[-+]?\d+)?", lambda found: f"{float(found[0]):.12g}", "\n".join(lines))
     return hashlib.sha256(text.encode("utf-8")).hexdigest()
 
@@ -45,7 +45,7 @@ def step_of(table: ProvenanceTable) -> Step:
 
 
 def step_keys(step: Step) -> dict[str, str]:
-    """The keys of `[[provenance]]` with a value."""
+    """The keys of `[[provenance]]` that have a value."""
     keys = {
         "step": step.name,
         "program": step.program,

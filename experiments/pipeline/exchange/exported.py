@@ -1,4 +1,4 @@
-"""Content of an export: a recording with estimates and advice of a run, and the date of its time 0."""
+"""Content of an export: a recording, the estimates and advice of a run, and the date of the recording's time 0."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from experiments.formats.exchange.results import Estimates, Results, read_advice
 from experiments.formats.recording import Recording
 
 LATEST_S = 2**31
-"""Limit of times from 1970 [s]: ROS 2 counts seconds in 31 bits."""
+"""Limit of times since 1970 [s]: ROS 2 stores seconds in 31 bits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
     """Content of an export.
 
-    estimates, advice: of the recording, if given; start_ns: time 0 of the recording, from 1970 UTC [ns]
+    estimates, advice: results for the recording, if given; start_ns: time 0 of the recording since 1970 UTC [ns]
     """
 
     recording: Recording
@@ -29,14 +29,14 @@ class Exported:
     start_ns: int = 0
 
     def time_ns(self, time_s: float) -> int:
-        """A time of the recording [s] as time from 1970 UTC [ns]."""
+        """A time of the recording [s] as time since 1970 UTC [ns]."""
         return self.start_ns + round(1e9 * time_s)
 
 
 def exported(recording: Recording, folder: Path | None, start: str | None) -> Exported:
-    """A recording with the results in a folder, which must belong to it; raises InputError.
+    """A recording with the results in a folder, which must be of this recording; raises InputError.
 
-    start: exposure time of its first frame in ISO 8601; without it, its times count from 1970
+    start: date and time of the first exposure in ISO 8601; without it, time 0 is the start of 1970
     """
     exposures_s, dim = recording.exposures_s, recording.scene.network.dim
     chosen = Exported(

@@ -24,9 +24,9 @@ class ImportSettings:
     """Settings of an import: which positions of a table are marks, and their accuracy.
 
     least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
-    likelihood was set by a person and is used
-    sd_px: error of a position, one standard deviation for each axis [px]; choice, until the tracker's own evaluation is
-    known
+    likelihood was set by a person and is always used
+    sd_px: error of a position, one standard deviation for each axis [px]; choice, to be replaced by the tracker's own
+    evaluation
     """
 
     least: float = 0.6
@@ -38,7 +38,7 @@ DEFAULTS = ImportSettings()
 
 @dataclass(frozen=True, slots=True)
 class PlaneScale:
-    """A camera square to the plane: millimetres per pixel, and the pixel of the plane's origin."""
+    """A camera perpendicular to the plane: millimetres per pixel, and the pixel of the plane's origin."""
 
     mm_per_px: float
     origin_px: tuple[float, float]
@@ -54,8 +54,8 @@ class PlaneScale:
 class Imported:
     """Marks of a table, by frame.
 
-    scene: with these marks; exposures_s: of all frames [s], (n_frames,); marks: of each frame
-    unlikely, outside: numbers of positions left out by their likelihood, and outside the picture
+    scene: scene with these marks; exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
+    unlikely, outside: numbers of positions omitted for a low likelihood, or because they lie outside the picture
     manual: number of marks without a likelihood, which a person set
     """
 
@@ -84,8 +84,8 @@ def import_table(
 ) -> Imported:
     """Read the marks of a table; raises InputError.
 
-    times: frame rate [frames/s], or a frames.csv; renamed: `PART=NODE` where names differ, `PART=` to leave one out
-    scale: of a camera square to the plane, in place of the scene's; individual: of a table of several animals
+    times: frame rate [frames/s], or a frames.csv; renamed: `PART=NODE` if names differ, `PART=` to omit a part
+    scale: a camera perpendicular to the plane, used instead of the scene's; individual: name of one of several animals
     """
     scene = read_scene(scene_path)
     if scene.network.dim != 2:
@@ -150,14 +150,14 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
 
 
 def _inside(places_px: Floats, size_px: tuple[int, int]) -> NDArray[np.bool_]:
-    """Which positions are in the picture, (n_rows, n_parts)."""
+    """Whether each position is in the picture, (n_rows, n_parts)."""
     return np.all((places_px >= -0.5) & (places_px <= np.array(size_px) - 0.5), axis=2)
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:
-    """Positions on the plane [m], (n, 2), of those seen, and the standard deviation of each [m], (n,).
+    """Positions on the plane [m], (n, 2), of the parts in `seen`, and the standard deviation of each [m], (n,).
 
-    One standard deviation for both axes: for an ellipse, that of the circle of its area.
+    Both axes have the same standard deviation: that of a circle with the area of the error ellipse.
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2

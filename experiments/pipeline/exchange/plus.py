@@ -1,4 +1,4 @@
-"""A recording and its estimates as a sequence of PLUS: what `softaim export --to plus` does."""
+"""A recording and its estimates as a sequence file of PLUS: what `softaim export --to plus` does."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Advance = Callable[[float], None]
 
 
 def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> int:
-    """Write a sequence; returns the number of frames with the target. Raises InputError, SourceError."""
+    """Write a sequence; returns the number of frames that have the target. Raises InputError, SourceError."""
     recording, estimates = of.recording, of.estimates
     n_frames = len(recording.exposures_s)
     if recording.source is None:
@@ -62,12 +62,12 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
 
 
 def _by_frame(rows: Results | None) -> dict[int, int]:
-    """The row of each frame, by the frame's number."""
+    """The index of each frame's row, by the frame's index."""
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 
 def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -> Iterator[Image]:
-    """The pictures' pixels, all of one size; InputError if one differs."""
+    """The pictures' pixels; InputError if their sizes differ."""
     width, height = recording.scene.cameras[0].size_px
     for picture in pictures:
         if picture.image.shape != (height, width, 3):
@@ -78,14 +78,14 @@ def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -
 
 
 def translation_mm(place_m: Floats) -> Floats:
-    """The translation to a position [m], (dim,), for PLUS in mm, (4, 4)."""
+    """The transform that translates to a position [m], (dim,), in mm for PLUS, (4, 4)."""
     shift = np.eye(4)
     shift[: len(place_m), 3] = 1e3 * place_m
     return shift
 
 
 def picture_to_plane(scene: Scene) -> Floats:
-    """Affine map from pixels to the plane [mm], (4, 4): that of the camera at the middle of the marks, as drawn."""
+    """Affine map from pixels to the plane [mm], (4, 4): the camera's map near the centre of the drawn marks."""
     camera, network = scene.cameras[0], scene.network
     middle_m = np.mean([network.positions[network.index(mark.node)] for mark in scene.marks], axis=0)
     u, v = camera.project(middle_m[None])[0]
@@ -101,7 +101,7 @@ def picture_to_plane(scene: Scene) -> Floats:
 def picture_off_mm(scene: Scene) -> float:
     """Largest error of `picture_to_plane` at a mark, as drawn [mm]: an oblique picture is not affine.
 
-    Neither is a picture with distortion.
+    A picture with distortion is not affine either.
     """
     camera, network = scene.cameras[0], scene.network
     places_m = np.array([network.positions[network.index(mark.node)] for mark in scene.marks])

@@ -29,7 +29,7 @@ from experiments.pipeline.exchange.exported import Exported
 from vision.arrays import Image
 
 JPEG_QUALITY = 95
-"""JPEG quality of the pictures, as of films; chosen."""
+"""JPEG quality of the pictures, equal to that of films; choice."""
 
 TARGET, ESTIMATE, FIX, ADVICE = "/target/pose", "/target/estimate", "/target/fix", "/advice"
 PICTURES = "/camera/image/compressed"
@@ -61,7 +61,7 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
 
 
 def node_topics(nodes: Iterable[str]) -> dict[str, str]:
-    """The topic of each node: its name in characters that ROS 2 allows; all differ."""
+    """The topic of each node: its name with only the characters that ROS 2 allows; topics are unique."""
     found: dict[str, str] = {}
     for node in nodes:
         plain = re.sub(r"[^A-Za-z0-9]+", "_", node).strip("_")
@@ -102,7 +102,7 @@ def _fixes(of: Exported) -> Iterator[Message]:
 
 
 def _estimates(of: Exported) -> Iterator[Message]:
-    """Poses of usable estimates, and all values of each row."""
+    """Messages with the poses of usable estimates, and with all values of each row."""
     rows = of.estimates
     if rows is None:
         return

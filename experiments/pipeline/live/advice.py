@@ -1,4 +1,4 @@
-"""Advice on a needle in a live run: with the path from tables, and from the breathing model while it holds."""
+"""Advice on a needle in a live run: the target's path is from tables and, while it is valid, from a breathing model."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker h
 
 
 class LiveAdvice:
-    """Advice on a needle, for each frame and for moments without one, written to advice.csv at once.
+    """Advice on a needle for each frame, and while frames are missing; each row is written to advice.csv at once.
 
-    Rows are in the order of advice: for a frame with its exposure time, otherwise with the moment's time. The path is a
-    mixture of the filter's path, from tables, and the breathing model's, weighted by probability.
-    unstated: covariance of the target by unstated errors [m²], (dim, dim); None: zero
-    origin_s: zero of the source's own time, used in rows, on the clock [s]
+    Rows are in the order of advice; their time is the frame's exposure time, or the present without a frame. The path
+    is a mixture of the filter's path, from tables, and that of a breathing model, weighted by probability.
+    unstated: covariance of the target from unstated errors [m²], (dim, dim); None: zero
+    origin_s: clock time at which the source's own time, used in rows, is zero [s]
     State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle
     moves if it is tracked; posed_s, the time of its last pose [s], inf if no tracker sent one, -inf while its tracker
     does not see it; whether the needle has to stop.
@@ -116,7 +116,7 @@ class LiveAdvice:
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:
-    """A time on the clock [s] in the time of a source that is zero at origin_s, rounded to a nanosecond as in files."""
+    """A clock time [s] as the time of a source that is zero at origin_s, rounded to a nanosecond as in files."""
     return round(time_s - origin_s, 9) if origin_s else time_s
 
 

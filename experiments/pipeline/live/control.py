@@ -17,10 +17,10 @@ RECORDING = "recording"
 
 
 class Control:
-    """Requests of viewers to a live run, besides those that its session handles.
+    """Requests of viewers to a live run, except those that its session handles itself.
 
-    A request that fails raises ValueError or InputError, in one line.
-    out: the folder of the run, with a folder for each recording; needle: the text of the needle's file
+    A request that fails raises ValueError or InputError with a message of one line.
+    out: folder of the run, in which each recording gets a folder; needle: the text of the needle's file
     State: the recordings, the last of which may be in progress.
     """
 

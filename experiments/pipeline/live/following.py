@@ -41,9 +41,9 @@ class Attendant(Publisher, Protocol):
     """Protocol of a viewer's process: it shows a run, and handles requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, the n_shown-th, or that there is no frame.
+        """Show the n_shown-th frame without an estimate, or that there is no frame.
 
-        time_s: the frame's time, or the present one, in the source's time [s]; later states continue from it
+        time_s: time of the frame, or the present, in the source's time [s]; later states continue from it
         """
 
     def attend(self, control: Control) -> None:
@@ -52,10 +52,10 @@ class Attendant(Publisher, Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """Result of a live run: counts of frames, latencies [ms], counts of advice, its fault.
+    """Result of a live run: counts of frames, latencies [ms], counts of advice, and the error that ended it.
 
-    deadlines_missed: frames dropped because a newer one had come, and those that took longer than a frame's interval
-    memory_mb: of the process at the first frame, and at the end; None if the system does not report it
+    deadlines_missed: number of frames dropped because a newer one had come, or processed for more than a frame interval
+    memory_mb: memory of the process at the first frame, and at the end; None if the system does not report it
     refused: counts of unusable input from a tracker, by kind; None for other sources
     recordings: folders of its recordings
     """
@@ -90,13 +90,13 @@ def live(
     record: bool = False,
     phantom: PhantomProcess | None = None,
 ) -> Followed:
-    """Track the target live until the source ends, the duration is over or Ctrl-C; write scene.toml and estimates.csv.
+    """Track the target live until the source ends, `duration_s` is over or Ctrl-C; write scene.toml, estimates.csv.
 
-    sources: one, or NAME=SOURCE of each camera of a scene in space
-    begin: opens the folder for rows; begun: called when frames are used. Without a frame the target is
+    sources: one source, or NAME=SOURCE for each camera of a scene in space
+    begin: opens the folder for rows; begun: called before the first frame is used. Without a frame the target is
     predicted; events of the source are reported on standard error. With a needle file there is also advice, in the
-    status line and in advice.csv. film: creates the film of the run; attendant: shows it to viewers; record: from the
-    first frame on; phantom: its process, if started ahead. Raises InputError.
+    status line and in advice.csv. film: creates the film of the run; attendant: shows the run to viewers; record:
+    whether to record from the first frame on; phantom: its process, if already started. Raises InputError.
     """
     shown_source = ", ".join(map(vision.shown_source, sources))
     name = f"--source {shown_source}"
@@ -138,7 +138,7 @@ def live(
             except (vision.SourceError, InputError) as error:
                 if not session.counters.frames:
                     raise InputError(f"{name}: {error}") from error
-                fault = error  # earlier estimates are kept
+                fault = error  # estimates so far stay in the file
             finally:
                 report_source_events(frames)
                 recordings = control.finish()
@@ -163,20 +163,20 @@ def _prepared(
     status: StatusLine,
     viewer: Attendant | None,
 ) -> Session:
-    """The session, prepared while frames of a continuous source are shown and counted as not used."""
+    """The session, prepared while frames of a camera are shown and counted as not used."""
 
     def show(frame: vision.Frame | vision.Exposure | None, n_shown: int) -> None:
         report_source_events(frames)
         if frame is not None:
             check_size(frame, scene)
-        if n_shown:  # for bad input the error is the only line
+        if n_shown:  # for bad input standard error has only the error
             status.show(PREPARING)
         if viewer is not None:
             now_s = time.monotonic() if by_itself is not None or isinstance(frames, LiveMarks) else 0.0
             picture = frame if isinstance(frame, vision.Frame) else None
             viewer.prepare(picture, n_shown, now_s if frame is None else frame.exposure_s)
 
-    rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # it writes nothing without a frame
+    rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # the session writes nothing before a frame
     by_itself = frames if isinstance(frames, Cameras) and not frames.waits else None
     try:
         session, n_shown = prepared(make, rehearse, by_itself, show)
@@ -214,7 +214,7 @@ def _followed(
 
 
 def _write(scene: Scene, path: Path) -> None:
-    """Write the scene of a run, which continues even if that fails."""
+    """Write the scene of a run; if that fails, report it and continue."""
     try:
         write_scene(scene, path)
     except InputError as error:
@@ -222,7 +222,7 @@ def _write(scene: Scene, path: Path) -> None:
 
 
 def as_written(scene: Scene) -> Scene:
-    """The scene as written to a file, to the last bit, so that a replay begins with the same scene."""
+    """The scene as read back from its file, so that a replay begins with exactly the same scene."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / SCENE
         write_scene(scene, path)
@@ -246,7 +246,7 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they arrive, and predict without one, until they end or for duration_s [s] after opening.
+    """Process frames as they arrive, or predict without one, until the source ends or duration_s [s] has passed.
 
     attend: called in each cycle, between two frames
     """

@@ -1,4 +1,4 @@
-"""Journal of a live loop: all its actions, in order, for an exact replay; journal.csv."""
+"""Journal of a live loop, journal.csv: all its actions in order, for an exact replay."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ class Act(StrEnum):
     """Kind of action of the loop."""
 
     BEGIN = "begin"
-    """Writing begins; values: the source, and whether the run begins with it."""
+    """The journal begins; values: the source, and whether the run begins here."""
     PAUSE = "pause"
     """Pause or resume the use of frames; the value says which."""
     ORIGIN = "origin"
-    """Zero of the source's time at time_s."""
+    """The source's time is zero at time_s on the clock."""
     FRAME = "frame"
-    """A frame with exposure time time_s: the next picture of the recording, or of each of the cameras in space that the
-    values name."""
+    """A frame with exposure time time_s: the next picture of the recording, or in space of each camera that the values
+    name."""
     MARKS = "marks"
     """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"
@@ -38,11 +38,11 @@ class Act(StrEnum):
     COAST = "coast"
     """A prediction without a frame."""
     DATED = "dated"
-    """A delay of frames: the largest one after their times [s]; then whether they come irregularly."""
+    """A new largest delay of frames after their exposure times [s]; then whether frames come irregularly."""
     RESET = "reset"
     """Reset of the state."""
     FIX = "fix"
-    """A measurement of the target: position [m], then its standard deviation [m]."""
+    """A direct measurement of the target: position [m], then standard deviation [m]."""
     HUE = "hue"
     """A new colour: node of the mark, then the colour in the order of `MarkHue`."""
     NEEDLE = "needle"
@@ -51,7 +51,7 @@ class Act(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One action of the loop: its time [s], the clock's time [s], and values for repeating it."""
+    """One action of the loop: its time [s], the clock's time [s], and the values that a replay needs."""
 
     act: Act
     time_s: float

@@ -25,10 +25,10 @@ LAST_S = 0.5
 
 
 class LiveTable:
-    """A table that grows row by row; each row is written at once.
+    """A CSV table that grows row by row; each row is written at once.
 
-    State: the file; why it can no longer be written, and the number of rows omitted since; further tables for its
-    rows.
+    State: the file; the reason why it can no longer be written, and the number of rows omitted since then; further
+    tables that get its rows.
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
@@ -38,7 +38,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file, if not done: a run without a frame does not change an older one."""
+        """Create the file, unless done; not before the first row, so that a run without a frame keeps an older file."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -59,7 +59,7 @@ class LiveTable:
             other.write(row)
 
     def copied(self, path: Path) -> LiveTable:
-        """A further table that gets the rows from now on."""
+        """Another table that gets all rows from now on."""
         self.also.append(LiveTable(path, self._header))
         return self.also[-1]
 
@@ -77,14 +77,14 @@ class LiveTable:
         if self._file is not None:
             try:
                 self._file.close()
-            except OSError as error:  # the remaining rows
+            except OSError as error:  # write the remaining rows
                 self.fault = self.fault or InputError.refused(self.path, "a table that can be written", error)
 
 
 class StatusLine:
     """A status line on standard output, rewritten in place on a terminal; otherwise a new line about once a second.
 
-    A thread writes the newest text, so that a blocked or closed reader does not matter.
+    A thread writes the newest text, so that the loop never waits for a blocked or closed reader.
     State: the waiting text.
     """
 
@@ -134,11 +134,11 @@ class StatusLine:
                 self._stream.write("\n")
                 self._stream.flush()
         except (OSError, ValueError):
-            return  # the reader is gone
+            return  # the reader of standard output has gone
 
 
 FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
-"""Range of the histogram of latencies [ms], and bins for each factor of ten: resolution 1.2 %; numerical."""
+"""Range of the histogram of latencies [ms], and number of bins per factor of ten: resolution 1.2 %; numerical."""
 
 
 class Latencies:

@@ -1,7 +1,7 @@
-"""Preparation of a run: code is compiled or loaded before frames are used, while they are shown.
+"""Preparation of a run: code is compiled or loaded while frames are shown but not yet used.
 
-Compilation holds Python's lock for seconds, which would freeze page and pictures. Therefore another process compiles,
-and leaves the result in numba's disk cache. It is skipped if everything is cached.
+Compilation holds Python's lock for seconds, which would freeze page and pictures. Therefore another process compiles
+into numba's disk cache, unless everything is cached already.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from experiments.threads import begin_helper
 PREPARING = "preparing: frames are shown but not used yet"
 
 LOOK_S = 0.05
-"""Interval between checks whether all is prepared, and between states that show a live run [s]; choice."""
+"""Interval between checks whether preparation has ended, and between states shown meanwhile [s]; choice."""
 
 NICENESS = 10
-"""Priority of the compiling process, below camera and page; choice."""
+"""Nice value of the compiling process: lower priority than camera and page; choice."""
 
 Made = TypeVar("Made")
 Cameras = vision.LiveFrames | vision.SeveralFrames
@@ -38,11 +38,11 @@ Show = Callable[[vision.Frame | vision.Exposure | None, int], None]
 
 
 class NotCompiledError(Exception):
-    """Error for a kernel that is neither compiled in this process nor in the disk cache for these arguments."""
+    """Error for a kernel that is not compiled for these arguments, in this process or in the disk cache."""
 
 
 class _Refusal(Listener):
-    """Forbids compilation in the thread that created it."""
+    """Listener to numba that forbids compilation in the thread that created it."""
 
     def __init__(self) -> None:
         self._thread = threading.get_ident()
@@ -53,7 +53,7 @@ class _Refusal(Listener):
             raise NotCompiledError(str(event))
 
     def on_end(self, event: object) -> None:
-        """Called after compilation, which another thread did."""
+        """Called after compilation in another thread."""
 
 
 def prepared(
@@ -61,10 +61,10 @@ def prepared(
 ) -> tuple[Made, int]:
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
-    make: may be interrupted and repeated; rehearse: calls the same kernels, and is picklable
-    frames: of a continuous source; None: no frame is read, for example of a film, which begins with the first request.
-    show: called with each frame and the number of frames so far; with None if none came for LOOK_S. Exceptions of make,
-    show or the source are raised here.
+    make: may be interrupted and called again; rehearse: picklable function that calls the same kernels
+    frames: frames of a camera; None: no frame is read, for example of a film, which begins with the first request.
+    show: called with each frame and the number of frames so far; with None if no frame came for LOOK_S. Exceptions of
+    make, show or the source are raised here.
     """
     made = _in_thread(partial(_from_cache, make))
     n_shown = _shown_until(made.done, frames, show, 0)
@@ -76,7 +76,7 @@ def prepared(
 
 
 def _from_cache(make: Callable[[], Made]) -> Made:
-    """The result without compilation; raises NotCompiledError if that is needed."""
+    """The result of `make`, without compilation; raises NotCompiledError if it needs compilation."""
     with install_listener("numba:compile", _Refusal()):
         return make()
 
@@ -95,7 +95,7 @@ def _in_thread(make: Callable[[], Made]) -> Future[Made]:
 
 
 def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Show frames until `over` is true; returns the number of frames shown, including n_shown before."""
+    """Show frames until `over` is true; returns the number of frames shown, including n_shown earlier ones."""
     while not over():
         frame = None
         if frames is None or frames.ended:
@@ -108,7 +108,7 @@ def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n
 
 
 def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Compile in another process; if it fails, this one has to. Returns the number of frames shown."""
+    """Compile in another process; if that fails, this one compiles later. Returns the number of frames shown."""
     LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True
@@ -125,7 +125,7 @@ def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, 
 
 
 def _rehearse(rehearse: Callable[[], object]) -> None:
-    """Rehearse, in a helper process that ends with its parent."""
+    """Rehearse in a helper process, which ends if its parent ends."""
     begin_helper()
     if sys.platform != "win32":
         os.nice(NICENESS)

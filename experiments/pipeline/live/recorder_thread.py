@@ -1,4 +1,4 @@
-"""Recording in a thread, so that the loop does not wait for drawing and compression."""
+"""A thread that records, so that the loop does not wait for drawing and compression."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 class RecorderThread(Generic[Item]):
     """Thread that records items in order until `finish`.
 
-    folder, codec: of the `Recorder`; frame: creates the frame of an item, in the thread
+    folder, codec: arguments of the `Recorder`; frame: function that makes an item's frame, called in the thread
     n_waiting: largest number of waiting items
-    faults, failed: errors that end it, and the function to call then, in the thread
-    State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it ends.
+    faults, failed: errors that end the recording, and the function that the thread calls then
+    State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it should end.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class RecorderThread(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item) -> bool:
-        """Pass an item to the thread, unless too many wait; returns whether it was passed."""
+        """Pass an item to the thread, unless too many items wait; returns whether it was passed."""
         with self._changed:
             if len(self._waiting) >= self._n_waiting:
                 return False
@@ -55,7 +55,7 @@ class RecorderThread(Generic[Item]):
         return True
 
     def make_room(self) -> bool:
-        """Drop the oldest item if too many wait; returns whether it did."""
+        """Drop the oldest item if too many wait; returns whether one was dropped."""
         with self._changed:
             full = len(self._waiting) >= self._n_waiting
             if full:
@@ -71,7 +71,7 @@ class RecorderThread(Generic[Item]):
 
     def _work(self) -> None:
         try:
-            while not self.ends or self._waiting:  # in this order: no item comes after the end
+            while not self.ends or self._waiting:  # last, so that no item follows the end
                 item = self._next()
                 if item is not None:
                     self._record(self._frame(item))

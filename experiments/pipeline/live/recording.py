@@ -1,7 +1,7 @@
 """Recording of a live run: a folder with all its input, actions and estimates, for an exact replay.
 
 It is a recording like that of `softaim record`, or one with marks.csv, plus the loop's journal and tables. It is
-written continuously; a thread for each camera compresses pictures, for which the loop does not wait.
+written continuously; each camera has a thread that compresses its pictures without delaying the loop.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from experiments.pipeline.live.outputs import LiveTable
 from experiments.pipeline.live.recorder_thread import RecorderThread
 
 WAITING = 64
-"""Largest number of pictures that wait for the thread; choice: one second at 60 frames/s, 60 MB at 640x480."""
+"""Largest number of pictures that wait for a thread; choice: one second at 60 frames/s, 60 MB at 640x480."""
 
 
 class LiveRecording:
     """A recording of a live run, in a new folder.
 
-    begun: whether it begins with the run, so that a replay gives the same estimates bit for bit
-    If the thread is too slow, or the disk is full, the recording ends with a message; the run continues.
-    State: the tables; the thread of each camera; number of frames; the fault that ended it.
+    begun: whether it begins with the run, so that a replay gives bit-identical estimates
+    If a thread is too slow or the disk is full, the recording ends with a message, and the run continues.
+    State: the tables; the thread of each camera; number of frames; the error that ended it.
     """
 
     def __init__(self, folder: Path, scene: Scene, *, needle: bytes | None, source: str, begun: bool) -> None:
@@ -53,7 +53,7 @@ class LiveRecording:
 
     @property
     def going(self) -> bool:
-        """Whether it is still being written."""
+        """Whether the recording is still being written."""
         return self.fault is None and not any(thread.ends for thread in self._pictures.values())
 
     def _recorder(self, camera: str) -> RecorderThread[vision.Frame]:
@@ -67,7 +67,7 @@ class LiveRecording:
         )
 
     def note(self, done: Done) -> None:
-        """Write an action that is not a frame."""
+        """Write an action other than a frame to the journal."""
         if self.going:
             self._journal.write(done.row)
             self.fault = self.fault or self._journal.fault
@@ -105,7 +105,7 @@ class LiveRecording:
             self._marks.write((f"{exposure_s:.9f}", mark.node, *(1e3 * mark.position).tolist(), *entries_mm2))
 
     def fail(self, fault: Exception) -> None:
-        """End the recording for this reason; earlier content is kept."""
+        """End the recording because of this error; earlier content stays."""
         if self.fault is None:
             self.fault = fault
             LOG.warning("recording: %s; it ends here, the run continues", fault)

@@ -23,9 +23,9 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: number of compared rows, by table; different: the first different row, by table, if there is one
-    begun: whether the recording began with its run; otherwise estimates differ until both have settled
-    frames: number of replayed ones; lacking: frames of the journal without pictures, after a kill
+    rows: number of compared rows, by table; different: the number of the first different row, by table, if any
+    begun: whether the recording began with its run; otherwise estimates differ until both filters have settled
+    frames: number of replayed frames; lacking: number of frames in the journal whose pictures a kill has lost
     """
 
     frames: int
@@ -78,7 +78,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 
 def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str, Iterator[vision.Frame]]:
-    """The pictures of a recording, by camera in space, or by "" of the only one; none for another tracker's marks."""
+    """The pictures of a recording by camera, or by "" for a single camera; none for another tracker's marks."""
     if not any(done.act is Act.FRAME for done in journal):
         return {}
     recording = read_recording(folder)
@@ -97,7 +97,7 @@ def _frame(done: Done, pictures: Mapping[str, Iterator[vision.Frame]], index: in
 
 
 def _again(done: Done, session: Session, folder: Path) -> None:
-    """Repeat an action that was not a frame."""
+    """Repeat an action other than a frame."""
     values = done.values
     match done.act:
         case Act.ORIGIN:
@@ -128,7 +128,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of rows that both tables have, and the number, from 1, of the first that differs, or None.
+    """Number of rows that both tables have, and the number, from 1, of the first row that differs, or None.
 
     An incomplete last row, after a kill, is ignored.
     """

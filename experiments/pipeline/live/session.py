@@ -46,10 +46,10 @@ ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 
 @dataclass(frozen=True, slots=True)
 class LiveSettings:
-    """Settings of a live run: waiting times for frames.
+    """Settings of a live run: times to wait for frames.
 
-    wait_s: time without a frame after which the target is predicted and shown without one [s]; choice
-    behind_s: delay of the filter, plus two frame intervals, for late frames [s]; choice
+    wait_s: time without a frame after which the target is predicted and shown [s]; choice
+    behind_s: time that the filter stays behind the present, besides two frame intervals, for late frames [s]; choice
     """
 
     wait_s: float = 0.1
@@ -60,19 +60,19 @@ LIVE_DEFAULTS = LiveSettings()
 PAUSED = "paused: frames are not used"
 
 LiveFrame = vision.Frame | vision.Exposure | MarksFrame
-"""A picture of one camera, pictures of several at one time, or marks of another tracker."""
+"""A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source; hung_s: delay of the filter before two frames have shown the interval; settled_frames:
-number of frames for the usual, median interval."""
+"""Settings of a live source; hung_s: time that the filter stays behind until two frames have shown the interval;
+settled_frames: number of frames whose median interval is the usual one."""
 
 
 class Session:
     """One live run: processing of its frames, output, and actions.
 
-    needle: for advice, None without; advice.csv is written beside the estimates
-    watch: called with each frame, its step and the advice; publisher: also with moments without a frame
-    rehearse: compile before the first frame; not needed with a scripted clock
+    needle: plan for advice, None without advice; advice.csv is written beside the estimates
+    watch: called with each frame, its step and the advice; publisher: also called when there is no frame
+    rehearse: whether to compile before the first frame; not needed with a scripted clock
     State: the line, the table of estimates; counters, and counts of statuses; the advice; the newest picture; the
     journals that record all actions for a replay; whether the filter could use the last frame; whether the marks
     contradicted the model.
@@ -111,11 +111,11 @@ class Session:
         self._last_s: float | None = None
 
     def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
-        """Estimate, write and show one frame, of one picture or several, or of marks; returns whether it could be used.
+        """Estimate from one frame, write and show the result; returns whether the frame could be used.
 
-        A frame is not used if it is older than the filter's state, not newer than the last one, or of another size
-        than the scene's camera.
-        waited_s: how long the loop waited for it [s]. Raises InputError if the first frame has another size.
+        A frame is not used if it is older than the filter's state or not newer than the last frame, or if its size
+        differs from that of the scene's camera.
+        waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame has another size.
         """
         exposure_s = round(frame.exposure_s, 9)
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
@@ -155,7 +155,7 @@ class Session:
         self._last_s = max(exposure_s, self._last_s or exposure_s)
 
     def _check_filter(self) -> None:
-        """Restart if the filter's state is not finite, because marks would not repair it."""
+        """Restart if the filter's state is not finite, because marks could not correct it."""
         if not self.line.filter.is_finite:
             report_event(self._own_s(self._clock()), "filter", "the state is not finite, so the filter restarts")
             self._restart()
@@ -197,7 +197,7 @@ class Session:
 
     @property
     def _fault(self) -> str | None:
-        """Reason why there is no advice, whatever the newest estimate's status."""
+        """Reason why there is no advice even if the newest estimate is good."""
         return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
@@ -229,7 +229,7 @@ class Session:
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
 
-        The filter itself stays behind, because a frame may still come; its predictions are written.
+        The filter itself stays behind the present, because a late frame may still come; its predictions are written.
         """
         self._check_filter()
         tissue = self.line.filter
@@ -254,7 +254,7 @@ class Session:
         self.statuses[str(estimate.status)] += 1
 
     def count_from(self, origin_s: float) -> None:
-        """Set the zero of the source's time, such as a film's, to origin_s on the clock [s]."""
+        """Set the clock time origin_s [s] at which the source's own time, such as a film's, is zero."""
         if origin_s != self._origin_s:
             self._note(Act.ORIGIN, time_s=origin_s)
         self._origin_s = origin_s
@@ -262,7 +262,7 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate in the source's time, with unstated errors in its covariance."""
+        """The estimate in the source's time, with unstated errors added to its covariance."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
@@ -281,12 +281,12 @@ class Session:
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """Set the largest delay of frames after their times [s], and whether their arrival is too irregular."""
+        """Set the largest delay of frames after their exposure times [s], and whether they arrive too irregularly."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
     def reset(self) -> None:
-        """Reset the state: the next frame is a new start."""
+        """Reset the state: the next frame initialises it again."""
         self._note(Act.RESET, time_s=self.line.filter.time_s or 0.0)
         self._restart()
         self.integrity.looked()
@@ -339,7 +339,7 @@ class Session:
 
     @property
     def wait_s(self) -> float:
-        """Longest wait for a frame before the target is predicted [s]: at most the time until advice is stale."""
+        """Longest wait for a frame before the target is predicted [s]; at most the time after which advice is stale."""
         wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 

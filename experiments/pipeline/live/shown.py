@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Number of frames after which nothing more is loaded; choice."""
+"""Number of frames after which memory no longer grows by loading code; choice."""
 
 STATM = Path("/proc/self/statm")
 
@@ -35,12 +35,12 @@ def memory_mb() -> float | None:
 class Counters:
     """Performance counters of the loop since the run began.
 
-    frames, without_frame, not_used: frames that gave an estimate, moments without one, frames that could not be used
+    frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
     dropped: frames that a newer one replaced
     late: frames whose estimate took longer than the usual frame interval
-    latencies: from exposure to estimate; latency_ms: of the newest frame
-    stages_s: of the newest frame, by stage: wait (for the frame), predict, detect, update, advise
-    began_mb: memory of the process after the first frames
+    latencies: times from exposure to estimate; latency_ms: that of the newest frame
+    stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise
+    began_mb: memory of the process after the first frames [MB]
     """
 
     frames: int = 0
@@ -65,7 +65,7 @@ class Counters:
 
     @property
     def deadlines_missed(self) -> int:
-        """Number of frames without an estimate when the next one was due."""
+        """Number of frames that had no estimate when the next frame was due."""
         return self.late + self.dropped
 
 
@@ -73,8 +73,8 @@ class Counters:
 class Shown:
     """State of a live run at one moment.
 
-    estimate: in the source's own time; at_s: the estimate's time on the clock [s]
-    frame, step: None without a frame, when the target was predicted; frame also None for another tracker's marks
+    estimate: estimate in the source's own time; at_s: its time on the clock [s]
+    frame, step: None if the target was predicted without a frame; frame is also None for another tracker's marks
     guidance, plan: the advice, and the needle's position; None without a needle
     fault: why there is no guidance for any needle
     interval_s: usual interval between frames [s]
@@ -97,7 +97,7 @@ class Publisher(Protocol):
     """Protocol of a publisher of the state to viewers; the loop does not wait for it."""
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Publish the present state; the line has the state after it."""
+        """Publish the present state; line: the pipeline in this state."""
 
 
 def status_text(

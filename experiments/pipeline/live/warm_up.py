@@ -1,7 +1,7 @@
-"""Rehearsal before the first frame: it compiles, or loads, all code that frames of a scene may need.
+"""Rehearsal before the first frame, which compiles or loads all code that frames of a scene may need.
 
-Kernels are compiled for the types of their arguments. So the rehearsal runs the line itself, on marks and pictures of a
-tissue that is visible, half hidden and lost.
+Kernels are compiled for the types of their arguments. So the rehearsal runs the pipeline itself on marks and pictures
+of tissue that is visible, half hidden, or lost.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from vision.detection.rim_search import detect_by_rim
 from vision.tracking.appearance import AppearanceModel
 
 INTERVAL_S = 1.0 / 30.0
-"""Frame interval of the rehearsal [s]: that of a usual camera."""
+"""Frame interval of the rehearsal [s], equal to that of a usual camera."""
 
 
 def warm_up(scene: Scene) -> None:
@@ -39,7 +39,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Frames of marks at these positions [m], (n_marks, dim), one with an outlier, one without marks, and a fix."""
+    """Rehearse frames of marks at these positions [m], (n_marks, dim), with an outlier and without marks, and a fix."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
@@ -50,7 +50,7 @@ def _rehearse_marks(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_pictures(scene: Scene, places: Floats) -> None:
-    """Pictures of all marks, of their left halves, and of none."""
+    """Rehearse pictures of all marks, of their left halves, and of no mark."""
     camera, rng = scene.cameras[0], np.random.default_rng(0)
     centers_px = camera.project(places)
     shapes_px = [mark.shape_px(camera, x) for x, mark in zip(places, scene.marks, strict=True)]
@@ -72,7 +72,7 @@ def _rehearse_pictures(scene: Scene, places: Floats) -> None:
 
 
 def _rehearse_exposures(scene: Scene) -> None:
-    """Pictures of all cameras in space, of one, and of none of the marks."""
+    """Rehearse pictures of all cameras in space, of one camera, and without marks."""
     rng, light = np.random.default_rng(0), vision.Lighting()
     x, hidden = scene.network.positions, [mark.node for mark in scene.marks]
     whole = {c.name: draw_in_space(scene, c, x, light, rng) for c in scene.space_cameras}
@@ -84,7 +84,7 @@ def _rehearse_exposures(scene: Scene) -> None:
 
 
 def _rehearse_search() -> None:
-    """The search for a mark that is not found by its colour alone."""
+    """Rehearse the search for a mark that is not found by its colour alone."""
     disc = vision.Disc(np.array([60.0, 60.0]), (8.0, 8.0), 0.0)
     image = vision.draw_frame((120, 120), [disc], vision.Lighting(), np.random.default_rng(0))
     outline = vision.Outline(8.0 * np.eye(2), 0.05)
@@ -97,6 +97,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Rehearse a frame that the scene's filter may refuse, as it would be in a run."""
+    """Rehearse a frame; as in a run, the scene's filter may refuse it."""
     with suppress(CovarianceError):
         frame()

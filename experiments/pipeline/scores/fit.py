@@ -1,7 +1,7 @@
 """Consistency of predicted marks: innovations against the band of a consistent filter, and a verdict.
 
-Innovations test the filter where there are marks. They do not test a hidden target; a truth, a fix, or withheld marks,
-predicted as if hidden, do.
+Innovations test the filter where there are marks. A hidden target is tested only by a truth, by a fix, or by withheld
+marks, which are predicted as if hidden.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested: at a start the prior is intentionally wide."""
+"""Statuses of frames whose innovations are tested; not those at a start, when the prior is intentionally wide."""
 
 COVERED = (0.9, 0.995)
 """Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
 [1]; choice."""
 
 ONE_ERROR = 0.999
-"""Probability of the region for a single error: if the error is outside, the covariance is too small; choice."""
+"""Probability of the region for a single error [1]: an error outside shows that the covariance is too small; choice."""
 
 MOST_NEES = 2.0
 """Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
@@ -30,7 +30,7 @@ MOST_NEES = 2.0
 UNTESTED = "this does not test the hidden target; track --check, a fix or a recording that shows the target does"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
-"""Statuses of frames whose estimate was not based on fitting marks, in the order of a verdict."""
+"""Statuses of frames whose estimate is not based on consistent marks, in the order in which a verdict lists them."""
 
 
 NO_MARKS = "no marks were used after the start: the estimate is a prediction by the model "
@@ -42,7 +42,7 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    frames: their number; degrees: mean degrees of freedom of a frame, two or three for each mark; low, high: the band
+    frames: number of frames; degrees: mean degrees of freedom of a frame, two or three per mark; low, high: the band
     """
 
     mean_nis: float
@@ -90,7 +90,7 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 class TruthScore:
     """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension.
 
-    one_error: whether most of the variance is one error, the same in all frames, so that all frames show only one error
+    one_error: whether most of the variance is an error that is constant in time: then all frames are only one sample
     """
 
     coverage95: float
@@ -113,12 +113,12 @@ class TruthScore:
 
     @property
     def is_wide_enough(self) -> bool:
-        """Whether no error shows that the covariance is too small: then lower noise may be advised."""
+        """Whether the truth does not show that the covariance is too small: then lower noise may be advised."""
         return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
     def words(self) -> str:
-        """The scores, and the result."""
+        """Text with the scores and the result."""
         return (
             f"the true target lies inside the 95 % region in {100.0 * self.coverage95:.0f} % of frames (NEES"
             f" {self.mean_nees:.3g}, expected {self.dim}): the target's covariance {self.result}"
@@ -135,7 +135,7 @@ def verdict(
     checked: bool = False,
     truth: TruthScore | None = None,
 ) -> str:
-    """The verdict from innovations, its limits, and the number of frames with them.
+    """Text with the verdict from innovations, its limits, and the number of frames by status.
 
     refused: marks that the gate rejected; frozen: frames with repeated values; pictures: whether marks were found in
     pictures; checked: whether marks were predicted as if hidden; truth: scores of the target, if its truth is known
@@ -159,7 +159,7 @@ def verdict(
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:
-    """The fit, and the cause of a bad one; wide: whether the target's covariance allows lower noise levels."""
+    """Text on the fit, and the cause of a bad fit; wide: whether the target's covariance allows lower noise levels."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks scatter as predicted: NIS {fit.mean_nis:.2f} in {band}"
@@ -178,8 +178,8 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 class Withheld:
     """Prediction of one mark by the filter without it.
 
-    frames: number in which it was visible and predicted; mean_error_mm: distance from the prediction; mean_nees: its
-    dimension if right; ratio: observed to predicted rms error, 1 if right
+    frames: number of frames in which it was visible and predicted; mean_error_mm: mean distance from the prediction;
+    mean_nees: equals the dimension if right; ratio: observed to predicted rms error, 1 if right
     """
 
     frames: int
@@ -197,7 +197,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """The result of the check for the target, in one sentence; scale: mean factor on the target's covariance."""
+    """A sentence on what the check means for the target; scale: mean factor on the target's covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

@@ -1,4 +1,4 @@
-"""Statistics of each mark in a run: found, refused, lost and why; and the probable cause in words."""
+"""Statistics of each mark in a run: how often it was found, refused or lost, and the probable cause."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames above which an unused mark is reported; choice: the share outside 95 % regions."""
+"""Share of frames above which a mark that was not used is reported; choice: the share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -36,14 +36,14 @@ LOOK_AT: Mapping[str, str] = {
     REFUSED: "the model: softaim identify, softaim tune",
     NO_ROW: "the other tracker",
 }
-"""What the user should check, by reason."""
+"""What the user should check, by the reason why a mark was lost."""
 
 
 @dataclass(frozen=True, slots=True)
 class MarkShares:
     """Shares of frames in which a mark was found and used, found and refused by the gate, and not found.
 
-    reason: the most frequent one for not using it, and its share of frames
+    reason: the most frequent reason why it was not used, and that reason's share of frames
     """
 
     measured: bool
@@ -55,7 +55,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counter of the results of each mark, frame by frame. State: the frames, and counts of (node, reason)."""
+    """Counter of the results of each mark, frame by frame. State: number of frames, and counts of (node, reason)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -77,7 +77,7 @@ class MarkTally:
     def shares(self) -> dict[str, MarkShares]:
         """The shares by node; empty without frames.
 
-        A mark for scoring only without any row is omitted: it is hidden, not lost.
+        A mark for scoring only that was never found is omitted: it is hidden, not lost.
         """
         n = self.n_frames
         listed = [mark for mark in self.scene.marks if mark.measured or self._counts[mark.node, NO_ROW] < n]
@@ -93,7 +93,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """The measured mark that was unused most often, why, and what to check; None below the threshold."""
+    """A line on the mark that was unused most often, why, and what to check; None if all were unused rarely."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -114,7 +114,7 @@ def reason_words(scene: Scene, node: str, reason: str) -> str:
 
 
 def lost_words(scene: Scene, node: str, lost: LostMark | None) -> str:
-    """Reason why a mark was not found, with its numbers; None: the marks come from another tracker."""
+    """Reason why a mark was not found, with its numbers; lost: None if the marks come from another tracker."""
     if lost is None:
         return NO_ROW
     words = reason_words(scene, node, str(lost.reason))

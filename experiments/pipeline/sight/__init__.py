@@ -1,4 +1,4 @@
 """Measured marks from pictures: on the plane by one camera, in space by several.
 
-Another arrangement of cameras belongs here.
+A new arrangement of cameras belongs here.
 """

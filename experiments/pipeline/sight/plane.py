@@ -1,4 +1,4 @@
-"""Marks found in a picture and measured on the plane; reference marks, and the pose from them."""
+"""Marks found in a picture and measured on the plane; reference marks, and the pose estimated from them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from vision import PlaneCamera
 from vision.tracking.association import AssociatedMark
 
 SIZE_SD = 0.05
-"""Relative error of a mark's stated size by print, tilt and blooming; choice."""
+"""Relative error of a mark's size in pictures due to print, tilt and blooming; choice."""
 
 
 def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vision.Expected:
-    """Expected position of a mark in the picture, from that on the plane [m], (2,), and its covariance [m²]."""
+    """Expected position of a mark in the picture, from its mean on the plane [m], (2,), and covariance [m²], (2, 2)."""
     center_px, cov_px2 = camera.project(mean[None])[0], camera.cov_to_px(mean[None], cov[None])[0]
     outline = vision.Outline(mark.shape_px(camera, mean), SIZE_SD, mark.even)
     return vision.Expected(mark.node, center_px, cov_px2, mark.hue_deg, outline)
@@ -31,13 +31,13 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """The marks found in a picture, on the plane; by_name: their looks."""
+    """The marks found in a picture as measurements on the plane; by_name: their looks."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]
     centers_px = np.array([f.detection.center_px for f in found])
     covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-    # the outline of a ball is not shifted like that of a disc
+    # perspective does not shift a ball's outline as it does a disc's
     radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
     centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
     positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
@@ -49,7 +49,7 @@ def on_plane(
 class ReferenceSeen:
     """Result of a frame for the reference marks.
 
-    seen: names of the visible ones; wrong: names of visible ones that contradict the others
+    seen: names of the visible reference marks; wrong: names of those that contradict the others
     moved: a move of the pose to report, None in almost all frames
     """
 
@@ -81,7 +81,7 @@ class ReferenceMarks:
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, with the camera as calibrated."""
+        """The reference marks in a frame, (height, width, 3) BGR, measured with the camera as calibrated."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
@@ -103,7 +103,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """The `shared` of a corrected mark at this position [m], (dim,)."""
+        """The errors that corrected marks share through the pose, for a mark at this position [m], (dim,)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

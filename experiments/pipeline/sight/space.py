@@ -1,4 +1,4 @@
-"""Marks on a body in space, found in the pictures of several cameras and measured by all that see them."""
+"""Marks on a body in space, found in the pictures of several cameras and measured with all cameras that see them."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""Cosine of the angle between a mark's normal and a camera below which it is not searched; choice: 73 degrees. The
-detector rejects a shape less than a quarter as wide as long."""
+"""Cosine of the angle between a mark's normal and the direction to a camera below which it is not searched; choice: 73
+degrees. The detector rejects shapes less than a quarter as wide as long."""
 
 MISFIT = 1e-4
-"""Probability of the distance of a mark's rays below which two cameras see different things [1]; choice: the finder's
-gate for a position in one picture."""
+"""Probability (p-value) of the distance between a mark's rays below which two cameras see different objects [1];
+choice: the finder's gate for a position in one picture."""
 
 PATIENCE, AGAIN = 3, 6
-"""Number of frames after which a mark that a camera does not find is hidden for it, and interval of frames in which
-hidden marks are searched again [1]; choice: a hidden mark costs a search of the whole picture."""
+"""Number of frames after which a mark that a camera does not find counts as hidden, and interval in frames between
+searches for hidden marks [1]; choice: each is a search of the whole picture."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Stages of the finders, without the slowest: a mark in another light is missed by only one of several cameras."""
+"""Stages of the finders, without the slowest: if light changes, one camera may miss a mark, but others see it."""
 
 
 class CameraSight:
     """Finder of marks in the pictures of one camera.
 
-    State: the finder; by mark the number of frames in a row without it, and why; the number of frames.
+    State: the finder; for each mark, the number of consecutive frames without it and the reason; the number of frames.
     """
 
     def __init__(self, camera: SpaceCamera, marks: Mapping[str, Mark], *, explain: bool) -> None:
@@ -58,7 +58,7 @@ class CameraSight:
         expected: Sequence[vision.Expected],
         after_impulse: Callable[[str], vision.Expected],
     ) -> list[AssociatedMark]:
-        """The expected marks found in a picture, (height, width, 3) BGR; hidden ones are not always searched."""
+        """The expected marks found in a picture, (height, width, 3) BGR; some frames skip the hidden marks."""
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
         if self.finder.missed is not None:
@@ -76,10 +76,10 @@ class CameraSight:
 class SpaceSight:
     """Finds the measured marks of a scene in space in the pictures of its cameras, and measures their positions.
 
-    A mark that several cameras see at one time is triangulated. One that a single camera sees is a position on its ray,
-    with the pixel's covariance across the ray and the size of the body as standard deviation along it: no depth.
-    State: the sight of each camera; for the last exposure, expected positions of marks, [m] and [m²], reasons for lost
-    ones, new distractors, and the marks that a single camera saw.
+    A mark that several cameras see at one time is triangulated. A mark that a single camera sees is a position on its
+    ray, with the pixel's covariance across it, and the body's size as sd along it, because the depth is unknown.
+    State: the finder of each camera; for the last exposure, expected positions of marks [m] and covariances [m²],
+    reasons for lost marks, new distractors, and the marks that a single camera saw.
     """
 
     def __init__(self, scene: Scene, *, explain: bool = False) -> None:
@@ -106,7 +106,7 @@ class SpaceSight:
         """The marks in the pictures of one time; raises InputError for a picture of another size.
 
         predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
-        after_impulse: the same for one node, after an impulse since its last mark
+        after_impulse: as `predict` for one node, if an impulse has acted since its mark was last found
         """
         means, covs = predict(list(self.marks))
         self.expected = dict(zip(self.marks, zip(means, covs, strict=True), strict=True))
@@ -121,7 +121,7 @@ class SpaceSight:
                 expected,
                 lambda node, camera=sight.camera: self._one(camera, node, *after_impulse(node)),  # type: ignore[misc]
             )
-            # a candidate would be a place in the picture of one camera
+            # a candidate would be a position in the picture of one camera
             self.lost |= {node: replace(one, candidate_px=None) for node, one in sight.lost.items() if node not in away}
             self.came += sight.finder.came
             if found:
@@ -203,7 +203,7 @@ class SpaceSight:
 
 
 def check_size(camera: SpaceCamera, image: Image) -> None:
-    """Raise InputError for a picture of another size than its camera's."""
+    """Raise InputError if a picture's size differs from that of its camera."""
     height, width = image.shape[:2]
     if camera.size_px != (width, height):
         found = f"[{width}, {height}]"
@@ -213,7 +213,7 @@ def check_size(camera: SpaceCamera, image: Image) -> None:
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
     """Shift of marks at positions [m], (n, 3), by one sd along each direction of the calibration, (n, 3, k) [m].
 
-    As all cameras see them; a position that none sees is not shifted.
+    It is the shift of the triangulated position; a position that no camera sees is not shifted.
     """
     steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
 

@@ -1,4 +1,4 @@
-"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], a page for each."""
+"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], a page per type."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ STRING = struct.Struct(">HH")
 POINT = struct.Struct(">64s32s4B3ff20s")
 POLYDATA = struct.Struct(">10I")
 LARGEST = float(np.finfo(np.float32).max)
-"""Largest coordinate: coordinates are sent as 32 bit floats."""
+"""Largest coordinate [mm], because coordinates are sent as 32 bit floats."""
 
 
 def pack_transform(matrix: Floats) -> bytes:
-    """TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError for too large numbers."""
+    """Content of TRANSFORM: the upper three rows of a (4, 4) matrix, column by column. ValueError for large numbers."""
     if matrix.shape != (4, 4) or not (np.abs(matrix) <= LARGEST).all():
         raise ValueError(f"transform: expected finite 32 bit numbers of shape (4, 4), found {matrix.tolist()}")
     return MATRIX.pack(*matrix[:3].T.ravel())
 
 
 def read_transform(content: bytes) -> Floats:
-    """The (4, 4) matrix of a TRANSFORM, of any numbers; MalformedError for another size."""
+    """The (4, 4) matrix of a TRANSFORM, whose numbers are not checked; MalformedError for another size."""
     if len(content) != MATRIX.size:
         raise MalformedError(f"TRANSFORM: expected {MATRIX.size} bytes, found {len(content)}")
     matrix = np.eye(4)
@@ -40,7 +40,7 @@ def read_transform(content: bytes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class StatusBody:
-    """A STATUS: its code, 1 for OK, a name of at most 20 bytes, and text."""
+    """A STATUS: its code, 1 for OK, an error name of at most 20 bytes, and a text."""
 
     code: int
     name: str
@@ -48,7 +48,7 @@ class StatusBody:
 
 
 def pack_status(status: StatusBody) -> bytes:
-    """STATUS, with zero-terminated text. ValueError for a longer name."""
+    """Content of STATUS, with zero-terminated text. ValueError for a name of more than 20 bytes."""
     name = status.name.encode()
     if len(name) > 20:
         raise ValueError(f"status name: expected at most 20 bytes, found {status.name!r}")
@@ -56,7 +56,7 @@ def pack_status(status: StatusBody) -> bytes:
 
 
 def pack_string(text: str) -> bytes:
-    """STRING. ValueError for more than 65535 bytes."""
+    """Content of STRING. ValueError for more than 65535 bytes."""
     found = text.encode()
     if len(found) > 0xFFFF:
         raise ValueError(f"string: expected at most 65535 bytes, found {len(found)}")
@@ -76,7 +76,7 @@ class PointBody:
 
 
 def read_points(content: bytes) -> list[PointBody]:
-    """The points of a POINT, of any numbers; MalformedError for an invalid one."""
+    """The points of a POINT, whose numbers are not checked; MalformedError for an invalid message."""
     if len(content) % POINT.size:
         raise MalformedError(f"POINT: expected a multiple of {POINT.size} bytes, found {len(content)}")
     points = []
@@ -87,7 +87,7 @@ def read_points(content: bytes) -> list[PointBody]:
 
 
 def pack_surface(points_mm: Floats, polygons: Sequence[Sequence[int]]) -> bytes:
-    """POLYDATA of points (n, 3) and polygons of their indices, without attributes."""
+    """Content of POLYDATA: points, (n, 3), and polygons as lists of their indices, without attributes."""
     cells: list[int] = []
     for polygon in polygons:
         cells += [len(polygon), *polygon]
@@ -98,7 +98,7 @@ def pack_surface(points_mm: Floats, polygons: Sequence[Sequence[int]]) -> bytes:
 def unit_sphere(n_around: int = 24, n_rings: int = 11) -> tuple[Floats, list[list[int]]]:
     """Points on the sphere of radius 1 about the origin, (n, 3), and its triangles and quads, oriented outward.
 
-    n_around, n_rings: points of a circle of latitude, and such circles between the poles
+    n_around, n_rings: number of points on a circle of latitude, and number of circles between the poles
     """
     latitudes = np.pi * np.arange(1, n_rings + 1) / (n_rings + 1)
     around: NDArray[np.float64] = 2.0 * np.pi * np.arange(n_around) / n_around

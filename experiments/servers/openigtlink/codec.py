@@ -17,22 +17,22 @@ INDEX, ENTRY = struct.Struct(">H"), struct.Struct(">HHI")
 VERSIONS = (1, 2)
 LONGEST_TYPE, LONGEST_NAME = 12, 20
 LARGEST_BODY = 65536
-"""Largest size of a received message [bytes]; a requirement of users at the needle."""
+"""Largest size of a received message's body [bytes]; a requirement of users at the needle."""
 ASCII, UTF8 = 3, 106
-"""Character sets, by their MIBenum."""
+"""Numbers of character sets: their MIBenum."""
 TICKS = 2.0**32
-"""Time stamp units in a second: 32 bits of seconds since 1970 UTC, 32 bits of their fraction."""
+"""Time stamp units per second: a stamp has 32 bits for seconds since 1970 UTC, and 32 bits for their fraction."""
 
 
 class MalformedError(ValueError):
-    """Error for bytes that are not a message of OpenIGTLink, or for too long a message."""
+    """Error for bytes that are not a message of OpenIGTLink, or for a message that is too long."""
 
 
 @dataclass(frozen=True, slots=True)
 class Message:
     """A message, with its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
 
-    metadata and number: of version 2. Raises ValueError if they do not fit a header.
+    metadata and number exist since version 2. Raises ValueError if they do not fit the header.
     """
 
     type: str
@@ -52,7 +52,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """The first 58 bytes of a message; size: of the body [bytes]."""
+    """The first 58 bytes of a message; size: size of the body [bytes]."""
 
     version: int
     type: str
@@ -76,7 +76,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode_header(found: bytes) -> Header:
-    """The header of a message, 58 bytes; MalformedError if it is invalid, or announces too large a body."""
+    """The header of a message, 58 bytes; MalformedError if it is invalid, or if the body is too large."""
     if len(found) != HEADER.size:
         raise MalformedError(f"header: expected {HEADER.size} bytes, found {len(found)}")
     version, kind, device, ticks, size, crc = HEADER.unpack(found)
@@ -88,7 +88,7 @@ def decode_header(found: bytes) -> Header:
 
 
 def decode(header: Header, body: bytes) -> Message:
-    """The message of a header and its body; MalformedError if they do not fit."""
+    """The message with this header and body; MalformedError if they do not fit together."""
     if len(body) != header.size:
         raise MalformedError(f"body: expected {header.size} bytes, found {len(body)}")
     if crc64(body) != header.crc:
@@ -106,7 +106,7 @@ def decode(header: Header, body: bytes) -> Message:
 
 
 def _metadata(index: bytes, texts: bytes) -> dict[str, str]:
-    """Keys and values; those in character sets other than ASCII and UTF-8 are ignored."""
+    """Keys and values of metadata; those in character sets other than ASCII and UTF-8 are ignored."""
     if not index and not texts:
         return {}
     count = INDEX.unpack_from(index)[0] if len(index) >= INDEX.size else -1

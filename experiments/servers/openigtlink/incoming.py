@@ -1,4 +1,4 @@
-"""Messages of a client as commands to the loop: a tracked needle's TRANSFORM, and fixes of the target as POINT."""
+"""Conversion of a client's messages into commands: TRANSFORM is a tracked needle, POINT has fixes of the target."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""Largest deviation of axes' products from those of a rotation; choice: a larger one is not a tracked tool's pose."""
+"""Largest deviation of the axes' scalar products from those of a rotation; choice: a tracked tool's pose has less."""
 IN_PLANE = 0.5
-"""Least share of a needle's direction in the plane of flat tissue, within 60 degrees of it; choice."""
+"""Least length of a needle's unit direction projected onto the plane of flat tissue: 60 degrees from it; choice."""
 MOST_POINTS = 100
-"""Largest number of fixes in a message, for a growing list; choice: more would delay others."""
+"""Largest number of fixes in a message, which may be a growing list; choice: more would delay other clients."""
 
 Command = dict[str, Any]
 
 
 class RefusedError(ValueError):
-    """Error for a well-formed message with an impossible request; instead: the commands that replace it."""
+    """Error for a well-formed message whose request is impossible; instead: the commands that replace the request."""
 
     def __init__(self, text: str, *instead: Command) -> None:
         super().__init__(text)
@@ -34,8 +34,8 @@ class RefusedError(ValueError):
 class Incoming:
     """Converter of one client's messages into checked commands.
 
-    dim: of the tissue: z is dropped for a plane
-    State: whether the client sends the needle; its newest points, because programs send a whole list again to add one.
+    dim: dimension of the tissue; in the plane z is dropped
+    State: whether the client sends the needle; its newest points, because to add one, programs send all again.
     """
 
     def __init__(self, dim: int) -> None:
@@ -43,7 +43,7 @@ class Incoming:
         self._points: frozenset[PointBody] = frozenset()
 
     def commands(self, message: Message) -> list[Command]:
-        """Commands of a message, none for an unknown request.
+        """The commands in a message; none for an unknown request.
 
         Raises MalformedError if its content does not fit its type, RefusedError for invalid numbers.
         """
@@ -57,7 +57,7 @@ class Incoming:
         matrix = read_transform(message.content)
         self.sends_needle = True
         is_seen = message.metadata.get("TransformStatus", TransformStatus.OK) == TransformStatus.OK
-        if not is_seen or not np.isfinite(matrix).all():  # some trackers send NaN then
+        if not is_seen or not np.isfinite(matrix).all():  # some trackers send NaN if the needle is not visible
             return [UNSEEN]
         try:
             return [self._pose(matrix)]

@@ -1,4 +1,4 @@
-"""Messages of a moment: transforms of target, needle and spread, STATUS and STRING: docs/openigtlink.md."""
+"""Messages of a moment: transforms of target, needle and spread, STATUS and STRING. For users: docs/openigtlink.md."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from experiments.servers.openigtlink.codec import Message, encode
 
 TARGET, NEEDLE, SPREAD = "TargetToReference", "NeedleTipToReference", "SpreadToReference"
 SPHERE, HEALTH, DETAILS, REPLY = "Spread", "Softaim", "SoftaimState", "SoftaimReply"
-"""Device names of the sphere, STATUS, STRING and answers; all differ, because some programs keep one message for each
+"""Device names of the sphere, STATUS, STRING and answers; names are unique, because some programs store one message per
 name."""
 WITHIN_95 = {2: 2.447746830680816, 3: 2.7954834829151074}
-"""Root of the chi-square quantile, 2 and 3 degrees of freedom, 95 %: semi-axes in standard deviations."""
+"""Root of the 95 % quantile of chi-square, 2 and 3 degrees of freedom: semi-axes in standard deviations."""
 FLAT_MM = 0.5
 """Half the thickness of the ellipsoid for flat tissue [mm]; choice: visible from the side."""
 LONGEST_TEXT = 500
-"""Largest length of a reason or a fault in letters; a STRING has room for 65535 bytes."""
+"""Largest number of letters of a reason or a fault; a STRING has room for 65535 bytes."""
 
 
 class TransformStatus(StrEnum):
-    """Validity of a transform, in the terms of PLUS, whose clients use OK ones."""
+    """Validity of a transform in the terms of PLUS, whose clients use only transforms with OK."""
 
     OK = "OK"
     MISSING = "MISSING"
-    """No mark was used: a prediction by the model."""
+    """No mark was used: the transform is a prediction by the model."""
     INVALID = "INVALID"
 
 
@@ -62,7 +62,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of one moment as bytes: all except the needle, and the needle, which clients that send it do not get."""
+    """Messages of one moment as bytes; the needle's is separate, because clients that send the needle do not get it."""
 
     common: bytes
     needle: bytes = b""
@@ -84,7 +84,7 @@ def packet_of(state: Mapping[str, Any]) -> Packet:
 
 
 def sphere_message() -> bytes:
-    """The unit sphere, as POLYDATA, which `SpreadToReference` maps to the ellipsoid."""
+    """The unit sphere as POLYDATA; the transform `SpreadToReference` maps it to the 95 % ellipsoid."""
     return encode(Message("POLYDATA", SPHERE, pack_surface(*unit_sphere())))
 
 
@@ -121,7 +121,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of STRING as JSON: covariance, health, probability of a hit, and advice: no GO if INVALID or lost."""
+    """Content of STRING for JSON: covariance, health, hit probability, advice (never GO if INVALID or lost)."""
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -132,7 +132,7 @@ def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) with the scene's axes and the origin in the target; None if the target is unknown."""
+    """Matrix (4, 4) of a frame with the scene's axes and its origin in the target; None if that is unknown."""
     if state["target_mm"] is None:
         return None
     matrix = np.eye(4)
@@ -143,7 +143,7 @@ def target_matrix(state: Mapping[str, Any]) -> Floats | None:
 def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
     """Matrix (4, 4) from the unit sphere to the 95 % ellipsoid, right-handed; None without a covariance.
 
-    For flat tissue it is the 95 % ellipse, with 2 degrees of freedom, and FLAT_MM to either side of the plane.
+    For flat tissue it is the 95 % ellipse for 2 degrees of freedom, extended by FLAT_MM on either side of the plane.
     """
     matrix = target_matrix(state)
     if matrix is None or state["cov_mm2"] is None:
@@ -160,10 +160,10 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) with the origin in the needle's tip, +z in the direction of insertion; None without a needle.
+    """Matrix (4, 4) of a frame with its origin in the needle's tip and +z in the insertion's direction, or None.
 
-    The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; [duff2017],
-    section 3, gives one.
+    The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; it is chosen as
+    in [duff2017], section 3.
     """
     needle = state["needle"]
     if needle is None or needle["tip_mm"] is None:

@@ -1,6 +1,6 @@
 """OpenIGTLink server: it sends every client only the newest moment, and passes their messages to the loop as commands.
 
-A client that is gone, stuck, or sends an invalid message is dropped without effect on others. For users:
+A client that leaves, is stuck, or sends an invalid message is dropped without effect on other clients. For users:
 docs/openigtlink.md.
 """
 
@@ -35,11 +35,11 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: at the same time; more get BUSY and are dropped; a requirement of users at the needle
-    message_s: from the first byte of a message to its last [s]; source: pyigtl's limit for a body
+    clients: largest number at a time; further ones get BUSY and are dropped; a requirement of users at the needle
+    message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time without reception after which a client is dropped [s]; choice
     kernel_bytes: socket buffer for a client [bytes], which Linux doubles: about ten moments, so that a slow client does
-    not read old data; choice. Linux and macOS accept none while the last one waits
+    not read old data; choice. Linux and macOS accept no new packet while the last one waits
     """
 
     clients: int = 16
@@ -54,12 +54,12 @@ GONE = (OSError, asyncio.IncompleteReadError)
 
 
 async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SETTINGS) -> None:
-    """Serve clients until cancelled; then close all connections and the socket; sock: bound, at any address."""
+    """Serve clients until cancelled, then close all connections and the socket; sock: a bound socket."""
     await _Server(feed, settings).run(sock)
 
 
 class _Server:
-    """State: the clients' tasks; number of dropped ones; the newest packet and its count; an event for the next one."""
+    """State: the clients' tasks; number of dropped clients; the newest packet and its number; an event for the next."""
 
     def __init__(self, feed: Feed, settings: LinkSettings) -> None:
         self._feed, self._settings, self._sphere = feed, settings, sphere_message()
@@ -79,7 +79,7 @@ class _Server:
             await asyncio.gather(*self._clients, return_exceptions=True)
 
     async def _follow(self) -> None:
-        """Create a packet of each new moment, or of none if none comes in time. An earlier moment is not new."""
+        """Make a packet of each moment from now on, or one for stale data if no moment comes in time."""
         number = 0 if self._feed.newest is None else self._feed.newest.number
         stale_s = 1e-3 * self._feed.scene["stale_ms"]
         while True:
@@ -103,7 +103,7 @@ class _Server:
         task.add_done_callback(self._clients.discard)
 
     async def _client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serve one client until it is gone."""
+        """Serve one client until it leaves or is dropped."""
         writer.transport.set_write_buffer_limits(high=0)
         _keep_little(writer.get_extra_info("socket"), self._settings.kernel_bytes)
         incoming = Incoming(self._feed.scene["dim"])
@@ -125,7 +125,7 @@ class _Server:
             writer.transport.abort()
 
     async def _tell(self, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Send the sphere, then the newest packets; packets during a transmission are skipped."""
+        """Send the sphere, then always the newest packet; packets that come during a transmission are skipped."""
         writer.write(self._sphere)
         sent = self._count
         while True:
@@ -156,11 +156,11 @@ class _Server:
                 commands = []
             for command in commands:
                 self._feed.command(command)
-            # waiting messages are read without a pause: others must get their turn
+            # reading messages that already wait never pauses, so other clients must get their turn here
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:
-        """Log the end of a connection, unless the client left: for the 1st, 2nd, 4th ... dropped one."""
+        """Log why a client was dropped, for the 1st, 2nd, 4th ... dropped client; not if the client left."""
         if error is None or (isinstance(error, GONE) and not isinstance(error, TimeoutError)):
             return
         self._n_dropped += 1

@@ -1,6 +1,6 @@
-"""Access rights: exact Host and Origin against foreign pages and DNS rebinding, and a token.
+"""Access rights: exact Host and Origin, against foreign pages and DNS rebinding, and a token.
 
-`Guard` wraps the application, so that refused requests are neither answered nor accepted.
+`Guard` wraps the application, so that refused requests do not reach it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 PROTOCOL = "softaim.v1"
 TOKEN_PREFIX = "token."
-"""Prefix of the token, which a client offers as a subprotocol beside PROTOCOL: a browser cannot send other headers."""
+"""Prefix of the token, which a client sends as a subprotocol besides PROTOCOL: browsers cannot set other headers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Access:
     """Access rules for clients.
 
     hosts: allowed values of Host, `address:port`, in lower case
-    token: required to write, and to read unless read_open
+    token: secret that clients need to write, and to read unless read_open
     """
 
     hosts: frozenset[str]
@@ -31,19 +31,19 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request is for one of the hosts and from our page: one exact Host, the same Origin or none."""
+        """Whether a request is for a known host and from our page: it has one exact Host, and no or the same Origin."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False
-        # A program sends no Origin; a browser sends one with every WebSocket, and no page can change it
+        # programs send no Origin; a browser sends it with every WebSocket, and no page can change it
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
     def grant(self, subprotocols: Iterable[str]) -> Grant:
-        """The rights of a client, from its offered subprotocols."""
+        """The rights of a client, by the subprotocols that it offers."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return Grant(read=self.read_open, write=False)
-        # a wrong token may not read even if reading is open: its page belongs to another run, and must show that
+        # a wrong token may not read even if reading is open: its page belongs to another run and must report that
         known = len(tokens) == 1 and secrets.compare_digest(tokens[0].encode(), self.token.encode())
         return Grant(read=known, write=known)
 
@@ -57,7 +57,7 @@ class Grant:
 
 
 class Guard:
-    """Wraps an application: refuses foreign hosts and origins, methods except GET and HEAD, requests with a body.
+    """Wraps an application; refuses foreign hosts and origins, methods except GET and HEAD, and requests with a body.
 
     Every answer gets headers that forbid framing, caching, sniffing and loading from elsewhere.
     """
@@ -70,7 +70,7 @@ class Guard:
         headers = Headers(scope=scope)
         if not self._access.knows_place(headers):
             if scope["type"] == "websocket":
-                await send({"type": "websocket.close"})  # before it is accepted: answered with 403
+                await send({"type": "websocket.close"})  # a WebSocket closed before it is accepted is answered with 403
             else:
                 await self._refuse(403, "wrong Host or Origin")(scope, receive, send)
             return
@@ -97,7 +97,7 @@ class Guard:
 
 
 def _headers(host: str) -> list[tuple[bytes, bytes]]:
-    """Headers of every answer; host: an allowed one."""
+    """Headers of every answer; host: an allowed host."""
     policy = [
         "default-src 'none'",
         "script-src 'self'",

@@ -29,11 +29,11 @@ KINDS = {
 def application(feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> Starlette:
     """The page at `/`, its files beside it, and the stream at `/stream`.
 
-    hosts: exact names of the server, `address:port`; requests to others are refused
-    token: required to write, and to read unless read_open
+    hosts: exact names of the server, `address:port`; requests for other names are refused
+    token: secret that clients need to write, and to read unless read_open
     """
     access = Access(frozenset(host.lower() for host in hosts), token, read_open)
-    # all files are in memory: paths of requests never reach the disk
+    # all files are in memory, so that paths in requests never reach the disk
     files = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*")) if path.suffix in KINDS}
     held = {name: (path.read_bytes(), KINDS[path.suffix]) for name, path in files.items()}
 

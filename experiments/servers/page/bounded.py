@@ -15,25 +15,25 @@ from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 MOST_CONNECTIONS = 64
-"""Largest number of connections of all kinds; choice: 16 clients, and as many that each fetch the page over three."""
+"""Largest number of connections of all kinds; choice: 16 clients, and 16 page loads with three each."""
 REQUESTS_S = 20.0
-"""Longest duration of a connection that is not a WebSocket [s]; choice: a page is fetched in less."""
+"""Longest duration of a connection that is not a WebSocket [s]; choice: fetching a page takes less."""
 CLOSING_S = 2.0
 """Time for a client to receive remaining data when its connection ends [s]; choice."""
 MOST_UNSENT = 8 * 2**20
 """Largest number of waiting bytes for a client that keeps sending; choice: more than the largest picture."""
 MOST_HEAD = 16_384
-"""Largest number of bytes of a request's line and headers; choice: ours have 1000."""
+"""Largest number of bytes of a request's line and headers; choice: those of our page have 1000."""
 MOST_PIECES = 256
-"""Largest number of frames in one message; choice: empty ones do not count in its size."""
+"""Largest number of frames in one message; choice: needed because empty frames do not add to its size."""
 
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")
-"""The corresponding setting of h11."""
+"""End of a request's head, as in h11."""
 
 
 class BoundedHttp(H11Protocol):
-    """HTTP; refuses connections beyond MOST_CONNECTIONS and heads beyond MOST_HEAD, ends each after REQUESTS_S."""
+    """HTTP protocol; refuses connections above MOST_CONNECTIONS and heads above MOST_HEAD, ends after REQUESTS_S."""
 
     _end: asyncio.TimerHandle | None = None
 
@@ -52,7 +52,7 @@ class BoundedHttp(H11Protocol):
         super().connection_lost(exc)
 
     def handle_events(self) -> None:
-        """Answer a request, unless its head is too long: h11 counts only incomplete heads."""
+        """Answer a request, unless its head is too long; h11 itself limits only incomplete heads."""
         came = self.conn.trailing_data[0] if self.conn.their_state is h11.IDLE else b""
         if len(came) > MOST_HEAD and END_OF_HEAD.search(came, 0, MOST_HEAD) is None:
             self.send_400_response(f"expected a head of at most {MOST_HEAD} bytes\n")
@@ -70,7 +70,7 @@ class BoundedHttp(H11Protocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """WebSocket; a connection that is not accepted within CLOSING_S ends, and a closed one ends CLOSING_S later."""
+    """WebSocket protocol; ends a connection that is not accepted within CLOSING_S, or CLOSING_S after it is closed."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Accept a connection."""
@@ -83,7 +83,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Receive data, unless the client does not read: its pings would still be answered."""
+        """Receive data; end the connection if the client does not read, because answers to its pings would pile up."""
         if self.transport.get_write_buffer_size() > MOST_UNSENT:
             self.transport.abort()
             return
@@ -97,14 +97,14 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().handle_cont(event)
 
     def send_receive_event_to_app(self) -> None:
-        """Pass a message on, unless it is invalid text, which is not logged."""
+        """Pass a message on; if it is invalid text, end the connection without a log entry."""
         if self.curr_msg_data_type == "text" and not _is_text(b"".join(self.frames)):
             self.transport.abort()
             return
         super().send_receive_event_to_app()
 
     async def send(self, message: Any) -> None:
-        """Send, unless the client's input closed the connection meanwhile."""
+        """Send a message; raises ClientDisconnected if the client's input has closed the connection meanwhile."""
         if self.close_sent and message["type"] == "websocket.send":
             raise ClientDisconnected
         await super().send(message)
@@ -115,7 +115,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         self._end_soon()
 
     async def run_asgi(self) -> None:
-        """Serve; then end, even if the client does not receive the rest."""
+        """Serve; then end the connection, even if the client does not receive the rest."""
         try:
             await super().run_asgi()
         finally:

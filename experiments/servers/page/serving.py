@@ -16,7 +16,7 @@ from experiments.servers.page.bounded import MOST_HEAD, BoundedHttp, BoundedWebS
 MOST_INBOUND = 65_536
 """Largest number of bytes of a message from a client; a requirement."""
 PING_S = 10.0
-"""Interval of pings, and timeout of their answers [s]; choice: a lost client is dropped within twice that."""
+"""Interval of pings, and timeout of their answers [s]; choice: a lost client is dropped within twice this time."""
 LEAVING_S = 1
 """Time for clients to close when the server ends [s]; choice."""
 
@@ -24,7 +24,7 @@ LEAVING_S = 1
 async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token: str, read_open: bool) -> None:
     """Serve a feed on a bound socket until cancelled, then close connections and socket; see `application`.
 
-    The process handles signals.
+    The process itself handles signals.
     """
     config = uvicorn.Config(
         application(feed, hosts=hosts, token=token, read_open=read_open),
@@ -38,7 +38,7 @@ async def serve(sock: socket.socket, feed: Feed, *, hosts: Iterable[str], token:
         timeout_graceful_shutdown=LEAVING_S,
         lifespan="off",
         log_config=None,
-        log_level="error",  # errors of hostile clients do not fill a log
+        log_level="error",  # errors of hostile clients should not fill a log
         access_log=False,
         proxy_headers=False,
         server_header=False,

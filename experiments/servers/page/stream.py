@@ -1,4 +1,4 @@
-"""JSON stream to a viewer: the scene, then the newest state whenever the viewer is ready; and its commands back.
+"""JSON stream to a viewer: the scene, then the newest state whenever the viewer is ready. It also receives commands.
 
 The server does not wait: a state is skipped if the viewer is still receiving an older one.
 """
@@ -20,19 +20,19 @@ from experiments.servers.page.access import PROTOCOL, Access
 MOST_CLIENTS = 16
 """Largest number of viewers and programs at a time; a requirement."""
 STUCK_S = 10.0
-"""Time without reception after which a client is dropped [s]; choice: a tablet that was away connects again."""
+"""Time without reception after which a client is dropped [s]; choice: a tablet that lost it connects again."""
 NEXT = "next"
-"""Message of a client with its own pace when it is ready for a state."""
+"""Message with which a client that sets the pace reports that it is ready for a state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
-"""Closing codes of a connection."""
+"""WebSocket closing codes: wrong token, too many clients, not text."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""Exceptions of a client that is gone or stuck: the first sender finds it gone, the next one closed."""
+"""Exceptions if a client is gone or stuck: first that it is gone, at later sends that the connection is closed."""
 LONGEST_ERROR = 200
-"""Largest length of an error in an answer, in letters; it may quote the client's input."""
+"""Largest number of letters of an error in an answer, because it may quote the client's input."""
 
 
 class Stream:
-    """WebSocket endpoint of all clients of a feed. State: their number; `Feed.n_watching`: those with pictures."""
+    """WebSocket endpoint of a feed's clients. State: their number; `Feed.n_watching` counts those with pictures."""
 
     def __init__(self, feed: Feed, access: Access) -> None:
         self._feed, self._access = feed, access
@@ -67,8 +67,8 @@ class Stream:
 class Viewer:
     """Connection of one client.
 
-    pictures: whether it requests them (`?pictures=1`)
-    State: whether it is ready for a state, which it reports itself with `?pace=1`.
+    pictures: whether it requests pictures (`?pictures=1`)
+    State: whether it is ready for a state; with `?pace=1` the client itself reports that.
     """
 
     def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:
@@ -80,7 +80,7 @@ class Viewer:
         self._sending = asyncio.Lock()
 
     async def serve(self) -> None:
-        """Send and receive until one of the two ends."""
+        """Send and receive until either of them ends."""
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
@@ -118,10 +118,10 @@ class Viewer:
                 self._ready.set()
             else:
                 await self._send(json.dumps(self._answer(text)))
-            await asyncio.sleep(0)  # a client that sends without pause must not block the others
+            await asyncio.sleep(0)  # a client that sends without pause must not block other clients
 
     def _answer(self, text: str) -> Mapping[str, Any]:
-        """Pass a command on; returns the result."""
+        """Pass a command on; returns the answer to the client."""
         name = None
         try:
             command = read_command(text)

@@ -1,4 +1,4 @@
-"""Moving bodies simulated with MuJoCo: truths that do not come from the equations of this project.
+"""Moving bodies simulated with MuJoCo: true motions that do not follow from the equations of this project.
 
-MuJoCo comes with the `dev` extra. Each body is a `Body`: a user's description of it, and its motion.
+MuJoCo comes with the `dev` extra. A `Body` has a user's description of the body, and its true motion.
 """

@@ -12,15 +12,15 @@ from experiments.arrays import Floats
 GRAVITY_M_S2 = 9.81
 
 MARK_SD_M = 0.5e-3
-"""Standard deviation of a mark on each axis, for bodies of size 1 [m]; proportional to the size."""
+"""Standard deviation of a mark on each axis, for bodies with the size factor 1 [m]; proportional to that factor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Factors on a body's size, stiffness and mass; gravity, seconds and frames do not change.
+    """Factors on a body's size, stiffness and mass; gravity, duration and frames do not change.
 
     A body of another size has the same shape under gravity: masses scale with the cube of the size, stiffnesses with
-    its square, so that the relative sag is the same. Dashpots scale so that damping ratios stay.
+    its square, so that the relative sag is the same. Dashpots scale so that damping ratios do not change.
     """
 
     size: float = 1.0
@@ -57,13 +57,13 @@ class Scale:
 class Body:
     """A moving body: a user's network of it, and its true motion.
 
-    network: its best-known constants, in the shape that a user would draw
-    times_s: of the frames, (n_frames,); positions: of all nodes [m], (n_frames, n_nodes, dim)
-    marked: names of the visible nodes, with errors of mark_sd_m per axis [m]
+    network: the user's network with the best-known constants, in the shape that a user would draw
+    times_s: times of the frames [s], (n_frames,); positions: those of all nodes [m], (n_frames, n_nodes, dim)
+    marked: names of the visible nodes; mark_sd_m: standard deviation of their marks on each axis [m]
     at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
-    in_line: whether the nodes form a line in order
-    led: marked nodes that are led
-    kinds: the kind of each spring, with one identified factor for each; empty: each spring has its own
+    in_line: whether the nodes form a line, in their order
+    led: marked nodes that something else moves
+    kinds: the kind of each spring; springs of one kind share an identified factor; empty: each spring has its own
     """
 
     network: MassSpringNetwork

@@ -1,4 +1,4 @@
-"""Chains of rigid links that start in motion, and cables with one fixed and one led end."""
+"""Chains of rigid links that start in motion, and cables with one fixed end and one led end."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.simulation.bodies.simulate import compiled, motion
 LINKS_M = (0.0917, 0.0693, 0.080)
 MASSES_KG = (0.030, 0.012, 0.020)
 LINK_N_M, LINK_N_S_M = 2000.0, 0.5
-"""A user's stiffness and damping for a link that does not stretch."""
+"""Stiffness and damping that a user would choose for a link that does not stretch."""
 
 HINGE_N_M_S = 1e-5
 SPEED_RAD_S = 3.0
@@ -26,18 +26,18 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend at which a spring over two segments has the energy of the joint, because springs have no energy at small bends:
-the root mean square of these cables' bends, at either speed."""
+"""Bend at which a spring over two segments has the joint's energy, since such springs have no energy at small bends
+[rad]: the root mean square of these cables' bends, at either speed."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
-"""Indices of the hidden nodes, adjacent as behind something that covers the middle."""
+"""Indices of the hidden nodes: adjacent, as if something covers the middle."""
 
 
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
-    """A pendulum of rigid links in the plane, its outer end visible at 100 Hz.
+    """A pendulum of rigid links in the plane, whose outer end is visible at 100 Hz.
 
-    Links are springs in the truth, too, if mass or stiffness is scaled: for a rigid link neither matters.
+    If mass or stiffness is scaled, true links are springs, because neither affects rigid links.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -71,7 +71,7 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
 
 
 def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
-    """A joint along the link with this stiffness [N/m] and damping [N s/m], if they matter."""
+    """XML of a joint along the link with this stiffness [N/m] and damping [N s/m]; empty if `scale` leaves both."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
@@ -95,16 +95,16 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
 
 
 def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
-    """A cable of twelve segments in space, one end fixed, the other led; its middle hidden.
+    """A cable of twelve segments in space; one end is fixed, the other is led, and the middle is hidden.
 
     speed: factor on the led end's speed; at 1 it moves at up to 1 m/s
-    Springs against bending also resist stretching: if links stretch, the truth's links have the stiffness of both
-    kinds.
+    A user's springs against bending also resist stretching: if true links stretch, they have the stiffness of both
+    kinds of springs.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
     bend, slow = BEND_N_M * scale.k * scale.size**2, BEND_N_M_S * scale.c * scale.size**2
-    # energy of a joint bent by b, k_b b² / 2, as that of a spring over two segments, shortened by L b² / 4
+    # a joint bent by b has the energy k_b b² / 2; a spring over two segments is shortened by L b² / 4
     over_two = 16.0 * bend / (length * BEND_RAD) ** 2
     stiffness = np.r_[np.full(n, LINK_N_M * scale.k), np.full(n - 1, over_two)]
     damping = np.r_[np.full(n, LINK_N_S_M * scale.c), np.full(n - 1, over_two * slow / bend)]
@@ -150,7 +150,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 
 
 class _HandPath:
-    """A smooth random path about a place where the cable is slack, reached within rise_s from a straight cable."""
+    """A smooth random path about a place where the cable is slack, which it reaches from a straight cable in rise_s."""
 
     def __init__(self, rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> None:
         n_waves = 6

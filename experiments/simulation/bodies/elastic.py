@@ -1,4 +1,4 @@
-"""Elastic bodies by finite elements: blocks that are pressed and released, floating blocks, pulled sheets."""
+"""Elastic bodies by finite elements: blocks that are pressed and released, floating blocks, and pulled sheets."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from experiments.simulation.bodies.simulate import compiled, motion, settled
 FRAMES_PER_S = 30
 BLOCK_M, BLOCK_PA, BLOCK_KG_M3 = 0.06, 30e3, 1000.0
 SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
-"""Sides [m], Young's modulus times thickness [N/m], mass per area [kg/m²]."""
+"""A sheet's sides [m], Young's modulus times thickness [N/m], and mass per area [kg/m²]."""
 
 SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
 POISSON = 0.3
 RAYLEIGH_S = 0.01
-"""Ratio of damping to stiffness [s]."""
+"""Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest pressure on a block's lower face, relative to Young's modulus; finger's radius, relative to the side."""
+"""Largest pressure on a block's lower face, relative to Young's modulus; radius of a finger, relative to the side."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
@@ -43,9 +43,9 @@ class Push:
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
-    """A soft block hanging from a plate, pressed from below and released; its surface is visible, its inside hidden.
+    """A soft block that hangs from a plate, and is pressed from below and released; its surface is visible.
 
-    It hangs, because at a tenth of its stiffness it would buckle under its own weight. press: as `PRESS`
+    It hangs because, standing with a tenth of its stiffness, it would buckle under its weight. press: see `PRESS`
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
@@ -77,7 +77,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: f
 
 
 def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft floating block without supports, its faces moved by springs; corners and face centres are visible."""
+    """A soft block without supports whose faces are moved by springs; its corners and face centres are visible."""
     per_side = 3
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA / 3.0 * scale.k / scale.size
@@ -106,7 +106,7 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 
 def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A cloth that hangs from its upper edge, pulled at nodes of its rim and released; its inside is hidden."""
+    """A cloth that hangs from its upper edge, and is pulled at nodes of its rim and released; its inside is hidden."""
     sides = scale.size * np.array(SHEET_M)
     mass = SHEET_KG_M2 * SHEET_M[0] * SHEET_M[1] * scale.m
     stretch = SHEET_N_M * scale.k
@@ -134,7 +134,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     # a square lattice with diagonals of half the stiffness is isotropic: k = 3/4 E t along its edges
     stiffness = 0.75 * stretch * np.where(_diagonal(grid, springs, spacing), 0.5, shared)
     network = _network(drawn, springs, stiffness, RAYLEIGH_S * scale.oscillation, masses=_masses(model), fixed=fixed)
-    # lengths as cut, not as drawn: with the drawn ones some springs would be compressed and the sheet would buckle
+    # rest lengths as cut: with the lengths as drawn some springs would be compressed and the sheet would buckle
     network = replace(network, rest_lengths=spring_lengths(grid, springs))
     marked = tuple(f"n{i}" for i in np.flatnonzero(rim))
     return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
@@ -191,7 +191,7 @@ def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[f
 
 
 def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Floats]) -> list[Push]:
-    """Successive forces, with pauses in which the body settles."""
+    """Successive forces, with pauses in which the body comes to rest."""
     found, start = [], float(rng.uniform(0.2, 0.5))
     while start < seconds:
         lasts = float(rng.uniform(0.2, 0.8))
@@ -228,7 +228,7 @@ class _Leading:
         self.stiffness, self.damping = stiffness, stiffness * damping
 
     def act(self, model: Any) -> Callable[[float, Any], None]:
-        """Forces for `motion`."""
+        """The function that sets these forces, for `motion`."""
         bodies = model.flex_vertbodyid[self.nodes]
         at = np.array([model.body_dofadr[b] for b in bodies])[:, None] + np.arange(3)
 
@@ -253,13 +253,13 @@ def _mostly_across(rng: np.random.Generator) -> Floats:
 
 
 def _on_hull(grid: Floats) -> NDArray[np.bool_]:
-    """Which nodes of a grid lie on its surface, (n,)."""
+    """Whether each node of a grid lies on its surface, (n,)."""
     near = 1e-6 * np.ptp(grid, axis=0)
     return ((grid < grid.min(axis=0) + near) | (grid > grid.max(axis=0) - near)).any(axis=1)
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Edges and face diagonals of a grid, (n_springs, 2), and the share of each inside the body, (n_springs,)."""
+    """Edges and face diagonals of a grid, (n_springs, 2), and the share of each within the body, (n_springs,)."""
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

@@ -1,4 +1,4 @@
-"""The four-mass phantom without its braces, with springs of 80 N/m: it hangs from its anchors, and is poked."""
+"""The four-mass phantom without its braces and with springs of 80 N/m; it hangs from its anchors and is poked."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, settled
 
 STIFFNESS_N_M = 80.0
 N_SPRINGS = 8
-"""Number of springs without the braces, which are the last two."""
+"""Number of springs except the braces, which are the last two."""
 
 POKE_M_S2 = 10.0
 FRAMES_PER_S = 30
@@ -39,7 +39,7 @@ def unbraced_network(scale: Scale) -> MassSpringNetwork:
 
 
 def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
-    """The unbraced phantom, its outer masses sometimes poked by up to 10 m/s²; the inner one is hidden."""
+    """The unbraced phantom; its outer masses are sometimes poked with up to 10 m/s², its inner mass is hidden."""
     network = unbraced_network(scale)
     model, data = compiled(_xml(network))
     rng = np.random.default_rng([seed, 0])

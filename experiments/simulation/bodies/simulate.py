@@ -25,7 +25,7 @@ def compiled(xml: str) -> tuple[Any, Any]:
 def motion(
     model: Any, data: Any, read: Callable[[Any], Floats], *, times_s: Floats, longest_s: float, act: Act | None = None
 ) -> Floats:
-    """Results of `read` at each of these equally spaced times [s], (n_frames, ...), from the present data.
+    """Results of `read` at each of these equally spaced times [s], (n_frames, ...), starting from the present `data`.
 
     longest_s: longest step [s]; steps divide the frame interval
     """
@@ -34,7 +34,7 @@ def motion(
     model.opt.timestep = interval / n_steps
     seen = []
     for time_s in times_s:
-        mujoco.mj_forward(model, data)  # a step does not update derived positions
+        mujoco.mj_forward(model, data)  # a step does not update positions that follow from the joints
         seen.append(np.array(read(data)))
         for step in range(n_steps):
             if act is not None:

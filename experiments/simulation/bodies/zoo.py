@@ -23,10 +23,10 @@ BODIES: dict[str, Callable[[int, Scale, float], Body]] = {
 """Functions that create a body from a seed, factors on size, stiffness and mass, and the recording's length [s]."""
 
 SECONDS = {"chain2": 4.0, "chain3": 4.0, "cable-slow": 5.0, "cable-fast": 5.0, "phantom": 5.0}
-"""Length of a recording [s] if it is not 3 s."""
+"""Length of a body's recording [s], if it differs from 3 s."""
 
 
 def make_body(name: str, seed: int, scale: Scale | None = None, seconds: float | None = None) -> Body:
-    """Create the body of this name with the motion of this seed; KeyError if there is none."""
+    """Create the body of this name with the motion of this seed; KeyError for an unknown name."""
     length_s = SECONDS.get(name, 3.0) if seconds is None else seconds
     return BODIES[name](seed, Scale() if scale is None else scale, length_s)

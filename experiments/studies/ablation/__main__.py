@@ -3,8 +3,8 @@
     python -m experiments.studies.ablation --out FOLDER --lungs LUNGS      # --page writes docs/ablation.md
     python -m experiments.studies.ablation --out FOLDER --only outliers --bodies phantom
 
-LUNGS is a folder as for `experiments.studies.lungs`. An interrupted study continues in its folder, seed by seed.
-Last figures: docs/ablation.md.
+LUNGS is a folder as for `experiments.studies.lungs`. An interrupted study continues in its folder, seed by seed. Latest
+figures: docs/ablation.md.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """The figures of a body by the filter without the mechanism `off`.
 
-    error_m: mean over hidden points and frames; covered: share in the 95 % region; nees: divided by the dimension
-    lost: frames that are not TRACKING; failed: why it ended early; the other figures are then those until that time
+    error_m: mean over hidden points and frames; covered: share in the 95 % region; nees: NEES divided by the dimension
+    lost: number of frames that are not TRACKING; failed: why the run ended early; other figures then end there, too
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
     with switch.patched():
@@ -52,11 +52,11 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each mechanism: ratio of errors to the whole filter's, geometric mean [1], and mean change of coverage.
+    """A row for each mechanism: geometric mean of errors relative to the whole filter's [1], and change of coverage.
 
-    The means are over the bodies on which anything changed, `changed` of all `bodies`; coverage in points.
+    The means are over the bodies on which anything changed, `changed` of all `bodies`; coverage in percentage points.
 
-    most, least: for the body with the largest ratio and for that with the least change, with its name
+    most, least: largest ratio, and least change of coverage, each with the name of its body
     failed: runs that ended early
     """
     keyed = runs.set_index(["body", "seed"])

@@ -1,4 +1,4 @@
-"""Mechanisms of the filter that can be turned off, by arguments where possible, and the code of each."""
+"""Mechanisms of the filter that can be turned off, if possible by arguments, and the code of each."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class Switch:
 
 
 def _length(name: str) -> int:
-    """Lines of this name in `estimators.core`: a function or class of a module, or a method."""
+    """Number of lines of a function, class or method of this name in `estimators.core`."""
     module, *rest = name.split(".")
     found: Any = import_module(f"estimators.core.{module}")
     for part in rest:

@@ -1,10 +1,10 @@
-"""Dense landmarks of breathing lungs: deep ones estimated from marks near the hull.
+"""Dense landmarks of breathing lungs: deep landmarks are estimated from marks near the hull.
 
     python -m experiments.studies.dense_lungs FOLDER --out DIR    # --page writes the table to docs/zoo.md
 
 FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling and
 of exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv and
-table.md, all or none. Last figures: docs/zoo.md.
+table.md, all or none. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
     for name, method in METHODS.items():
         try:
             found = method(task)
-        except Exception as error:  # any exception of a method is a result of the study
+        except Exception as error:  # any exception that a method raises is a result of the study
             failures[name] = f"{type(error).__name__}: {error}"
             continue
         errors[name] = np.linalg.norm(found.means - truth, axis=1)
-        if found.covs is not None:  # the position of the hidden landmark has an error, too
+        if found.covs is not None:  # the true position of the hidden landmark has an error, too
             read = found.covs + constants.scatter_m**2 * np.eye(3)
             nees[name] = normalised_error_squared(found.means - truth, read)
     return Run(lung.name, where, n, errors, nees, failures)

@@ -1,4 +1,4 @@
-"""Dense landmarks of lungs at two times, from a table for each person, divided into marks and hidden ones."""
+"""Dense landmarks of lungs at two times, from a table for each person, divided into marks and hidden landmarks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = ("x", "y", "z")
 COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
 
 WHERE = ("all", "front")
-"""Positions of the marks: all round, or only on the half of the person whose y is above the median of the lung."""
+"""Positions of the marks: all round, or only on the side of the lung whose y is above the median."""
 
 NEAR, DEEP = 0.03, 0.075
 """Largest depth of marks below the hull, and least depth of hidden landmarks, relative to the lung's longest extent
@@ -29,7 +29,7 @@ NEAR, DEEP = 0.03, 0.075
 class Lung:
     """One lung: landmarks at the end of inhaling and of exhaling [m], (n, 3) each.
 
-    depth: below the convex hull of the first, relative to the lung's longest extent [1], (n,)
+    depth: depth below the convex hull at the end of inhaling, relative to the lung's longest extent [1], (n,)
     """
 
     name: str
@@ -39,11 +39,11 @@ class Lung:
 
     @property
     def hidden(self) -> NDArray[np.int64]:
-        """Landmarks whose positions are estimated."""
+        """Indices of the landmarks whose positions are estimated."""
         return np.flatnonzero(self.depth > DEEP)
 
     def marks(self, n: int, where: str) -> NDArray[np.int64]:
-        """At most n landmarks near the hull, far from each other, from the first in the table; where: of `WHERE`."""
+        """Indices of at most n landmarks near the hull, far from each other, from the first on; where: see `WHERE`."""
         near = self.depth <= NEAR
         if where == "front":
             near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])

@@ -1,4 +1,4 @@
-"""Hidden landmarks of a lung from its marks, by each method: the filter, fields that interpolate, the open loop."""
+"""Hidden landmarks of a lung from its marks, by each method: the filter, interpolating fields, the open loop."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from experiments.studies.lungs.model import LungConstants, lung_network, node_na
 from experiments.studies.zoo.references import thin_plate_weights
 
 OTHERS = 60
-"""Number of nodes of a network besides the marks: landmarks far from these and from each other; numerical."""
+"""Number of a network's nodes besides the marks, which are landmarks far from marks and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
-"""Forces of a breath: smooth over the lung, none on a single mark; choice: a strength of 1 % of gravity."""
+"""Forces of a breath: smooth over the lung, without pokes of single marks; choice: a strength of 1 % of gravity."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Discrepancy of a lung; choice. Its level is stated, because only later frames could determine it."""
+"""Discrepancy of a lung; choice. Its level is fixed, because only more frames could determine it."""
 
 FRAMES_S = (0.0, 2.0)
 """Times of the end of inhaling and of exhaling [s]: half a breath."""
@@ -46,10 +46,10 @@ LARGE_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DenseConstants:
-    """Constants common to all lungs, rows and marks; chosen once.
+    """Constants that all lungs, rows and numbers of marks share; chosen once.
 
-    body: of the network of springs
-    scatter_m: of a landmark's position for each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
+    body: constants of the spring network
+    scatter_m: sd of a landmark's position on each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
     disturbances, discrepancy: priors of the filter
     """
 
@@ -61,7 +61,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods: positions of marks before and after, of hidden landmarks before [m], (n, 3) each."""
+    """Input of all methods: a lung, its marks and its hidden landmarks, with positions [m], (n, 3) each."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -79,7 +79,7 @@ class Task:
 
     @property
     def wanted(self) -> Floats:
-        """Hidden landmarks at the end of inhaling."""
+        """Hidden landmarks at the end of inhaling [m]."""
         return self.lung.inhaled[self.lung.hidden]
 
     def frames(self) -> Frames:
@@ -98,9 +98,9 @@ class Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A coarse network of a lung, marks first; each hidden landmark lies between four nodes.
+    """A coarse network of a lung, whose first nodes are the marks; each hidden landmark is interpolated in four nodes.
 
-    corners, weights: of each hidden landmark, (n, 4)
+    corners, weights: nodes of each hidden landmark and their weights, (n, 4)
     """
 
     network: MassSpringNetwork

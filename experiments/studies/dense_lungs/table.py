@@ -1,4 +1,4 @@
-"""The table of dense lungs: mean errors of each method in each row, and shares covered."""
+"""The table of dense lungs: mean errors and coverage of each method in each row."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ WORDS = {
     "open_loop": "open loop",
     "none": "no motion",
 }
-"""Methods in words."""
+"""Methods in words, by name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One lung with this number of marks: by method errors [m], (n_hidden,), and NEES if a covariance is stated."""
+    """One lung with this number of marks: errors [m], (n_hidden,), by method, and NEES if it states a covariance."""
 
     lung: str
     where: str
@@ -41,7 +41,7 @@ class Run:
 
 
 def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """A table for each row of marks: by method `mae_mm`, `coverage95` or None, `n`; None for a method that failed."""
+    """A mapping for each row of marks: by method `mae_mm`, `coverage95` or None, `n`; None for a method that failed."""
     rows = []
     for where in WHERE:
         for marks in COUNTS:

@@ -7,10 +7,10 @@
 A fit takes about 15 s of one core.
 
 Recordings of 12 s at 30 frames/s, every mark accurate to 1 mm per axis: the built-in phantom, and a user's with five
-masses and fourteen springs. Truth by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass,
+masses and fourteen springs. Truth is by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass,
 Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The scene's
-constants have random errors of `PRIOR_SD`, also the prior of `identify_constants`; one start. Pull: error of the
-logarithm of a constant by its standard error. Development seeds are 0 to 39, those of the page 1000 to 1019.
+constants have random errors of `PRIOR_SD`, which is also the prior of `identify_constants`; one start. Pull: error of a
+constant's logarithm divided by its standard error. Development seeds are 0 to 39, those of the page 1000 to 1019.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ PRIOR_SD: Mapping[str, float] = {
     "drag": 0.3,
     "friction": 0.3,
 }
-"""Relative standard deviations of the errors of the scene's constants, and of the prior."""
+"""Relative standard deviations of the errors of the scene's constants, equal to those of the prior."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
 
@@ -105,7 +105,7 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
 
 
 def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> tuple[Frames, Floats]:
-    """Frames with the marks of all free nodes, and their true positions [m], (n_frames, n_free, dim)."""
+    """Frames with the marks of all free nodes, and the nodes' true positions [m], (n_frames, n_free, dim)."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
@@ -140,7 +140,7 @@ def identified(case: Case) -> list[dict[str, float | str]]:
 
 
 def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
-    """By phantom and kind: mean and spread of the pulls, errors before and after, standard errors (rms)."""
+    """By phantom and kind: mean and spread of pulls, errors before and after identification, standard errors (rms)."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()

@@ -1,4 +1,4 @@
-"""Runs at the limits: against the lower bound, strong disturbances, and without marks; parts of the study."""
+"""Parts of the study at its limits: comparison with the lower bound, strong disturbances, no marks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TREMOR = 0.05
 """White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""First frame of a run that counts, for each section."""
+"""First counted frame of a run, for each section."""
 
 
 def hard_trial(k: int) -> Trial:
@@ -57,7 +57,7 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
-    """The longest duration [s] of consecutive frames with the condition."""
+    """The longest duration [s] of consecutive frames in which `wrong` is true."""
     found, since = 0.0, None
     for time_s, now in zip(times_s, wrong, strict=True):
         since = (time_s if since is None else since) if now else None

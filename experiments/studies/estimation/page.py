@@ -34,11 +34,11 @@ HARD = {
     "over 40 mm": "{runs_ever_far}/{runs}",
     "coverage": "{coverage95:.1%}",
 }
-"""Columns of the tables: head, and how it is filled from a row."""
+"""Columns of the tables: heading, and format of an entry from a row."""
 
 
 def table(columns: Mapping[str, str], rows: Rows, *, last: str = "") -> str:
-    """A table with these columns and the rows that have runs and labels with this ending."""
+    """A table with these columns and the rows that have runs and a label that ends with `last`."""
     shown = {label: row for label, row in rows.items() if "runs" in row and label.endswith(last)}
     return markdown_table(["", *columns], [[label, *_filled(columns, row)] for label, row in shown.items()])
 

@@ -6,8 +6,8 @@
 
 Parts are stored as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
 continues where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes are half sines (`poked`: one mass
-at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to 140 mm). Errors of constants are in
-the model: the truth is always the phantom.
+at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to 140 mm). The true tissue is always
+the phantom: errors of constants are in the model.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ Row = dict[str, float | int]
 
 @dataclass(frozen=True, slots=True)
 class Study:
-    """Folders of a study's runs and truths, number of runs of each figure, and workers."""
+    """Folder of a study's runs and truths, number of runs for each figure, and workers."""
 
     folder: Path
     n_runs: int
@@ -80,11 +80,11 @@ class Study:
 
 
 def row_of(outcome: Outcome) -> dict[str, Any]:
-    """The figures of one run; errors are means [mm], mean squares [mm²] and largest, shares are of its frames.
+    """The figures of one run: mean [mm], mean square [mm²] and largest error [mm], and shares of its frames.
 
-    diverged: an error of more than FAR_M while TRACKING, for UNREPORTED_S or longer or in the last frame; ever_far: at
-    any time; unsaid_s: the longest time for which it was certainly wrong and TRACKING: more than FAR_M with a NEES
-    above 30, which occurs in one frame of three million
+    diverged: an error above FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame; ever_far: such an
+    error at any time; unsaid_s: the longest time with TRACKING, an error above FAR_M and a NEES above 30, which by
+    chance occurs in one frame of three million
     """
     ours_mm = 1e3 * outcome.filtered
     far = (outcome.filtered > FAR_M) & (np.array(outcome.status) == "TRACKING")
@@ -127,19 +127,19 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def far_figures(runs: pd.DataFrame) -> Row:
-    """Content of `figures`, runs that diverged or were ever far, and longest time [s] of an unreported error."""
+    """Content of `figures`, numbers of runs that diverged or were ever far, and longest unreported error [s]."""
     far = {"runs_diverged": int(runs["diverged"].sum()), "runs_ever_far": int(runs["ever_far"].sum())}
     return figures(runs) | far | {"longest_unsaid_s": float(runs["unsaid_s"].max())}
 
 
 def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
-    """Figures of all frames together and of each scenario, with `label` and its name."""
+    """Figures of all frames together and of each scenario, whose label is `label` with its name."""
     each = {f"{label}{name}": figures(own) for name, own in runs.groupby("scenario", sort=False)}
     return {f"{label}all": figures(runs)} | each
 
 
 def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertainty | None = None) -> Model:
-    """The phantom with random errors of its constants of these relative standard deviations."""
+    """The phantom whose constants have random errors with these relative standard deviations."""
     network = four_mass_phantom()
     which = parameters(network, tuple(sds))
     change = np.random.default_rng([seed, 1]).normal(size=len(which)) * [sds[one.kind] for one in which]
@@ -147,13 +147,13 @@ def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertaint
 
 
 def calibration(seed: int, cache: Path) -> Frames:
-    """30 s of the poked phantom with all four marks, with 4.14 mm of noise, 30 frames/s."""
+    """Calibration recording: 30 s of the poked phantom, all four marks with 4.14 mm of noise, 30 frames/s."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
 
 def identified(study: Study) -> dict[str, Row]:
-    """Both methods with constants identified from 30 s that were wrong by 10 %; noise of 4.14 mm, 30 frames/s."""
+    """Both methods with constants, wrong by 10 %, after identification from 30 s; noise of 4.14 mm, 30 frames/s."""
     found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
     means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
     return by_scenario(found) | {"constants": means.to_dict()}
@@ -177,14 +177,14 @@ def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def unidentified(study: Study) -> dict[str, Row]:
-    """The filter with constants wrong by 10 % that were not identified; it considers or ignores their uncertainty."""
+    """The filter with constants wrong by 10 % and not identified; it considers or ignores their uncertainty."""
     cases = cases_of(uncertainty=("considered", "ignored"), scenario=SCENARIOS, seed=study.seeds)
     found = study.runs("unidentified", unidentified_row, cases).groupby("uncertainty", sort=False)
     return {name: row for label, runs in found for name, row in by_scenario(runs, f"{label}, ").items()}
 
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One run with wrong constants, their uncertainty considered or ignored."""
+    """One run with wrong constants, whose uncertainty is considered or ignored."""
     which = parameters(four_mass_phantom())
     known = independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which])
     model = perturbed(case["seed"], CONSTANT_SDS, known if case["uncertainty"] == "considered" else None)
@@ -192,7 +192,7 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def bound(study: Study) -> dict[str, Row]:
-    """RMSE relative to the posterior Cramér-Rao bound: no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
+    """RMSE relative to the posterior Cramér-Rao bound, no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
     runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
@@ -202,7 +202,7 @@ def bound(study: Study) -> dict[str, Row]:
 
 
 def hard(study: Study) -> dict[str, Row]:
-    """1,000 runs of 6 s: 5 to 120 frames/s, mark noise of 0.5 to 8 mm, 30 % of marks lost, pokes up to 1.5 times."""
+    """1,000 runs of 6 s: 5 to 120 frames/s, mark noise of 0.5 to 8 mm, 30 % of marks lost, pokes up to 1.5-fold."""
     runs = study.runs("hard", hard_row, cases_of(seed=range(10 * study.n_runs)))
     parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
     return {label: far_figures(own) for label, own in parts.items() if len(own)}

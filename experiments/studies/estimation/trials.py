@@ -1,6 +1,6 @@
-"""Seeded runs without pictures: a scenario's truth, its marks with noise, methods on them, their errors.
+"""Seeded runs without pictures: a scenario's truth, noisy marks, and the errors of methods on these marks.
 
-Truth is by SciPy's RK45 (`experiments.simulation.simulate`), stored in a folder so that many runs share it.
+Truth is by SciPy's RK45 (`experiments.simulation.simulate`); it is stored in a folder, and many runs share it.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ MISPLACED_M = (0.03, 0.15)
 
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for the true model: discrepancy as in scenes of simulated phantoms."""
+"""Filter settings for the true model: the discrepancy is that of scenes of simulated phantoms."""
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One run: a shipped scenario with another seed, strength of pokes, camera, and shares of marks lost or misplaced.
+    """One run: a shipped scenario with its own seed, pokes, camera, and shares of lost and misplaced marks.
 
-    outliers: share of the marks at 30 to 150 mm from their true positions, in any direction
+    outliers: share of marks that are 30 to 150 mm from their true positions, in any direction
     """
 
     scenario: str
@@ -57,7 +57,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """The model of the tissue for the methods."""
+    """The model of the tissue that the methods use."""
 
     network: MassSpringNetwork = field(default_factory=four_mass_phantom)
     uncertainty: ParameterUncertainty | None = None
@@ -68,8 +68,8 @@ class Model:
 class Outcome:
     """The result of a run.
 
-    open_loop, filtered: error of the hidden mass [m], (n_frames,); nees: normalised by the filter's covariance
-    repairs: of covariances; turned: whether a spring of the truth ever rotated by more than a right angle
+    open_loop, filtered: errors of the hidden mass [m], (n_frames,); nees: the filter's NEES
+    repairs: number of repaired covariances; turned: whether a true spring ever rotated by more than a right angle
     """
 
     times_s: Floats
@@ -132,7 +132,7 @@ def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[st
 
 
 def _misplaced(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of positions [m], (n, dim): 30 to 150 mm in any direction for this share of them, else zero."""
+    """Errors of positions [m], (n, dim): for this share of them 30 to 150 mm in any direction, zero for the others."""
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (len(ways), 1)) / np.linalg.norm(ways, axis=1, keepdims=True)
     return np.where(rng.random((len(ways), 1)) < share, ways, 0.0)
@@ -148,7 +148,7 @@ def passed(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:
 
 
 def run(trial: Trial, model: Model, cache: Path) -> Outcome:
-    """The paper's method and the filter on the same marks."""
+    """Result of the paper's method and the filter on the same marks."""
     rng = np.random.default_rng([trial.seed, trial.frames_per_s, round(1e6 * trial.mark_sd_m)])
     frames, hidden = seen(trial, cache, rng)
     open_loop = OpenLoop(model.network, HIDDEN)
@@ -168,7 +168,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether a spring between these free nodes, (n, n_free, dim), is ever reversed against its rest direction."""
+    """Whether a spring between free nodes at these positions [m], (n, n_free, dim), ever opposes its rest direction."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

@@ -1,4 +1,4 @@
-"""Evaluation of a run with a fault: time of detection, and wrong GO."""
+"""Evaluation of a run with a fault: time of detection, and wrong advice GO."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""Onset of a fault, from the first exposure [s]: the breathing model is ready by then."""
+"""Onset of a fault, from the first exposure [s]: by then the breathing model is ready."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for detecting a fault that a frame shows, or three frames if longer [s]; a requirement."""
+"""Time limit for detecting a fault that a single frame shows [s], or three frames if that is longer; a requirement."""
 HIDDEN_S = 2.0
-"""Time limit for detecting a fault that single frames do not show, or for covering it by the covariance [s]; a
+"""Time limit for detecting a fault that single frames do not show, or until the covariance covers its error [s]; a
 requirement."""
 WRONG = 0.999
-"""Probability of the region outside which an estimate is wrong, if the truth is more than `LEAST_M` outside."""
+"""Probability of the region outside which the truth makes an estimate wrong, if the error is above `LEAST_M`."""
 LEAST_M = 1e-3
 """Least error that matters to a needle [m]; choice."""
 STALE_S = 0.2
@@ -42,11 +42,11 @@ STEADY_S = 0.5
 class Moment:
     """The display at one time [s] from the first exposure.
 
-    age_s: of the newest frame that was used; status, advice: the displayed words; advice None for none
-    why: the displayed reason, empty for none; reported: reports at that moment, empty for none
-    sigma_m: of the target
-    wrong: whether the truth was outside the estimate's region; astray: whether the needle would miss
-    well: whether only tracking was displayed, without a fault
+    age_s: age of the newest frame that was used; status, advice: the displayed words; advice: None if there is none
+    why: the displayed reason, empty without one; reported: reports at that moment, empty without any
+    sigma_m: standard deviation of the target
+    wrong: result of `is_wrong`; astray: whether the needle would miss
+    well: whether tracking was displayed without a fault
     """
 
     time_s: float
@@ -67,7 +67,7 @@ class Moment:
 
     @property
     def words(self) -> str:
-        """The displayed fault, empty for none."""
+        """The displayed fault; empty if there is none."""
         if self.well:
             return self.reported
         what = self.advice if self.advice in ("ABORT", "REALIGN") else self.status
@@ -78,15 +78,15 @@ class Moment:
 class Judged:
     """The result of a fault in one run.
 
-    noticed_ms: time of detection after its onset; None if it was never displayed
+    noticed_ms: time of detection after the onset; None if the fault was never displayed
     covered: whether no estimate was wrong from `within_s` until the fault was over and its end was detected
-    shown: the most frequent words during the fault, or else the reports
-    recovered_ms: time after its end, or after its onset if it stays; None if it did not recover
+    shown: the most frequently displayed words during the fault, or the reports if none were displayed
+    recovered_ms: time from the fault's end, or from its onset if it stays, to recovery; None without recovery
     sigma_before_mm, sigma_most_mm: standard deviation of the target before, and the largest during the fault
-    go_shown_while_faulty: moments with GO on an estimate that was wrong, or older than STALE_S, or for a
-        needle that would miss, from `within_s` after the onset; go: all moments with GO, from the onset
-    ended: how the process ended if there was one, else empty
-    lacks_s: missing time in its tables or recording before its end, or before a full disk [s]; all if
+    go_shown_while_faulty: number of moments with GO on an estimate that was wrong or older than STALE_S, or for a
+        needle that would miss, from `within_s` after the onset on; go: number with GO, from the onset on
+    ended: how the process ended; empty if there was no process
+    lacks_s: time missing in tables or recording before its end, or before a full disk [s]; all of it if
     they are unreadable, None if there are none
     """
 
@@ -108,9 +108,9 @@ class Judged:
 class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
-    name: in the table; what: in a few words; lasts_s: from ONSET_S [s], inf for one that stays
-    within_s: time limit for detecting or covering it [s]
-    alone: whether its run is in real time, so that nothing else may run on the machine
+    name: its name in the table; what: a short description; lasts_s: duration from ONSET_S [s], inf if it stays
+    within_s: time limit for detecting it, or until the covariance covers its error [s]
+    alone: whether its run is in real time, so that no other run may share the machine
     """
 
     name: str
@@ -121,7 +121,7 @@ class Fault(ABC):
 
     @abstractmethod
     def judged(self, seed: int, folder: Path) -> Judged:
-        """Its result in a run; folder: an existing one, for the run's output."""
+        """The fault's result in a run; folder: an existing folder for the run's output."""
 
 
 @contextmanager
@@ -147,9 +147,9 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> Judged:
-    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted this long [s], inf if it stays.
+    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
 
-    A run without further display has ended before the last of them.
+    A run that displayed nothing more has ended before the last moment.
     """
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
@@ -175,7 +175,7 @@ def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> J
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The most frequent words, without their numbers, or else the first report."""
+    """The most frequent words, without numbers; the first report if no words were displayed."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -185,7 +185,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Time from which all is well after the end of the fault, or after its detection if it stays [s]."""
+    """Time from which all is well, after the end of the fault or, if it stays, after its detection [s]."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

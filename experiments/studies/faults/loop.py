@@ -15,21 +15,21 @@ from experiments.studies.faults.scripted import ScriptedFault, TrackedNeedle
 OUTSIDE_M = 0.02
 """Distance from the tip of a waiting needle to its entry [m]."""
 GOES_IN_S = 0.5
-"""Time before the onset at which a needle with GO enters [s]."""
+"""Time before the onset at which the needle enters after GO [s]."""
 INSIDE_M = 0.005
-"""Depth of a needle that is held there [m]."""
+"""Depth at which the inserted needle stops [m]."""
 BEND_RAD = np.deg2rad(90.0)
-"""Angle by which the needle bends: it would pass the target by 25 mm, twice the lesion's radius, at any breath."""
+"""Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, at any breath."""
 BESIDE_M = 0.025
-"""Distance of a needle's line from the one on which it would get GO [m]."""
+"""Distance of a needle's line from the line on which it would get GO [m]."""
 DENT_M, DENT_N = 0.005, 2.0
 """Depth by which a needle dents the skin without puncture [m], and its force [N]."""
 THROWN_M = 0.08
-"""Displacement of all nodes in the filter's state, along each axis [m]."""
+"""Displacement of all nodes in the filter's state on each axis [m]."""
 
 
 def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """A needle at rest, with its last part rotated about its tip."""
+    """A needle at rest at this depth, shifted sideways, with its direction rotated about its tip."""
     along = plan.axis
     across = np.array([-along[1], along[0]])
     direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
@@ -37,7 +37,7 @@ def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: floa
 
 
 def _bends(since_s: float, plan: Insertion) -> NeedlePose:
-    """Outside until GO; inside it bends, and is retracted."""
+    """Pose of a needle that waits outside, enters before the onset, bends, and is retracted."""
     if since_s < -GOES_IN_S or since_s >= LASTS_S:
         return _at(plan, -OUTSIDE_M)
     if since_s < 0.0:
@@ -46,14 +46,14 @@ def _bends(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Beside its line, without GO, it presses on the skin; then it is retracted and aligned."""
+    """Pose of a needle that presses on the skin beside its line, without GO, and is then retracted and aligned."""
     if since_s < 0.0:
         return _at(plan, -OUTSIDE_M, BESIDE_M)
     return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
 
 
 def _displaced(by_m: float) -> Callable[[Session], None]:
-    """Displace all nodes in the mean of every mode of the filter [m]; its covariance does not change."""
+    """A function that displaces all nodes in the mean of each of the filter's modes [m], but not its covariance."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

@@ -1,4 +1,4 @@
-"""A live run of a simulated film in its own process, with its environment: terminal, disk, viewers."""
+"""A live run on a simulated film in its own process, with its environment: terminal, disk, viewers."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ from experiments.studies.faults.world import Motion, drawn, scenario_of, scene_i
 from vision import Frame, SourceError
 
 FRAME_S = 0.05
-"""Frame interval of the film [s], which a busy machine can show and record in real time."""
+"""Frame interval of the film [s], long enough for a busy machine to show and record it in real time."""
 STARTS_S = 60.0
 """Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the end of its film at which a run is no longer disturbed [s]."""
+"""Time before the end of the film from which a run is not disturbed [s]."""
 ENDS_S = 20.0
 """Timeout for a run to end after its film [s]."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
 )
-"""The program with Ctrl-C enabled, which would be ignored for a background process."""
+"""The program with Ctrl-C enabled, which a background process would otherwise ignore."""
 GONE_S = 3.0
-"""Timeout for its other processes to end after it [s]."""
+"""Timeout for the run's other processes to end after it [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Film:
-    """A recording of a phantom that breathes, its needle's file, its scene and its truth."""
+    """A recording of a breathing phantom, with needle file, scene and truth."""
 
     folder: Path
     needle: Path
@@ -72,7 +72,7 @@ def _films() -> tempfile.TemporaryDirectory[str]:
 
 @cache
 def filmed(seed: int, duration_s: int) -> Film:
-    """Film it for this many seconds; cached, because most faults use the same films."""
+    """Film the phantom for this many seconds; cached, because most faults use the same films."""
     folder = Path(tempfile.mkdtemp(dir=_films().name))
     scenario = scenario_of(seed, duration_s)
     scene = scene_in_view(scenario)
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading, as if the reader had left."""
+        """Stop reading, like a reader that has left."""
         self._closing = True
         self._thread.join()
 
@@ -138,10 +138,10 @@ class Terminal:
 class LiveRun:
     """Process of `softaim live` on a film, recorded, with a needle, from `start` until it has ended.
 
-    folder: an existing one, for its output; options: further ones of the command line; on_terminal: whether it runs in
-    a terminal, not in pipes; igtl_port: of OpenIGTLink, 0 for none
-    State: from `start` on the process, and the readers of its output; port and token of its page, and its viewer, once
-    it is there; other viewers; resources held until its end.
+    folder: existing folder for its output; options: further options of the command; on_terminal: whether it runs in a
+    terminal, not with pipes; igtl_port: port of OpenIGTLink, 0 for none
+    State: from `start` on, the process and the readers of its output; when its page appears, the page's port, token and
+    viewer; other viewers; resources to release at the end.
     """
 
     film: Film
@@ -158,7 +158,7 @@ class LiveRun:
     _killed: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __enter__(self) -> Self:
-        """As a context manager: cleans up at its end."""
+        """Enter the context, whose end stops the run and releases everything."""
         return self
 
     def __exit__(
@@ -169,11 +169,11 @@ class LiveRun:
 
     @property
     def out(self) -> Path:
-        """The folder of its tables."""
+        """The folder of the run's tables."""
         return self.folder / "live"
 
     def start(self) -> bool:
-        """Start it, and watch it once its page is there; returns whether the page appeared."""
+        """Start the run, and watch its page; returns whether the page appeared."""
         command = [sys.executable, "-c", SOFTAIM, "live", "--source", str(self.film.folder)]
         command += ["--needle", str(self.film.needle), "--out", str(self.out), "--record", *self.options]
         theirs, mine = self._ends()
@@ -200,7 +200,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """Its standard output and standard error, and their reading ends."""
+        """The process's standard output and standard error, and the ends from which they are read."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -208,7 +208,7 @@ class LiveRun:
         return (to_out, to_err), [out, err]
 
     def watched(self, pause_s: float = 0.0) -> Viewer:
-        """Another viewer."""
+        """Add another viewer."""
         scene = self.film.scene
         target, n_measured = scene.network.index(scene.target.node), len(scene.measured_nodes)
         viewer = Viewer(self.address[0], self.film.motion, target, n_measured, pause_s=pause_s)
@@ -216,7 +216,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """End it by Ctrl-C, unless it ends by itself; returns the film's time then [s], inf if it had ended before."""
+        """End the run by Ctrl-C, unless it ends by itself; returns the film's time [s], inf if it had ended before."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -225,7 +225,7 @@ class LiveRun:
         return min(now_s, self.film.ends_s)
 
     def ended(self) -> str:
-        """Wait for its end; returns how it ended, in words."""
+        """Wait for the run's end; returns how it ended, as text."""
         process = self.process
         try:
             code = process.wait(ENDS_S)
@@ -245,7 +245,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Missing time in tables or recording up to this time of the film [s]; all if unreadable."""
+        """Time missing in tables or recording up to this time of the film [s]; all of it if they are unreadable."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -256,7 +256,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """End of estimates, advice and pictures in the film's time [s]."""
+        """Last times of estimates, advice and pictures, in the film's time [s]."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

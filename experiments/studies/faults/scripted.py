@@ -1,4 +1,4 @@
-"""Faults with a scripted clock: the whole loop of a live run in front of a simulated world with one fault."""
+"""Faults with a scripted clock: the whole loop of a live run on a simulated world with one fault."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ from vision.arrays import Image
 
 DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
-"""Time from exposure to arrival [s]: half a frame, and read-out."""
+"""Time from exposure to arrival [s]: half a frame interval, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m]: so large that GO is nearly always displayed without a fault, and WAIT hides nothing."""
+"""Radius of the lesion [m]: so large that without a fault GO is nearly always displayed; WAIT would hide faults."""
 ABOVE_M = 0.03
 """Distance from the entry of the needle to its target, as drawn [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -50,15 +50,15 @@ Thing = TypeVar("Thing")
 Alters = Callable[[Image, float, np.random.Generator], Image]
 Moves = Callable[[Floats, float, Scene], Floats]
 Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
-"""Function that changes reads during a fault of this duration [s]."""
+"""Function that changes the reads of a camera during a fault of this duration [s]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackedNeedle:
     """A tracked needle.
 
-    pose: its true pose, from the time since the onset [s] and the plan's needle, which is not inserted
-    push_N: its force on the tissue along itself while any of it is inside [N]
+    pose: function of the time since the onset [s] and the plan's needle that gives the true pose
+    push_N: its force on the tissue along its axis while part of it is inside [N]
     seen: whether the tracker sees it
     """
 
@@ -68,7 +68,7 @@ class TrackedNeedle:
 
 
 def as_is(thing: Thing) -> Thing:
-    """The identity."""
+    """Return the argument itself."""
     return thing
 
 
@@ -76,11 +76,11 @@ def as_is(thing: Thing) -> Thing:
 class ScriptedFault(Fault):
     """A `Fault` that a script simulates.
 
-    picture: changes a picture, since_s [s] after its onset; covered: nodes whose marks are hidden
+    picture: changes a picture, since_s [s] after the onset; covered: nodes whose marks are hidden
     places: displaces the nodes in the picture [m]; arrivals: changes the reads
     becomes: changes the true network at the onset; assumed: changes the scene of the filter
-    needle: a tracked one, None for the plan's fixed one
-    upsets: changes the run itself, once, at the onset
+    needle: a tracked needle, None for the plan's fixed needle
+    upsets: changes the run itself once, at the onset
     """
 
     picture: Alters = lambda image, _since_s, _rng: image
@@ -97,12 +97,12 @@ class ScriptedFault(Fault):
         return ONSET_S <= time_s < ONSET_S + self.lasts_s
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
-        """Its result in a run; folder: an existing one, for the run's tables."""
+        """The fault's result in a run; folder: an existing folder for the run's tables."""
         return verdict(self, seed, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):
-    """A `Publisher` that keeps the displayed moments. State: the moments."""
+    """A `Publisher` that stores the displayed moments. State: the moments."""
 
     def __init__(self, frames: ScriptedFrames, motion: Motion, target: int) -> None:
         self._frames, self._motion, self._target = frames, motion, target
@@ -111,7 +111,7 @@ class Watching(Publisher):
         self._used_s = -np.inf
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Keep the present state."""
+        """Store the present state."""
         if shown.step is not None:
             self._used_s = shown.at_s
         now_s = self._frames.now_s
@@ -143,13 +143,13 @@ class Watching(Publisher):
 
 
 def misses(needle: NeedlePose, truth_m: Floats) -> bool:
-    """Whether a needle that moves along itself misses the lesion around this position [m], (dim,)."""
+    """Whether a needle that advances along its axis misses the lesion around this position [m], (dim,)."""
     beside = truth_m - needle.tip
     return float(np.linalg.norm(beside - (beside @ needle.direction) * needle.direction)) > LESION_M
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle close to the target, so that GO is displayed at any phase of the breath without a fault."""
+    """A needle close to the target: without a fault GO is displayed at any phase of the breath."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

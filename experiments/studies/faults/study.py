@@ -1,4 +1,4 @@
-"""All faults on many seeds, on all cores, and the table of results."""
+"""Runs of all faults with many seeds on all cores, and the table of results."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def faults_study(
     *,
     force: bool = False,
 ) -> pd.DataFrame:
-    """A row for each fault, over the seeds; the runs are stored in the folder, where the study continues. InputError.
+    """A row for each fault over all seeds; runs are stored in the folder, where a study continues. Raises InputError.
 
-    Runs in real time are done first, one after the other.
-    force: also into a folder that has other files
+    Runs in real time are done first, one at a time.
+    force: whether the folder may have other files
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or new folder, or one of this study", "files in it")
@@ -70,7 +70,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
     """Summary of each fault: number of seeds and of detections, slowest detection and recovery [ms].
 
     covered: number of runs without a wrong estimate after the time limit for detection
-    go_shown_while_faulty: summed over seeds, go: moments with GO from the onset; sigma_ratio: largest over that before
+    go_shown_while_faulty, go: sums over seeds; sigma_ratio: largest sigma divided by that before the fault
     ended: how separate programs ended; lacks_s: largest missing time of tables or recording [s]
     """
     rows = []
@@ -124,7 +124,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults by the beginning of the display, in the order of the first of each."""
+    """Descriptions of faults by the beginning of what they display, in the order of the first fault with each."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []
@@ -136,7 +136,7 @@ def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
 
 
 def beginning(shown: str) -> str:
-    """The status and its reason without advice; only the status if the reason repeats it."""
+    """The displayed status and its reason, without advice; only the status if the reason repeats it."""
     status, *rest = re.split(": |; ", shown)
     return status if not rest or rest[0].endswith(status) else f"{status}: {rest[0]}"
 
@@ -152,6 +152,6 @@ def _times(n: int, slowest_ms: float, seeds: int) -> str:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """The list of docs/faults.md, with the total of GO below it."""
+    """The list of docs/faults.md, with the total numbers of GO below it."""
     lines = [f"- **{shown}**: {'; '.join(own)}\n" for shown, own in by_shown(rows).items()]
     return "".join(lines) + f"\nGO wrong: {rows['go_shown_while_faulty'].sum()} of {rows['go'].sum():,}.\n"

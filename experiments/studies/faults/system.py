@@ -25,9 +25,9 @@ from experiments.studies.faults.process import LiveRun, filmed
 from experiments.studies.faults.viewer import Viewer
 
 AFTER_S = 3.0
-"""Time for which a run continues after the fault, or after the onset of one that stays [s]."""
+"""Time for which a run continues after the fault, or after the onset of a fault that stays [s]."""
 STARTS_S = 12.0
-"""Longest part of the film before the first state [s]: four times the usual start."""
+"""Longest time of the film before the first state [s]: four times the usual time to start."""
 JITTER_S = 1.0
 """Range of the random delay of a fault after its onset [s]: the length of a piece of a recording."""
 STARTS_WITHIN_S = 10.0
@@ -36,21 +36,21 @@ N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, with a line of about seventy letters each, more than a terminal holds; number at once."""
+"""Number of refused requests, whose lines of about 70 letters exceed a terminal's buffer; number sent at once."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""A refused request without effect on the advice; the refusal of a needle's pose would end it."""
+"""A refused request that does not affect the advice; the refusal of a needle's pose would end the advice."""
 
 Acts = Callable[[LiveRun], None]
 
 
 @dataclass(frozen=True, slots=True)
 class SystemFault(Fault):
-    """A `Fault` of a real process: `softaim live` of a film that is recorded, watched by a client of its stream.
+    """A `Fault` of a real process: `softaim live` on a film, which records it and has a client of its stream.
 
-    before: action before the process starts; begins, ends: actions at the onset, and after lasts_s
-    writes: whether it can still write after the onset
+    before: action before the process starts; begins, ends: actions at the onset, and lasts_s later
+    writes: whether the process can still write after the onset
     """
 
     before: Acts = lambda _run: None
@@ -60,7 +60,7 @@ class SystemFault(Fault):
     alone: ClassVar[bool] = True
 
     def judged(self, seed: int, folder: Path, onset_s: float = ONSET_S) -> Judged:
-        """Its result in a run; folder: an existing one; onset_s: after the first state [s]. Raises InputError."""
+        """The fault's result; folder: existing folder; onset_s: time after the first state [s]. Raises InputError."""
         if sys.platform == "win32":
             raise InputError.at(f"fault {self.name}", "a POSIX system", "Windows")
         onset_s += float(np.random.default_rng(seed).uniform(0.0, JITTER_S))
@@ -107,7 +107,7 @@ def _moments(viewer: Viewer, onset_s: float, until_s: float) -> list[Moment]:
 
 
 def _until(run: LiveRun, time_s: float) -> None:
-    """Wait for this time of the film [s], which continues without the process; returns if no state ever came."""
+    """Wait for this time of the film [s], even if the process ends; returns if it ended before any state."""
     while not run.viewer.now_s > time_s and (np.isfinite(run.viewer.now_s) or run.process.poll() is None):
         time.sleep(0.005)
 
@@ -125,7 +125,7 @@ def _with_openigtlink(run: LiveRun) -> None:
 
 
 def _slow(run: LiveRun) -> None:
-    """A viewer that shows each state for a second; two clients of stream and OpenIGTLink that receive nothing."""
+    """Add a viewer that shows each state for a second, and clients of stream and OpenIGTLink that never receive."""
     run.others.append(run.watched(SLOW_S))
     port = run.address[0]
     for number in (port, run.igtl_port):
@@ -141,7 +141,7 @@ def _slow(run: LiveRun) -> None:
 
 
 def _many(run: LiveRun) -> None:
-    """Fifty viewers that receive everything, in a separate thread, while the fault lasts."""
+    """Add fifty viewers that receive everything, in a separate thread, while the fault lasts."""
     from websockets.asyncio.client import connect
     from websockets.exceptions import ConnectionClosed
 
@@ -173,7 +173,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Send refused requests, so many that the lines fill the pipe of a reader that does not read."""
+    """Send so many refused requests that their lines fill the pipe of a reader that does not read."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -182,7 +182,7 @@ def _warned(run: LiveRun) -> None:
     address = f"ws://127.0.0.1:{port}/stream?pace=1"
     known = [Subprotocol("softaim.v1"), Subprotocol(f"token.{token}")]
     with (
-        contextlib.suppress(ConnectionClosed, OSError),  # TimeoutError among them
+        contextlib.suppress(ConnectionClosed, OSError),  # also TimeoutError
         connect(address, subprotocols=known, close_timeout=0.1) as stream,
     ):
         for _ in range(N_WARNINGS // AT_ONCE):
@@ -214,14 +214,14 @@ def _full(run: LiveRun) -> None:
 
 
 def _taken(run: LiveRun) -> None:
-    """The requested port belongs to another program."""
+    """Let another program occupy the requested port."""
     other = run.held.enter_context(socket.create_server(("127.0.0.1", 0)))
     run.options = ["--page", f"127.0.0.1:{other.getsockname()[1]}"]
 
 
 def _usual_taken(run: LiveRun) -> None:
-    """The page's default port belongs to another program, and no port is requested."""
-    with contextlib.suppress(OSError):  # to another one, already
+    """Let another program occupy the page's default port, and request no port."""
+    with contextlib.suppress(OSError):  # another program already occupies the port
         run.held.enter_context(socket.create_server(("127.0.0.1", USUAL_PORT)))
     run.options = []
 

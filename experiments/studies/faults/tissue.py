@@ -16,7 +16,7 @@ from experiments.studies.faults.scripted import Moves, ScriptedFault
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
-    """The first measured mark, displaced [m] as a function of the time since the onset [s]."""
+    """A fault that displaces the first measured mark [m], as a function of the time since the onset [s]."""
 
     def moves(places: Floats, since_s: float, scene: Scene) -> Floats:
         moved = places.copy()
@@ -27,7 +27,7 @@ def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
 
 
 def _exchanged(places: Floats, _since_s: float, scene: Scene) -> Floats:
-    """Two marks exchange their places."""
+    """Positions in which two marks are exchanged."""
     one, other = (scene.network.index(node) for node in scene.measured_nodes[:2])
     moved = places.copy()
     moved[[one, other]] = places[[other, one]]
@@ -40,14 +40,14 @@ _falls = _displaced(lambda since_s: (0.0, -0.5 * 9.81 * since_s**2))
 
 
 def _cut(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The first spring is practically cut."""
+    """The network with its first spring practically cut."""
     stiffness, damping = network.stiffness.copy(), network.damping.copy()
     stiffness[0], damping[0] = 1e-3 * stiffness[0], 0.0
     return replace(network, stiffness=stiffness, damping=damping)
 
 
 def _slipped(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The first anchor is 8 mm lower."""
+    """The network with its first anchor 8 mm lower."""
     positions = network.positions.copy()
     positions[np.flatnonzero(network.fixed)[0]] += [0.0, -8e-3]
     return replace(network, positions=positions)
@@ -58,7 +58,7 @@ def _stiffer(scene: Scene) -> Scene:
 
 
 def _scaled(scene: Scene) -> Scene:
-    """The scale of the camera is five per cent too large [mm/px]."""
+    """The scene with a camera whose scale [mm/px] is five per cent too large."""
     camera = scene.cameras[0]
     low, high = scene.network.positions.min(axis=0), scene.network.positions.max(axis=0)
     middle = 0.5 * (low + high)
@@ -70,7 +70,7 @@ def _scaled(scene: Scene) -> Scene:
 
 
 def _another(scene: Scene) -> Scene:
-    """A scene whose nodes are drawn 30 mm further apart than they are."""
+    """The scene with nodes drawn 30 mm farther apart than they are."""
     network = scene.network
     middle = network.positions.mean(axis=0)
     drawn = middle + 1.3 * (network.positions - middle)

@@ -21,12 +21,12 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 
 
 class Viewer:
-    """Requests the newest state whenever it has shown the last one.
+    """A client that requests the newest state whenever it has shown the last one.
 
-    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if states were delayed by that much
-    more than the fastest.
+    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if states took STALE_S longer than
+    the fastest state.
 
-    motion, target: the truth; n_measured: marks that the filter may use; pause_s: time to show a state [s]
+    motion, target: the truth; n_measured: number of marks that the filter may use; pause_s: time to show a state [s]
     State: the moments, by the film's own time; the conversion from the clock's time; arrival and exposure time of
     states from frames [s]; the least delay [s]; the events that it received.
     """
@@ -49,7 +49,7 @@ class Viewer:
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:
-        """Add a report to another client."""
+        """Add a report that another client received."""
         self.moments.append(Moment(self.now_s, 0.0, "TRACKING", None, "", 0.0, wrong=False, well=True, reported=text))
 
     def close(self) -> None:
@@ -116,7 +116,7 @@ class Viewer:
         )
 
     def _new(self, events: list[Mapping[str, Any]]) -> str:
-        """New events; those before the first state do not count as faults."""
+        """Text of the new events; events before the first state are not faults."""
         texts = {str(one["text"]) for one in events}
         before, self._events = self._events, texts if self._events is None else self._events | texts
         return "" if before is None else "; ".join(sorted(one for one in texts - before if "RESUMED" not in one))

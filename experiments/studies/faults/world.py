@@ -1,6 +1,6 @@
-"""A breathing phantom in front of a camera, with scripted time: its truth, its pictures, and a live source of them.
+"""A breathing phantom in front of a camera, with scripted time: its truth, its pictures, and their live source.
 
-Truth is SciPy's RK45. Only the script advances time, so that results do not depend on the machine.
+Truth is by SciPy's RK45. Only the script advances time, so that results do not depend on the machine.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ GREY = (150, 150, 150)
 NO_FAULTS = (EventKind.RESUMED, EventKind.ENDED)
 """Kinds of events that are not faults."""
 HUES_DEG = (0.0, 120.0, 240.0, 60.0)
-"""Hues of the marks: well distinguishable ones."""
+"""Hues of the marks [degrees], which are easily distinguished."""
 
 
 def scenario_of(seed: int, duration_s: float) -> Scenario:
@@ -64,7 +64,7 @@ def scene_in_view(scenario: Scenario) -> Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """True positions of all nodes: times from the first exposure on [s], (n,), positions [m], (n, n_nodes, dim)."""
+    """True positions of all nodes: times since the first exposure [s], (n,), positions [m], (n, n_nodes, dim)."""
 
     times_s: Floats
     positions: Floats
@@ -119,13 +119,13 @@ def moved(
 
 @lru_cache(maxsize=64)
 def undisturbed(seed: int, duration_s: float) -> Motion:
-    """The phantom's motion without a change; cached, because most faults use the same."""
+    """The phantom's motion without a change; cached, because most faults use it."""
     scenario = scenario_of(seed, duration_s)
     return moved(scenario, scene_in_view(scenario).network, lambda network: network, 0.0)
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
-    """Forces of a needle on the free nodes: it presses on the skin, with push_N while it is inside, by time [s]."""
+    """Forces of a needle on the free nodes over time: it pushes at its entry with push_N [N] while `inside`."""
     shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
@@ -133,7 +133,7 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Arrival:
-    """A read of the camera, and when it returned [s].
+    """A read of the camera, and the time at which it returned [s].
 
     image: None if it failed; stated_s: the camera's own time [s], None if it reports none
     """
@@ -146,7 +146,7 @@ class Arrival:
 class ScriptedFrames(LiveFrames):
     """A live source with scripted reads: `LiveFrames` without its thread.
 
-    State: the script's clock [s], the reads to come, the faults not yet reported.
+    State: the script's clock [s], the remaining reads, the faults not yet reported.
     """
 
     def __init__(self, arrivals: list[Arrival]) -> None:
@@ -157,12 +157,12 @@ class ScriptedFrames(LiveFrames):
         super().__init__(lambda: None, clock=lambda: self.now_s)
 
     def _start_reader(self, now: float) -> None:
-        """No thread reads: `next` does."""
+        """Start no thread, because `next` reads."""
         self._readers.append(Reader(now, np.inf))
         self._opened = True
 
     def next(self, timeout_s: float) -> Frame | None:
-        """The newest frame that came until now, or the first within timeout_s [s]."""
+        """The newest frame that has come, or the first that comes within timeout_s [s]."""
         until_s = self.now_s + timeout_s
         self._read_until(self.now_s)
         while not self._waiting and self._to_come and self._to_come[0].at_s <= until_s:
@@ -183,7 +183,7 @@ class ScriptedFrames(LiveFrames):
                 self._take(self._readers[0], image, at_s, _Read(one), self._times)
 
     def take_events(self) -> tuple[SourceEvent, ...]:
-        """The events since the last call; faults are also kept for `reported`."""
+        """The events since the last call; faults are also stored for `reported`."""
         events = super().take_events()
         self._reported += [f"{one.kind}: {one.text}" for one in events if one.kind not in NO_FAULTS]
         return events
@@ -196,7 +196,7 @@ class ScriptedFrames(LiveFrames):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Read:
-    """A device during one read."""
+    """A capture device during one read."""
 
     arrival: Arrival
 
@@ -218,7 +218,7 @@ class _Read:
 
 
 def drawn(scene: Scene, places: Floats, rng: np.random.Generator, *, hidden: tuple[str, ...] = ()) -> Image:
-    """A picture of all nodes at these positions [m], (n_nodes, dim), with some marks covered in grey."""
+    """A picture of all nodes at these positions [m], (n_nodes, dim), in which grey covers the marks of `hidden`."""
     image = draw(scene, places, vision.Lighting(), rng, strays=[])
     camera = scene.cameras[0]
     for mark in scene.marks:

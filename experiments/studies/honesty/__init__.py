@@ -1,1 +1,1 @@
-"""Test of the filter's covariance for marks of any noise; `__main__` has the command."""
+"""Test of the filter's covariance for marks with any noise level; `__main__` has the command."""

@@ -1,13 +1,13 @@
-"""Coverage of the target against mark noise, with constants and noise stated exactly.
+"""Coverage of the target over mark noise, with exactly stated constants.
 
     python -m experiments.studies.honesty --out FOLDER
     python -m experiments.studies.honesty --out FOLDER --bodies "four masses" --seeds 3
 
-Truth by DOP853; marks with Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s, stated exactly, ten times as large
-and three times as small; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5 m/s², or
-both. Frames count after the first second. Last figures, both phantoms, seeds 500 and 501: with noise as stated 97
-to 100 % are covered in 59 of 60 cells, 81 % for the light phantom, a breath of 4 m/s² and marks of 0.3 mm; stated ten
-times as coarse 88 to 100 %; three times as fine 88 to 100 % up to 4.14 mm, 56 to 93 % above.
+Truth is by DOP853; marks have Gaussian noise of 0.3 to 30 mm per axis at 30 frames/s, stated exactly, ten times too
+large, or three times too small; the body is at rest, or moved by a breath of 1, 2 or 4 m/s² over 3 to 6 s, pokes of 5
+m/s², or both. Frames count after the first second. Latest coverage, both phantoms, seeds 500 and 501: with exact noise
+97 to 100 % in 59 of 60 cells, 81 % for the light phantom with a breath of 4 m/s² and noise of 0.3 mm; with ten times
+too large noise 88 to 100 %; with three times too small noise 88 to 100 % up to 4.14 mm, 56 to 93 % above.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CELL = ["body", "pushes", "sd_m", "stated"]
 
 
 def cells_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each cell: shares covered and wrong of frames that may guide; medians of other figures."""
+    """A row for each cell: shares of covered and wrong frames among those that may guide; medians of the rest."""
     cells = runs.groupby(CELL, sort=False)
     sums = cells[["frames", "lost", "covered", "wrong"]].sum()
     seen = sums["frames"] - sums["lost"]

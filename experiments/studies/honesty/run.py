@@ -1,4 +1,4 @@
-"""One run of the study: a body with exactly stated constants, and marks with this noise."""
+"""One run of the study: a body with exactly stated constants, and marks with a given noise."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Row of a run: a body and its forces, by a seed, with true and stated noise of the marks (`sd_m`, `stated`).
+    """Do a run, and return its row; the case has body, forces, seed, and true and stated noise (`sd_m`, `stated`).
 
-    frames, lost: number of frames, and of those whose status permits no guidance. Among the others: covered, number in
-    the 95 % region; wrong, number with a wrong estimate; nees: mean of normalised squared errors per dimension
+    frames, lost: numbers of all frames, and of those whose status permits no guidance. Among the other frames: covered,
+    number in the 95 % region; wrong, number with a wrong estimate; nees, mean NEES per dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
     """
     scene, frames, truth = recorded(case)
@@ -69,7 +69,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
-    """The scene of a case, its frames, and the true target in each [m]; arguments as for `run`."""
+    """The scene of a case, its frames, and the true target in each frame [m]; case: as in `run`."""
     duration_s, dt = float(case["duration_s"]), INTERVAL_S
     motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
     scene = scene_of_body(case["body"])

@@ -1,1 +1,1 @@
-"""Study of the moduli of spring lattices, in comparison with those of their tissue."""
+"""Study that compares the moduli of spring lattices with those of their tissue."""

@@ -1,8 +1,8 @@
-"""Effective moduli of lattices of springs, beside those of the tissue as elements.
+"""Effective moduli of spring lattices, compared with those of the same tissue as finite elements.
 
     python -m experiments.studies.lattices --out DIR    # --page writes the tables to docs/lattices.md
 
-Factors are fitted to boxes of seeds 0 to 3 and reported on others. DIR gets summary.json, rows.csv, tables.md and
+Factors are fitted to boxes of seeds 0 to 3 and tested on other boxes. DIR gets summary.json, rows.csv, tables.md and
 lattices.png, all or none. Last figures: docs/lattices.md.
 """
 
@@ -26,13 +26,13 @@ from experiments.studies.lattices.picture import picture
 from experiments.studies.lattices.table import summary, tables
 
 FITTED_SEEDS = range(4)
-"""Seeds of the boxes to which factors are fitted; choice, apart from those that are reported."""
+"""Seeds of the boxes to which factors are fitted; choice: other seeds than those of the reported boxes."""
 
 CELLS = 10
 """Number of cells along a side of a box; choice: a box takes some seconds."""
 
 FEWEST_CELLS = 6
-"""Least number of cells along a side; choice: one for each of the three layers of a sheet and each gap between them."""
+"""Least number of cells along a side; choice: one for each of a sheet's three layers and for each gap."""
 
 
 @command

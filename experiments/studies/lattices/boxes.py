@@ -1,4 +1,4 @@
-"""One box of tissue as elements, and as springs by each method."""
+"""One box of tissue as finite elements, and as springs by each method."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SIDE_M = 0.024
 
 MATERIAL = "material"
 METHODS = ("van_gelder", "lloyd", "fitted", "own")
-"""Methods: published formulas; factors fitted to other boxes of the structure; factors fitted to the box itself."""
+"""Methods: two published formulas; factors fitted to other boxes of the structure, or to the box itself."""
 
 AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
 
@@ -60,10 +60,10 @@ def fit(job: tuple[str, Sequence[int], int]) -> Floats:
 
 
 def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
-    """Rows of one box with these factors of its structure: of the material, and of springs by each method.
+    """Rows of one box, with these factors of its structure: one for the material, and one for springs by each method.
 
-    alignment: mean over springs of the structure; crossing: share of springs that cross a surface; share: of the
-    structure's tissues, of the volume
+    alignment: mean over the structure's springs; crossing: share of springs that cross a surface; share: volume share
+    of the structure's tissues
     """
     kind, seed, cells, factors = job
     lattice, tissues = lattice_by_seed(kind, seed, cells)

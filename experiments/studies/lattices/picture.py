@@ -1,4 +1,4 @@
-"""Slices of the lattices, and Young's modulus along six directions by each method."""
+"""Slices of the lattices, and their Young's modulus along six directions by each method."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ SHOWN_SEED = 1000
 """Seed of the drawn lattices."""
 
 COLORS = ("0.75", OURS, VERMILLION)
-"""Colours of springs by tissue: the ground, and the others."""
+"""Colours of springs by tissue: first the surrounding tissue."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Position of the drawn plane along y, relative to the side; for other structures the middle."""
+"""Position of the drawn plane along y, relative to the side; 0.5 for other structures."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},
@@ -43,7 +43,7 @@ STYLES: dict[str, dict[str, Any]] = {
 
 @styled
 def picture(means: pd.DataFrame, cells: int) -> Figure:
-    """A column for each structure: springs in a plane across y, and moduli."""
+    """A column for each structure: springs in a plane perpendicular to y, and moduli."""
     figure = new_figure(PAGE_MM, 95.0)
     kinds = list(means.index.unique("structure"))
     axes = figure.subplots(2, len(kinds), squeeze=False, height_ratios=[1.0, 1.1])

@@ -1,4 +1,4 @@
-"""Tables of lattices: their moduli, errors by method, and what springs cannot follow."""
+"""Tables of lattices: their moduli, errors by method, and properties that springs cannot reproduce."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WORDS = {
     "fitted": "fitted to other boxes",
     "own": "fitted to the box",
 }
-"""Methods in words."""
+"""Methods in words, by name."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -27,13 +27,13 @@ PARTS = {
     "bulk modulus [kPa]": ["bulk_pa"],
     "E, free sides [kPa]": [f"free_sided_{name}_pa" for name in AXES],
 }
-"""Columns of what springs cannot follow."""
+"""Columns of the properties that springs cannot reproduce."""
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over boxes, by structure and method, with the errors of Young's modulus.
 
-    `largest_mean_error`: over directions, of the mean over boxes; `largest_error`: of any box as well
+    `largest_mean_error`: largest over directions of the mean over boxes; `largest_error`: largest in any box
     """
     by = ["structure", "method"]
     true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]
@@ -67,7 +67,7 @@ def tables(means: pd.DataFrame) -> dict[str, str]:
 
 
 def _listed(row: pd.Series, columns: Sequence[str]) -> str:
-    """Values of some columns, moduli in kPa."""
+    """Text with the values of some columns, moduli in kPa."""
     return ", ".join(
         f"{1e-3 * row[key]:#.3g}".rstrip(".") if key.endswith("_pa") else f"{row[key]:.2f}" for key in columns
     )

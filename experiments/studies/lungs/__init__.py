@@ -1,1 +1,1 @@
-"""Study of breathing lungs: inner landmarks from those on the hull. `python -m experiments.studies.lungs FOLDER`."""
+"""Study of breathing lungs: inner landmarks by those on the hull. `python -m experiments.studies.lungs FOLDER`."""

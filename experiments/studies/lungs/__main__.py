@@ -1,4 +1,4 @@
-"""Real breathing lungs: landmarks inside them estimated from those on their hull, against a thin-plate spline.
+"""Real breathing lungs: inner landmarks are estimated from those on the hull, and by a thin-plate spline.
 
     python -m experiments.studies.lungs FOLDER              # prints the table; --page writes it to docs/zoo.md
 
@@ -22,7 +22,7 @@ from experiments.studies.lungs.table import markdown
 
 
 def run(job: tuple[Lung, str]) -> Inner:
-    """One lung with this number of visible landmarks, of `SEEN`, with the constants of all lungs."""
+    """Estimate one lung from a number of visible landmarks, named in `SEEN`, with the constants of all lungs."""
     lung, seen = job
     return inner_landmarks(lung, seen, LungConstants())
 

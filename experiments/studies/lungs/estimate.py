@@ -1,4 +1,4 @@
-"""Inner landmarks of a lung from visible ones on its hull: without motion, by a spline, by the filter."""
+"""Inner landmarks of a lung from visible landmarks on its hull: without motion, by a spline, by the filter."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from experiments.studies.zoo.references import thin_plate_weights
 from experiments.studies.zoo.scores import Followed, followed
 
 SEEN: Mapping[str, int | None] = {"all of the hull": None, "ten": 10, "six": 6}
-"""Numbers of visible landmarks for each lung."""
+"""Numbers of visible landmarks in each lung; None for all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inner:
     """Errors of the inner landmarks of a lung [m], (n_phases - 1, n_inner), without the first phase, which is given.
 
-    landmarks: indices of the inner ones in the lung, (n_inner,)
-    filtered, nees: of the filter, None if it failed; failure: why
+    landmarks: indices of the inner landmarks in the lung, (n_inner,)
+    filtered, nees: errors and NEES of the filter, None if it failed; failure: why it failed
     """
 
     lung: str
@@ -52,24 +52,24 @@ def by_spline(lung: Lung, seen: str) -> Inner:
 
 
 def inner_landmarks(lung: Lung, seen: str, constants: LungConstants) -> Inner:
-    """All methods on one lung, `seen` one of `SEEN`."""
+    """Results of all methods on one lung; `seen`: one of `SEEN`."""
     found, filtered = by_spline(lung, seen), followed_lung(lung, lung.seen(SEEN[seen]), constants)
     if filtered.failure:
         return replace(found, failure=f"not possible yet: {filtered.failure}")
     errors = filtered.means[1:] - lung.positions[1:, lung.inner]
-    # the reading of a landmark has an error, too
+    # the true position of a landmark, read by a person, has an error, too
     read = filtered.covs[1:] + constants.reading_sd_m**2 * np.eye(3)
     nees = normalised_error_squared(errors.reshape(-1, 3), read.reshape(-1, 3, 3)).reshape(errors.shape[:2])
     return replace(found, filtered=np.linalg.norm(errors, axis=2), nees=nees)
 
 
 def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
-    """Times [s] and the marks of these landmarks of a lung."""
+    """Times [s] of a lung's phases, and the marks of these landmarks."""
     return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
 
 
 def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
-    """The inner landmarks of a lung by the filter, one run for all."""
+    """The inner landmarks of a lung by the filter, all in one run."""
     network = lung_network(lung.positions[0], constants)
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])

@@ -16,15 +16,15 @@ from experiments.formats.tables import Table, read_table
 
 COLUMNS = ("landmark", "phase", "x_mm", "y_mm", "z_mm")
 PHASE_S = 0.4
-"""Interval of the phases [s]: a tenth of a breath."""
+"""Interval between phases [s]: a tenth of a breath."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lung:
     """One lung of a person.
 
-    name: of the file and the side; positions: of its landmarks [m], (n_phases, n, 3)
-    hull, inner: which of them lie on the convex hull of the first phase, and which inside, in order
+    name: name of the file and the side; positions: positions of its landmarks [m], (n_phases, n, 3)
+    hull, inner: indices of the landmarks on the convex hull of the first phase, and of those inside
     """
 
     name: str
@@ -38,7 +38,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Some landmarks of the hull, far from each other, starting with the first of the hull; None: all."""
+        """Indices of n landmarks of the hull, far from each other, from the first on; None: all."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -60,7 +60,7 @@ def read_person(path: Path) -> list[Lung]:
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Which landmarks, (n, 3), are of the right and of the left lung, (n,) each."""
+    """Whether each landmark, (n, 3), belongs to the right and to the left lung, (n,) each."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])
@@ -77,7 +77,7 @@ def hull_of(path: Path, side: str, places: Floats) -> ConvexHull:
 
 
 def _by_phase(table: Table) -> Floats:
-    """Positions [m], (n_phases, n_landmarks, 3), both counted from 0, with every pair once."""
+    """Positions [m], (n_phases, n_landmarks, 3), from a table with each pair of phase and landmark once."""
     numbers = table.numbers
     if table.n_rows == 0:
         raise InputError.at(table.path, "a row for each landmark in each phase", "none")

@@ -1,4 +1,4 @@
-"""Table of the lungs: mean errors at the end of exhaling and in all phases, and shares covered."""
+"""Table of the lungs: mean errors at the end of exhaling and in all phases, and coverage."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _complete(table: pd.DataFrame, column: str) -> bool:
 
 
 def _mean(table: pd.DataFrame, column: str) -> str:
-    """Mean of the column; empty if a value is missing, because it would be a mean of other landmarks."""
+    """Mean of the column; empty if a value is missing, because the mean would be over other landmarks."""
     return f"{table[column].mean():.2f}" if _complete(table, column) else ""
 
 

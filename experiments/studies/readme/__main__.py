@@ -1,6 +1,6 @@
-"""Rewrites the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
+"""Rewrite the README's figures and the demo's pictures: `python -m experiments.studies.readme` in the checkout.
 
-It takes about ten minutes. Figures stand between comments;
+It takes about ten minutes. Figures are between comments;
 `tests/experiments/studies/readme/test_readme.py` compares them with a short demo.
 """
 
@@ -22,11 +22,11 @@ from experiments.studies.readme.moving_picture import PICTURE, write_moving_pict
 ROOT = Path(__file__).parents[3]
 PICTURES = ("path.png", "error.png", "sigma.png")
 DEMO_SEEDS = range(1, 6)
-"""Seeds for the stated coverage besides the demo's own; choice: a minute for each seed and scenario."""
+"""Seeds for the stated coverage, besides the demo's own seed; choice: each seed takes a minute per scenario."""
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
-    """Share of frames with the truth inside the filter's 95 % region, by scenario, for each seed of the demo's run."""
+    """Share of frames whose 95 % region contains the truth, by scenario, for the demo's run with each seed."""
     found: dict[str, list[float]] = {}
     for name in SCENARIOS:
         for seed in seeds:

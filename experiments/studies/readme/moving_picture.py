@@ -29,11 +29,11 @@ from vision.arrays import Image
 
 PICTURE = Path(__file__).parents[3] / "docs" / "images" / "poked-advice.webp"
 SIZE_PX, WHOLE, WHOLE_AT_PX = (720, 440), 2.0, (205.0, 245.0)
-"""Size of the picture; enlargement of the film in it, and the pixel that shows the resting target; choice."""
+"""Size of the picture [px]; enlargement of the film [1]; pixel that shows the resting target; choice."""
 NEAR_PX, NEAR, NEAR_CORNER_PX = (270, 360), 10.0, (440, 60)
-"""Size, enlargement and corner of the close-up of the target; choice."""
+"""Size [px], enlargement [1] and corner [px] of the close-up of the target; choice."""
 SHOWN_S, SLOWER, QUALITY = (5.0, 7.2), 2, 50
-"""Times of the first and last frame [s], factor by which they are slower, quality of WebP; choice."""
+"""Times of the first and last frame [s], factor by which the film is slower [1], quality of WebP; choice."""
 SCENARIO = read_scenario("poked").model_copy(
     update={
         "camera": Camera(size_px=[640, 480], mm_per_px=[2.5, 2.5], calibration_sd_px=0.68),  # in good light
@@ -45,7 +45,7 @@ PLAN = NeedlePlan(Needle(), Insertion(np.array([-0.025, 0.24]), ALONG, 0.4), Les
 
 
 class Watched:
-    """Keeps the drawn frames of a run. State: the frames between the first and the last shown time [s]."""
+    """Stores the drawn frames of a run. State: the frames from the first to the last shown time."""
 
     def __init__(self, shown_s: tuple[float, float]) -> None:
         self.shown_s = shown_s
@@ -72,7 +72,7 @@ class Watched:
 def enlarged(
     image: Image, camera: PlaneCamera, at_m: np.ndarray, by: float, at_px: tuple[float, float], size_px: tuple[int, int]
 ) -> tuple[Image, PlaneCamera]:
-    """A picture and its camera, enlarged, with a point of the plane [m] at a pixel."""
+    """A picture and its camera, enlarged, with a point of the plane `at_m` [m] at the pixel `at_px`."""
     u, v = camera.project(at_m[None])[0]
     enlarge = np.array([[by, 0.0, at_px[0] - by * u], [0.0, by, at_px[1] - by * v], [0.0, 0.0, 1.0]])
     larger = cv2.warpAffine(image, enlarge[:2], size_px, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
@@ -81,7 +81,7 @@ def enlarged(
 
 
 def write_moving_picture(path: Path, scenario: Scenario = SCENARIO, shown_s: tuple[float, float] = SHOWN_S) -> None:
-    """Simulate and film the scenario, advise, and write the drawn frames between these times [s] as WebP."""
+    """Simulate and film the scenario, advise, and write the frames drawn between these times [s] as WebP."""
     watched, film = Watched(shown_s), cv2.Animation()
     with tempfile.TemporaryDirectory() as folder:
         simulate(scenario, Path(folder) / "recording")

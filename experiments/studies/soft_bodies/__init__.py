@@ -1,1 +1,1 @@
-"""Study of the filter of a continuum with soft bodies of elements as truths."""
+"""Study of the filter for a continuum; truths are soft bodies of finite elements."""

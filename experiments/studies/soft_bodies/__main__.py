@@ -1,10 +1,10 @@
-"""Soft bodies of elements: the filter of a continuum against truths of other meshes, laws and integrators.
+"""Soft bodies of finite elements: the filter for a continuum on truths with other meshes, laws and integrators.
 
     python -m experiments.studies.soft_bodies --out DIR    # --page writes the table to docs/meshes.md
 
-Blocks by MuJoCo's elements, a breast by neo-Hookean ones; marks to 0.5 mm on the skin, a hidden target, and a stiffness
-known to a factor of two. Constants of the filter were chosen on seeds 0 to 3. DIR gets runs.csv, summary.json and
-table.md; an interrupted study continues.
+Blocks have MuJoCo's elements, a breast neo-Hookean elements; marks on the skin are accurate to 0.5 mm, the target is
+hidden, and the stiffness is known to a factor of two. Constants of the filter were chosen on seeds 0 to 3. DIR gets
+runs.csv, summary.json and table.md; an interrupted study continues.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FIGURES = {
     "thin_plate_mm": "thin-plate spline [mm]",
     "covered": "filter covered",
 }
-"""Columns of the table: means over recordings."""
+"""Headings of the table's columns, which are means over recordings."""
 
 
 def summary(rows: pd.DataFrame) -> list[dict[str, Any]]:

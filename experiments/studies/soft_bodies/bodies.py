@@ -1,4 +1,4 @@
-"""Moving soft bodies, and the filter's model of them: another mesh, another stiffness."""
+"""Moving soft bodies, and the filter's models of them, with another mesh and another stiffness."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PRESS = 0.02
 """Largest pressure on a block's lower face, relative to Young's modulus; with 0.05 fine blocks turn inside out."""
 
 TRUTH, GIVEN = (11, 8), (10, 7)
-"""Cells of the breast, across and deep: of the truth, and of the filter's mesh."""
+"""Numbers of cells of the breast, across and in depth, in the truth and in the filter's mesh."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
@@ -41,7 +41,7 @@ PRESSURE_PA = (300.0, 1500.0)
 class Recording:
     """A moving body.
 
-    network: input of the methods; its nodes are `marked` and then `target`, free, and those of the wall
+    network: input of the methods; its nodes are the free nodes `marked` and `target`, then those of the wall
     positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 
@@ -52,7 +52,7 @@ class Recording:
 
 
 def soft_block(per_side: int, seed: int) -> Recording:
-    """A block of MuJoCo's elements that hangs from a plate, pressed from below and released."""
+    """A block of MuJoCo's elements that hangs from a plate, and is pressed from below and released."""
     rng = np.random.default_rng([seed, 1])
     body = block(per_side, seed, Scale(), SECONDS, PRESS)
     drawn, fixed = body.network.positions, body.network.fixed
@@ -88,7 +88,7 @@ def breast(seed: int) -> Recording:
 
 
 def _given(rng: np.random.Generator, young_pa: float) -> float:
-    """The filter's modulus for this true one [Pa]."""
+    """The filter's Young's modulus for this true modulus [Pa]."""
     return young_pa * float(np.exp(UNCERTAIN * rng.normal()))
 
 

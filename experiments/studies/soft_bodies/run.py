@@ -1,4 +1,4 @@
-"""The hidden target of a soft body by the filter, the open loop and a spline, on the same marks."""
+"""The hidden target of a soft body, estimated by the filter, the open loop and a spline from the same marks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SKIPPED = 15
 
 
 def run(job: Case) -> dict[str, float]:
-    """Figures of one recording: `body` and `seed`."""
+    """Figures of one recording; the job states `body` and `seed`."""
     seed = int(job["seed"])
     case = BODIES[job["body"]](seed)
     rng = np.random.default_rng([seed, 3])

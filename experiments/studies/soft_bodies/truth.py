@@ -1,6 +1,6 @@
 """Motion of a body of finite elements under large strains: the truth of the study's breasts.
 
-Neo-Hookean tetrahedra on all nodes, with the implicit midpoint rule and Newton's method, whose matrix is factored again
+Neo-Hookean tetrahedra with all nodes, the implicit midpoint rule, and Newton's method, whose matrix is factored again
 if it converges slowly. Law, mesh and integrator differ from the filter's.
 """
 
@@ -24,14 +24,14 @@ CONVERGED = 1e-6
 """Change of the velocity that ends an iteration [m/s]; numerical."""
 
 SLOW, MOST = 6, 40
-"""Iterations after which the matrix is factored again, and after which there is no solution; numerical."""
+"""Numbers of iterations after which the matrix is factored again, and after which the step fails; numerical."""
 
 Load = Callable[[float], Floats]
 """Forces on all nodes at a time [s], (n_nodes, 3) [N]."""
 
 
 def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times_s: Floats, load: Load) -> Floats:
-    """Positions of all nodes [m], (n_frames, n_nodes, 3), at equally spaced times [s], from rest at the first.
+    """Positions of all nodes [m], (n_frames, n_nodes, 3), at equally spaced times [s], from rest at first.
 
     Raises RuntimeError if a step has no solution.
     """
@@ -60,7 +60,7 @@ def motion(mesh: TetMesh, tissues: list[Tissue], fixed: NDArray[np.int64], times
 def _step(
     body: Assembly, mass: Floats, h: float, state: tuple[Floats, Floats], force: Floats, factor: SuperLU | None
 ) -> tuple[Floats, SuperLU]:
-    """Velocity in the middle of a step [m/s], and the factors of the matrix, recomputed if they are too old."""
+    """Velocity at a step's midpoint [m/s], and the matrix's factors, recomputed if convergence is slow."""
     q, v = state
     for most in (SLOW, MOST) if factor is not None else (MOST,):
         middle = v.copy()

@@ -1,1 +1,1 @@
-"""Zoo study: one filter with one setting on bodies of another physics. `python -m experiments.studies.zoo`."""
+"""Zoo study: one filter with one setting on bodies with other physics. `python -m experiments.studies.zoo`."""

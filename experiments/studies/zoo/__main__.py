@@ -1,11 +1,11 @@
-"""Zoo of bodies: accuracy of the filter on bodies of another physics, all with the same settings.
+"""Zoo of bodies: accuracy of the filter, with the same settings for all, on bodies with other physics.
 
     python -m experiments.studies.zoo --out FOLDER                       # all cells, seeds 1000 to 1019
     python -m experiments.studies.zoo --seeds 0-1 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
 writes runs/runs.parquet, runs.csv, cells.csv and table.md, on all cores or with `--scheduler ADDRESS`. Truths
-by MuJoCo, in the extra `dev`. Last figures: docs/zoo.md.
+are by MuJoCo, in the extra `dev`. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from experiments.studies.zoo.table import cells_of, markdown, page_tables
 
 
 def write_results(table: pd.DataFrame, folder: Path) -> str:
-    """Write runs.csv, cells.csv and table.md; the table as text."""
+    """Write runs.csv, cells.csv and table.md; returns the table as text."""
     cells = cells_of(table)
     page = markdown(cells)
     write_whole(folder / "runs.csv", table.to_csv(index=False))

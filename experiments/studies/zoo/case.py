@@ -11,15 +11,15 @@ from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Kinds of constants: best-known; each 20 % wrong, one standard deviation; fitted to another recording of the body."""
+"""Kinds of constants: best-known; each wrong by 20 % (1 sd); fitted to another recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
 REPORT_SEEDS = range(1000, 1020)
-"""Seeds of the table; 0 to 19 are for development."""
+"""Seeds of the table; seeds 0 to 19 are for development."""
 
 N_SCALED = 10
-"""Seeds of a scaled body."""
+"""Number of seeds of a scaled body."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Case:
     """One run of the zoo.
 
     body: its name in `BODIES`; constants: one of `CONSTANTS`
-    length_s: of the recording [s], 0 for the body's default
+    length_s: length of the recording [s], 0 for the body's default
     """
 
     body: str
@@ -45,14 +45,14 @@ class Case:
 
     @property
     def cell(self) -> str:
-        """The part that all seeds of a cell share."""
+        """The name of the cell of the table to which the case belongs: all but the seed."""
         factors = {"size": self.size, "stiffness": self.stiffness, "mass": self.mass}
         scaled = [f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1.0]
         return ", ".join([self.body, *(scaled or [self.constants])])
 
     @property
     def motion(self) -> Body:
-        """The moving body; consecutive cases with one motion share it."""
+        """The moving body; consecutive cases with the same motion share it."""
         return _body(self.body, self.seed, self.scale, self.length_s)
 
     @classmethod

@@ -16,13 +16,13 @@ from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.zoo.case import Case
 
 WRONG = float(np.log(1.2))
-"""Standard deviation of the logarithm of a wrong constant."""
+"""Standard deviation of the logarithm of a wrong constant: 20 %."""
 
 OTHER_RECORDING = 100_000
-"""Offset of the seed of the recording for identification."""
+"""Offset from a case's seed to the seed of its recording for identification."""
 
 BUDGET_S = 12.0
-"""Limit of an identification's processor time [s]: with it the whole zoo takes an hour on two cores."""
+"""Limit of an identification's processor time [s], with which the whole zoo takes an hour on two cores."""
 
 
 class NotIdentifiedError(Exception):
@@ -31,7 +31,7 @@ class NotIdentifiedError(Exception):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumed:
-    """The assumptions of a run on the body: its network, and the uncertainty of its constants, if known."""
+    """What a run assumes about the body: its network, and the uncertainty of its constants, if known."""
 
     network: MassSpringNetwork
     uncertainty: ParameterUncertainty | None = None
@@ -46,7 +46,7 @@ def assumed(body: Body, case: Case) -> Assumed:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with log-normal factors on each stiffness, dashpot and mass, 20 % one standard deviation.
+    """The network with log-normal factors on each stiffness, dashpot and mass, whose standard deviation is 20 %.
 
     If the body is drawn at rest, rest lengths are fitted to the drawing, as a user would do.
     """
@@ -69,8 +69,8 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     """Constants fitted to another recording of the same body that shows every node; raises NotIdentifiedError.
 
     seconds: limit of its processor time [s]
-    It starts from stiffnesses and dashpots that are wrong kind by kind, with exact masses. Rest lengths are also
-    fitted, because those from a drawing at rest depend on the wrong stiffnesses.
+    It starts from exact masses, and from stiffnesses and dashpots with a common wrong factor for each kind. Rest
+    lengths are also fitted, because those from a drawing at rest depend on the wrong stiffnesses.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
     by_spring = np.array([factors[kind] for kind in _kinds(body)])

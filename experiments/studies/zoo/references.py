@@ -12,7 +12,7 @@ from experiments.simulation.bodies.body import Body
 from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
-"""Relative extent below which a body is flat in a direction."""
+"""Extent of a body in a direction, relative to its longest, below which it is flat in that direction."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
@@ -23,7 +23,7 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
         return None
     nodes = [network.index(name) for name in body.hidden]
     places = []
-    with np.errstate(all="ignore"):  # it may diverge, which then is its error
+    with np.errstate(all="ignore"):  # if it diverges, that counts as its error
         for time_s, seen in frames:
             method.update(time_s, seen)
             places.append(method.positions[nodes].copy())
@@ -31,9 +31,9 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Hidden nodes by a spline through the visible ones and the anchors [m], (n_frames, n_hidden, dim).
+    """Hidden nodes by a spline through visible nodes and anchors [m], (n_frames, n_hidden, dim).
 
-    A body in a line has a cubic spline along its length, others a thin-plate spline of the displacement from the
+    For nodes in a line it is a cubic spline along the length, else a thin-plate spline of the displacement from the
     drawn shape.
     """
     network = body.network
@@ -54,7 +54,7 @@ def spline(body: Body, frames: Frames) -> Floats:
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:
-    """Weights of known displacements in the wanted ones, (n_wanted, n_known), of a thin-plate spline; (n, dim) each."""
+    """Weights, (n_wanted, n_known), with which a thin-plate spline interpolates; known, wanted: positions, (n, dim)."""
     center = known.mean(axis=0)
     _, extents, axes = np.linalg.svd(known - center, full_matrices=False)
     kept = axes[extents > FLAT * extents[0]]

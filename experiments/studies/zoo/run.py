@@ -24,7 +24,7 @@ LIMIT_S = 60.0
 """Limit of the filter's processor time in a run [s]."""
 
 KERNELS_S = 0.5
-"""Length of recordings for loading compiled code [s]; numerical."""
+"""Length of the recordings that only load compiled code [s]; numerical."""
 
 
 def run(case: Case) -> Record:
@@ -40,7 +40,7 @@ def run(case: Case) -> Record:
         return record | {"ended": str(error)}
     found = filtered(model, body, case.seed, LIMIT_S)
     done = len(found.status)
-    compared = slice(done or None)  # references are scored in the filter's frames
+    compared = slice(done or None)  # references are scored in the same frames as the filter
     frames = measured(body, body.marked, case.seed)[compared]
     simulated = open_loop(model.network, body, frames)
     record |= {
@@ -59,7 +59,7 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """As `run`, for a case from JSON: for `run_study`."""
+    """As `run`, for a case in JSON types, as `run_study` needs it."""
     return run(Case.from_json(case))
 
 

@@ -16,15 +16,15 @@ from estimators.process.target import TargetPoint, target_map
 from experiments.arrays import Floats
 
 SIGMAS, SHARE_OF_SIZE = 5.0, 0.1
-"""Error above which TRACKING is wrong, in sigmas and relative to the body's size; both must be exceeded."""
+"""Errors above which TRACKING is wrong, in sigmas and relative to the body's size: both must be exceeded."""
 
 
 @dataclass(slots=True, eq=False)
 class Followed:
-    """Estimates of a filter in a recording, until it failed or its time was over.
+    """Estimates of a filter for a recording, until its end, a failure, or the time limit.
 
-    means: of the hidden points [m], (n, n_hidden, dim); covs [m²], (n, n_hidden, dim, dim); status: of each frame
-    seconds: processor time of predict and update; repairs: counts by kind; failure: empty, or why it ended early
+    means: hidden points [m], (n, n_hidden, dim); covs: [m²], (n, n_hidden, dim, dim); status: status of each frame
+    seconds: processor time of predict and update [s]; repairs: counts by kind; failure: empty, or why it ended early
     """
 
     means: Floats
@@ -36,7 +36,7 @@ class Followed:
 
     @property
     def tracking(self) -> NDArray[np.bool_]:
-        """Which frames are TRACKING, (n,)."""
+        """Whether each frame is TRACKING, (n,)."""
         return np.array([status is Status.TRACKING for status in self.status], dtype=bool)
 
 
@@ -47,7 +47,7 @@ def followed(
     frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
     limit_s: float = np.inf,
 ) -> Followed:
-    """Run a filter through a recording, and read all hidden points of the network from its state.
+    """Run a filter through a recording, and compute all hidden points of the network from its state.
 
     begun: creates the filter; limit_s: limit of its processor time [s]
     """
@@ -55,7 +55,7 @@ def followed(
     found = Followed(np.empty((0, len(hidden), network.dim)), np.empty((0, len(hidden), network.dim, network.dim)))
     start_s = time.process_time()
     try:
-        with np.errstate(all="ignore"):  # an overflowing state is counted
+        with np.errstate(all="ignore"):  # states that overflow are counted
             tissue = begun()
             maps = [target_map(network, one) for one in hidden]
             for time_s, marks in frames:
@@ -69,7 +69,7 @@ def followed(
                 if time.process_time() - start_s > limit_s and len(means) < len(frames):
                     found.failure = f"stopped after {limit_s:g} s"
                     break
-    except Exception as error:  # any exception of a filter is a result of the study
+    except Exception as error:  # any exception that a filter raises is a result of the study
         found.failure = f"{type(error).__name__}: {error}"
     found.seconds = time.process_time() - start_s
     if means:
@@ -90,9 +90,9 @@ def hidden_scores(
     """Figures of all hidden nodes in all frames together.
 
     means, truth [m], (n_frames, n_hidden, dim); covs [m²], (n_frames, n_hidden, dim, dim); tracking: (n_frames,)
-    non_finite: estimates that are not finite or whose covariance is not positive definite; they are omitted from the
-    other figures, except from `error_m`, which is then infinite
-    wrong_tracking: frames TRACKING with a node beyond five sigma and beyond a tenth of the body's size
+    non_finite: number of estimates that are not finite or have no positive definite covariance; `error_m` is then
+    infinite, and the other figures omit them
+    wrong_tracking: number of TRACKING frames with an error of a node above five sigma and a tenth of the body's size
     """
     dim = truth.shape[-1]
     errors = (means - truth).reshape(-1, dim)

@@ -17,12 +17,12 @@ from experiments.studies.zoo.case import Case
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A body with one kind of constants or scale, over its seeds; errors are means over runs [mm].
+    """Figures of a body with one kind of constants or scale, over its seeds; errors are means over runs [mm].
 
-    runs, failed: number of runs, and of those that ended early or not at all; failure: reason of the first of those
-    ratio: filter's error divided by that of the better of open loop and spline; None if nothing was estimated
+    runs, failed: numbers of all runs, and of runs that ended early or did not start; failure: reason of the first one
+    ratio: filter's error divided by the lesser error of open loop and spline; None if nothing was estimated
     covered: share of truths in 95 % regions; nees: mean per degree of freedom
-    non_finite, wrong_tracking, repairs: counts over all runs; ms_a_frame: mean
+    non_finite, wrong_tracking, repairs: counts over all runs; ms_a_frame: mean time per frame [ms]
     """
 
     name: str
@@ -56,11 +56,11 @@ BOUNDS = {"true": GOOD, "identified": GOOD, "wrong": Bounds(0.9, 1.15, (0.85, 1.
 
 
 UNDECIDED = ("chain2", "chain3")
-"""Bodies whose hidden nodes may be anywhere within reach: no share of truths in their regions is too large."""
+"""Bodies whose hidden nodes may be anywhere within reach, so that no coverage is too large."""
 
 
 def cells_of(table: pd.DataFrame) -> list[Cell]:
-    """Figures of each cell, in the order of their first runs; table: of cases, their records, failures (n_runs,)."""
+    """Figures of each cell, in the order of first runs; table: cases, their records and failures, (n_runs,) rows."""
     by_name: dict[str, list[Mapping[str, Any]]] = {}
     for row in table.to_dict("records"):
         record = {
@@ -114,7 +114,7 @@ def faults(cell: Cell) -> list[str]:
 
 
 def summary(cells: Sequence[Cell]) -> str:
-    """A list in Markdown, one entry for each kind of constants: mean and worst ratio, number within all bounds."""
+    """A list in Markdown with an entry for each kind of constants: mean and worst ratio, number within all bounds."""
     lines = []
     ordered = sorted(cells, key=lambda cell: list(BOUNDS).index(cell.constants))
     for constants, group in groupby(ordered, key=lambda cell: cell.constants):
@@ -153,7 +153,7 @@ PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ra
 
 
 def page_tables(cells: Sequence[Cell]) -> str:
-    """The table of docs/zoo.md and the summary: a row for each body, its usual cells, the extremes of scaled ones."""
+    """The table of docs/zoo.md and the summary: a row per body with its usual cells, and extremes of scaled cells."""
     bodies: dict[str, tuple[dict[str, Cell], list[Cell]]] = {}
     for cell in cells:
         body, kind = cell.name.split(", ")

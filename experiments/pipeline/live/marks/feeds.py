@@ -11,16 +11,16 @@ from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError
 
 POLL_S = 0.1
-"""Interval at which a waiting feed checks whether it has to stop [s]; a line wakes it at once."""
+"""Interval at which a waiting feed checks whether it has to stop [s]; it processes a line at once."""
 
 LOOPBACK = "127.0.0.1"
 
 
 class UdpFeed:
-    """Feed of lines in datagrams, one or more in each, at a port of this machine; SourceError if it is not free.
+    """Feed of lines in datagrams, at least one in each, at a port of this machine; SourceError if the port is in use.
 
-    host: own address to listen on; by default the loopback, so that only programs of this machine can send
-    After one host has sent, others are refused until it has been silent for SETTINGS.hung_s.
+    host: local address to listen on; by default the loopback, so that only programs on this machine can send
+    After a host has sent, other hosts are refused until it has been silent for SETTINGS.hung_s.
 
     State: the socket; the last sender, and its time [s].
     """
@@ -76,7 +76,7 @@ def udp_feed(address: str) -> UdpFeed:
         parts = urlsplit(address)
         port, spare = parts.port, parts.path.strip("/") or parts.query or parts.username
         host = parts.hostname or LOOPBACK
-        host.encode("idna")  # like getaddrinfo, whose error is not a system error
+        host.encode("idna")  # the error that getaddrinfo also raises is not a system error
     except ValueError:
         port, spare, host = None, None, LOOPBACK
     if not port or spare:
@@ -85,10 +85,10 @@ def udp_feed(address: str) -> UdpFeed:
 
 
 class PipeFeed:
-    """Feed of lines from a pipe or terminal, by its file descriptor, such as 0 for standard input; it stays open.
+    """Feed of lines from a pipe or terminal, by its file descriptor, such as 0 for standard input, which stays open.
 
-    Reads bypass Python's buffers, whose lock a blocked thread would hold when the program ends.
-    State: the bytes of an incomplete line, and whether it is too long and skipped.
+    Reads bypass Python's buffers: a blocked thread would hold their lock when the program ends.
+    State: the bytes of an incomplete line, and whether the rest of a line that is too long is skipped.
     """
 
     def __init__(self, descriptor: int = 0) -> None:
@@ -96,7 +96,7 @@ class PipeFeed:
         self._rest, self._too_long = b"", False
 
     def run(self, receiver: LiveMarks) -> None:
-        """Deliver lines until the pipe ends; the last needs no line break."""
+        """Deliver lines until the pipe ends; the last line needs no line break."""
         while receiver.wanted:
             read = os.read(self._descriptor, LONGEST_LINE)
             *lines, rest = (self._rest + read).split(b"\n") if read else (self._rest, b"")
@@ -106,7 +106,7 @@ class PipeFeed:
                 self._too_long = False
             if self._too_long or len(rest) > LONGEST_LINE:
                 if not self._too_long:
-                    receiver.take_line(rest)  # which refuses it
+                    receiver.take_line(rest)  # take_line refuses it
                 rest, self._too_long = b"", True
             self._rest = rest
             if not read:

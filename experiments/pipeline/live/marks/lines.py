@@ -1,4 +1,4 @@
-"""Line format: one frame of another tracker's marks as a line of JSON, checked."""
+"""Line format: reads and checks a line of JSON with one frame of another tracker's marks."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from experiments.formats.marks.rows import AXES, MarkRow, are_definite, cov_name
 from experiments.formats.scene.scene import Scene
 
 LONGEST_LINE = 65_536
-"""Largest number of bytes in a line: that of a datagram."""
+"""Largest number of bytes in a line, equal to that of a datagram."""
 
 FARTHEST_MM, FINEST_MM = 1e6, 1e-6
-"""Range of coordinates and standard deviations in a line: up to a kilometre, from a nanometre."""
+"""Largest coordinate and least standard deviation in a line [mm]: a kilometre and a nanometre."""
 
 
 class LineError(ValueError):
-    """Error for an invalid line; the message has the position in it, what was expected and what was found."""
+    """Error for an invalid line; the message has the position in the line, what was expected and what was found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SentFrame:
-    """Marks of one time: time_s by the sender's clock [s]; the marks, possibly none."""
+    """A frame of marks, possibly none; time_s: its time by the sender's clock [s]."""
 
     time_s: float
     marks: tuple[MarkRow, ...]

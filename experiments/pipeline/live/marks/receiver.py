@@ -1,4 +1,4 @@
-"""Live marks from another tracker, read in a thread, the newest frame first."""
+"""Live marks from another tracker, read in a thread; only the newest frame waits."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from vision import (
 )
 
 SETTINGS = SourceSettings()
-"""Thresholds for a blocked sender and for its clock: those of a camera."""
+"""Thresholds for a blocked sender and its clock; they equal those of a camera."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +45,7 @@ MarkSource = SourceOf[MarksFrame]
 
 
 class Feed(Protocol):
-    """Protocol of a transport of marks: a socket, a pipe, a protocol."""
+    """Protocol of a transport of marks, such as a socket or a pipe."""
 
     def run(self, receiver: LiveMarks) -> None:
         """Deliver all input, until the receiver is closed or the input ends; called in the reading thread.
@@ -58,19 +58,19 @@ class Feed(Protocol):
 
 
 class LiveMarks(Closing):
-    """Source of the newest frame of marks from a feed, each once, until the feed ends or `close()`.
+    """Source of the newest frame of marks from a feed; it delivers each at most once, until the feed ends or `close()`.
 
-    Invalid lines, and frames with times out of order, are refused: counted by kind, and reported as events, the first
-    at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender is
-    BLOCKED, as a camera is. A frame with repeated values is withheld; while they are FROZEN it has no marks.
+    Invalid lines, and frames with times out of order, are refused: they are counted by kind, and reported as events,
+    the first at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
+    is BLOCKED, like a camera. A frame with repeated values is omitted; once they are FROZEN, it is used without marks.
 
     refused: counts of unusable input, by kind
-    State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched,
-    refused input, unreported refused input, and time of the last report [s].
+    State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched;
+    counts of refused input, of its unreported part, and time of the last report [s].
     """
 
     origin_s = 0.0
-    """Zero of the clock [s]: the sender's times are converted to the clock of this machine."""
+    """Zero of the source's time [s]: the sender's times are converted to the clock of this machine."""
 
     def __init__(self, scene: Scene, feed: Feed, *, clock: Callable[[], float] = time.monotonic) -> None:
         self.clock = clock
@@ -89,7 +89,7 @@ class LiveMarks(Closing):
         self._reported_s = -float("inf")
         self._error: Exception | None = None
         self._finished = self._ended = False
-        # A daemon: a pipe may block forever, but the program must still end.
+        # A daemon thread: a pipe may block forever, but the program must still end.
         self._thread = threading.Thread(target=self._run, name="softaim marks", daemon=True)
         self._thread.start()
 
@@ -118,7 +118,7 @@ class LiveMarks(Closing):
             self.refuse("malformed", str(error))
 
     def take(self, frame: SentFrame, arrival_s: float) -> None:
-        """Process a frame that arrived at this time on the own clock [s]."""
+        """Process a frame that arrived at this time on this machine's clock [s]."""
         with self._changed:
             restarts = self._sender.restarts
             try:
@@ -160,7 +160,7 @@ class LiveMarks(Closing):
         self._report()
 
     def _report(self) -> None:
-        """Report refused input, if it is due: for each kind the number and the first message."""
+        """If a report on refused input is due, make it: for each kind the number and the first message."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return
@@ -176,9 +176,9 @@ class LiveMarks(Closing):
         return self._ended or self._stop.is_set()
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame not yet delivered; None if none comes within timeout_s [s], or at the end.
+        """The newest frame not yet delivered; None at the end, or if none comes within timeout_s [s].
 
-        Raises SourceError if the feed fails, and any other error of its thread.
+        Raises SourceError if the feed fails, and any other exception of its thread.
         """
         until = self.clock() + timeout_s
         with self._changed:
@@ -210,7 +210,7 @@ class LiveMarks(Closing):
         return events
 
     def close(self) -> None:
-        """Stop; the thread ends as soon as its read returns."""
+        """Stop; the thread ends when its present read returns."""
         self._stop.set()
         with self._changed:
             self._changed.notify_all()

@@ -1,4 +1,4 @@
-"""Playback of recorded marks at their own pace."""
+"""Playback of recorded marks at the pace of their times."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from vision import Closing, EventKind, SourceEvent
 
 
 class MarksReplay(Closing):
-    """Source of the frames in marks.csv when they are due, the newest first; the first is due at the first request.
+    """Source that delivers the newest frame of marks.csv that is due; the first is due at the first request.
 
     A frame with repeated values has no marks. State: the next frame, time of the first request [s], events not yet due,
-    events not yet fetched, whether it ended.
+    events not yet fetched, whether the source ended.
     """
 
     def __init__(
@@ -43,11 +43,11 @@ class MarksReplay(Closing):
 
     @property
     def origin_s(self) -> float:
-        """Zero of the file's own time on the clock [s]; 0 before the first frame."""
+        """Clock time at which the file's own time is zero [s]; 0 before the first frame."""
         return 0.0 if self._began_s is None else self._began_s - self._first_s
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that is due and not yet delivered; None without one within timeout_s [s], or at the end."""
+        """The newest frame that is due and not yet delivered; None at the end, or if none is due in timeout_s [s]."""
         now = self._clock()
         if self._began_s is None:
             self._began_s = now

@@ -1,4 +1,4 @@
-"""Clock of a sender, tied to the monotonic one by arrival times."""
+"""Conversion of a sender's clock to this machine's monotonic clock by arrival times."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""Largest ratio of a frame's time in another unit to the expected time for which the unit is named [1]; choice."""
+"""Largest factor between a frame's interval in another unit and the expected one to name that unit [1]; choice."""
 
 
 class Moment(NamedTuple):
-    """Times of a frame: by the sender's clock, and of arrival by the own clock [s]."""
+    """Times of a frame [s]: sent, by the sender's clock, and arrived, by this machine's clock."""
 
     sent_s: float
     arrival_s: float
@@ -24,18 +24,18 @@ class OrderError(ValueError):
 
 
 class SenderClock:
-    """Conversion of a sender's times to the own monotonic clock: its times plus the least delay of a frame.
+    """Conversion of a sender's times to this machine's monotonic clock: adds the least delay of a frame.
 
-    A frame arrives late but never early: the frame with the least delay of the last settings.remembered_frames ties the
-    clocks, which also follows a drifting clock. That least delay is unknown and assumed to be zero: all times are late
-    by it.
+    A frame arrives late but never early: the least difference of the clocks in the last settings.remembered_frames is
+    their offset, which follows a drifting clock. The least delay itself is assumed to be zero: all times are late by
+    it.
 
-    A time that does not increase, or increases by over settings.hung_s more than the own clock, is refused. If only
-    such frames come for settings.blocked_s, and in order, the sender has another clock, for example after a restart,
+    A time is refused if it does not increase, or increases by over settings.hung_s more than this machine's clock. If
+    for settings.blocked_s only such frames come, in order, the sender has another clock, for example after a restart,
     which is then adopted.
 
-    State: delays of the last frames, by both clocks [s]; the last frame; the first and the last frame of another clock;
-    restarts, the number of adopted ones.
+    State: clock differences of the last frames [s]; the last frame; the first and the last frame of another clock;
+    restarts, the number of adopted clocks.
     """
 
     def __init__(self, settings: SourceSettings) -> None:
@@ -46,7 +46,7 @@ class SenderClock:
         self._other: tuple[Moment, Moment] | None = None
 
     def exposure_s(self, sent_s: float, arrival_s: float) -> float:
-        """Exposure time by the own clock [s] of a frame with this time; raises OrderError."""
+        """Exposure time by this machine's clock [s] of a frame with these times; raises OrderError."""
         now = Moment(sent_s, arrival_s)
         if self._last is not None and (why := self._refusal(self._last, now)) is not None:
             first = now if self._other is None or self._refusal(self._other[1], now) is not None else self._other[0]
@@ -60,7 +60,7 @@ class SenderClock:
         return sent_s + min(self._took_s)
 
     def _refusal(self, last: Moment, now: Moment) -> str | None:
-        """Reason why a frame cannot follow the last; None if it can."""
+        """Reason why frame `now` cannot follow frame `last`; None if it can."""
         risen_s, passed_s = now.sent_s - last.sent_s, now.arrival_s - last.arrival_s
         if risen_s <= 0.0:
             return f"time_s: expected more than {last.sent_s:.6f}, found {now.sent_s:.6f}"

@@ -1,1 +1,1 @@
-"""Study of worlds that differ from the stated scene, and of wrong GO there; `__main__` has the command."""
+"""Study of wrong advice GO in worlds that differ from the stated scene; `__main__` has the command."""

@@ -3,10 +3,10 @@
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-The truth of a poked and breathing body is SciPy's DOP853; a tracker sends its marks, and a live session
+Truth, a poked and breathing body, is by SciPy's DOP853; a tracker sends its marks, and a live session
 estimates the target and advises a needle at every frame, with a scripted clock. One property differs from the scene;
-the scene has defaults for everything that it does not state. The study counts moments of GO, and those on a wrong
-estimate: the truth is outside of the region of 99.9 % and more than 1 mm off. Last figures: docs/faults.md.
+for anything not stated, the scene has defaults. The study counts moments of GO, and those on a wrong estimate: the
+truth is outside the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     worlds, bodies = chosen("--only", given.only, WORLDS), chosen("--bodies", given.bodies, BODIES)
     axes = {"duration_s": [given.seconds]} if given.seconds else {}
-    # worlds last: most of a body and a seed have the same truth, which is cached
+    # worlds vary fastest: most worlds of a body and a seed have the same truth, which is cached
     cases = grid(**axes, seed=seeds_of(given), body=bodies, world=worlds)
     rows = rows_of(kept_runs(run, cases, given.out, chosen_workers(given)))
     summary = markdown(rows)

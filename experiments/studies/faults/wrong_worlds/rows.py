@@ -24,10 +24,10 @@ WEIGHT = 9.81
 class World:
     """A row of the table: the true world, and the stated scene.
 
-    onset_s: time from which the world is wrong, and counted [s]
-    truth: difference of the body from the scene; seen: change of a tracker's frames
-    scene: the stated scene; target: further stated keys of `[target]`
-    sd_m: of the marks, as the tracker states it [m]; reference: whether reference marks on the anchors are stated
+    onset_s: time from which the world is wrong and moments are counted [s]
+    truth: difference of the body from the scene; seen: function that changes a tracker's frames
+    scene: function that makes the stated scene; target: further keys of `[target]` that it states
+    sd_m: the marks' standard deviation as stated [m]; reference: whether the scene has reference marks on anchors
     """
 
     onset_s: float = 0.0
@@ -45,7 +45,7 @@ def _way(dim: int, rng: np.random.Generator) -> Floats:
     return np.asarray(way / np.linalg.norm(way))
 
 
-# the tracker's frames
+# changes of the tracker's frames
 
 
 def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
@@ -55,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """All marks, or one, displaced [m] as a function of the time since the onset [s], (n,), in a random direction."""
+    """Displace all marks, or one, in a random direction [m], as a function of the times since the onset [s], (n,)."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -68,7 +68,7 @@ def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
 
 
 def _camera_turned(seen: Seen, rng: np.random.Generator) -> Seen:
-    """A camera rotated about the middle of the picture; in space about a random axis."""
+    """Frames of a camera rotated about the picture's centre; in space about a random axis."""
     angle, dim = np.deg2rad(2.0), len(seen.middle)
     axis = _way(3, rng) if dim == 3 else np.array([0.0, 0.0, 1.0])
     cross = np.cross(np.eye(3), axis)
@@ -84,7 +84,7 @@ def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _scaled(x: float, y: float) -> Sees:
-    """Marks scaled by these factors along the first two axes, and by the first along the third, about the middle."""
+    """Scale marks about the body's centre: along x and y by these factors, along z by that of x."""
     factors = np.array([x, y, x])
     return lambda seen, _rng: replace(
         seen, places=seen.middle + factors[: len(seen.middle)] * (seen.places - seen.middle)
@@ -112,7 +112,7 @@ def _heavy(seen: Seen, rng: np.random.Generator) -> Seen:
     return replace(seen, places=seen.places + np.where(wild[..., None], ways, 0.0))
 
 
-# the tissue, or its stated constants
+# changes of the tissue, or of its stated constants
 
 Factor = float | Callable[[Scene], Floats]
 """Factor on the constants of a kind."""
@@ -125,7 +125,7 @@ def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
 
 
 def _body(**factors: Factor) -> Truth:
-    """A body with such constants, drawn at its rest."""
+    """A body whose constants have these factors, drawn at its rest."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -165,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The target's springs 0.3 times as stiff with the same loads: it rests as drawn, and is loose."""
+    """The target's springs have 0.3 of their stiffness and the same loads: it rests as drawn, but is loose."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The moved body; if a direction has no equilibrium, another is drawn."""
+        """The body with the target's rest moved in a random direction; without equilibrium, another is drawn."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """Ten times the drag; where there is none, so much that a free mass would stop in a tenth of a second."""
+    """The network with ten times the drag; without drag, so much that a free mass would stop in 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 

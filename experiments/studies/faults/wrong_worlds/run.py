@@ -1,4 +1,4 @@
-"""One run: a live session in front of a world that differs from its scene, and its wrong moments."""
+"""One run: a live session on a world that differs from its scene, and the moments when it was wrong."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from experiments.studies.faults.wrong_worlds.truth import motion_of
 REFUSED = "refused"
 
 REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
-"""Squared radius of the region of 95 %, by dimension [sigmas²]."""
+"""Squared radius of the 95 % region, by dimension [sigmas²]."""
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""Hue of reference marks for a camera: no other mark has it."""
+"""Hue [degrees], which no other mark has, and diameter [mm] of reference marks for a camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
     """The display at one time, and whether it was right.
 
-    of_frame: whether a frame came; advice: None for none
-    error_m: of the target [m]; covered: whether the truth lies in the region of 95 %; wrong: as in `is_wrong`
+    of_frame: whether a frame came; advice: None without advice
+    error_m: error of the target [m]; covered: whether the truth lies in the 95 % region; wrong: see `is_wrong`
     """
 
     of_frame: bool
@@ -65,7 +65,7 @@ class Moment:
 
 
 class Judging(Publisher):
-    """A `Publisher` that evaluates the display from a time on. State: the moments."""
+    """A `Publisher` that evaluates what is displayed from a time on. State: the moments."""
 
     def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
         self._motion, self._target, self._onset_s = motion, target, onset_s
@@ -95,7 +95,7 @@ class Judging(Publisher):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """A world with a body and a seed, as a row of the study; the case's `duration_s` replaces the body's [s]."""
+    """Run a world with a body and a seed; returns its row. The case's `duration_s` [s] replaces the body's."""
     world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
     duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     with quiet_folder() as folder:
@@ -111,7 +111,7 @@ def _plain(text: str) -> str:
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
-    """All displayed moments of a live run; folder: for its tables. Raises InputError if the scene is refused."""
+    """All displayed moments of a live run; folder: folder of its tables. InputError if the scene is refused."""
     path = folder / "scene.toml"
     write_whole(path, stated_text(world, scene))
     stated = usable_scene(path)
@@ -154,9 +154,9 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 
 
 def counted(moments: list[Moment]) -> dict[str, Any]:
-    """The moments of a run in figures.
+    """The figures of a run's moments.
 
-    tracking, tracking_wrong, covered: frames; go, go_wrong: moments; error_mm: median of frames that are TRACKING
+    tracking, tracking_wrong, covered: number of frames; go, go_wrong: number of moments; error_mm: median if TRACKING
     shown: the most frequent display
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]

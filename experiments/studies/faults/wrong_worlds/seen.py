@@ -27,8 +27,8 @@ class Seen:
     """Frames of a tracker.
 
     exposed_s: exposure times [s], (n,); stated_s: by the tracker's clock; arrive_s: arrival of the lines
-    nodes: of the marks; places: measured positions [m], (n, n_marks, dim); shown: which are visible, (n, n_marks)
-    middle: of the body as drawn [m], (dim,)
+    nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim); shown: whether visible, (n, n_marks)
+    middle: centre of the body as drawn [m], (dim,)
     """
 
     exposed_s: Floats
@@ -40,7 +40,7 @@ class Seen:
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
-        """Which frames are exposed from this time on, for this long [s], (n,)."""
+        """Whether each frame is exposed in this period, from begins_s on for lasts_s [s], (n,)."""
         return (self.exposed_s >= begins_s) & (self.exposed_s < begins_s + lasts_s)
 
 
@@ -48,7 +48,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """The marks on these nodes by a tracker, accurate to `MARK_SD_M`; its clock is right, and no line is late."""
+    """Frames of marks on these nodes by a tracker, accurate to `MARK_SD_M`, with a right clock and without delay."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])
@@ -58,7 +58,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
-    """Arrival of each line on the clock [s], and the line, in the order of arrival; sd_m: as stated [m]."""
+    """Arrival of each line on the clock [s], and the line, in the order of arrival; sd_m: stated sd of marks [m]."""
     axes = AXES[: seen.places.shape[2]]
     lines = []
     for k, arrives_s in enumerate(seen.arrive_s):
@@ -79,16 +79,16 @@ class _Script:
         self._over = threading.Event()
 
     def run(self, _receiver: LiveMarks) -> None:
-        """Wait for its end."""
+        """Wait for the script's end."""
         self._over.wait()
 
     def close(self) -> None:
-        """End it."""
+        """End the script."""
         self._over.set()
 
 
 class ScriptedMarks(LiveMarks):
-    """Live marks with scripted lines. State: the script's clock [s], the lines to come."""
+    """Live marks with scripted lines. State: the script's clock [s], the remaining lines."""
 
     def __init__(self, scene: Scene, lines: list[tuple[float, bytes]]) -> None:
         self.now_s = BEGAN_S
@@ -103,7 +103,7 @@ class ScriptedMarks(LiveMarks):
         return self._at_end or super().ended
 
     def next(self, timeout_s: float) -> MarksFrame | None:
-        """The newest frame that came until now, or the first within timeout_s [s]."""
+        """The newest frame that has come, or the first that comes within timeout_s [s]."""
         until_s = self.now_s + timeout_s
         while self._to_come and self._to_come[0][0] <= self.now_s:
             self.take_line(self._to_come.popleft()[1])
@@ -119,6 +119,6 @@ class ScriptedMarks(LiveMarks):
         return frame
 
     def close(self) -> None:
-        """End the script, and whatever waits for it."""
+        """End the script, and the thread that waits for it."""
         self._script.close()
         super().close()

@@ -15,14 +15,14 @@ MOST = 0.005
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Median error [mm] and coverage [%], as displayed, up to and from which a world without a wrong GO has no own line;
-choice: the first is the marks' noise."""
+"""Largest median error [mm] and least coverage [%] with which a world without a wrong GO has no own line; choice: the
+first is the marks' noise."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each world and body, summed over seeds; error_mm: the median of them."""
+    """A row for each world and body, summed over seeds; error_mm: median over seeds."""
     rows = []
     for (world, body), own in runs.groupby(["world", "body"], sort=False):
         sums = own[SUMS].sum()
@@ -34,7 +34,7 @@ def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def markdown(rows: pd.DataFrame) -> str:
-    """A line for each world, over all bodies; one outside the bound is marked. Harmless ones are named below."""
+    """A line for each world over all bodies, marked if outside the bound. Harmless worlds are named below."""
     lines, harmless = [], []
     for world in WORLDS:
         own = rows[rows["world"] == world]

@@ -22,7 +22,7 @@ Changes = Callable[[Scene, np.random.Generator], MassSpringNetwork]
 """Function that returns the true network of a scene."""
 
 SECOND = {2: [1.0, -0.2], 3: [1.0, -0.2, 0.4]}
-"""Direction of a second breath, by dimension; the first goes upward."""
+"""Direction of a second breath, by dimension; the first breath's direction is upward."""
 
 
 TURNS_S = 4.0
@@ -31,10 +31,10 @@ TURNS_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """Forces on the body: pokes and a breath [m/s²] of the marked nodes; none at 0.
+    """Forces on the body: pokes and a breath of the marked nodes [m/s²]; 0 means none.
 
-    everywhere: the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s. Optional:
-    hidden, the target is poked, too; second, a second breath, of another period and direction
+    everywhere: whether the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s; hidden:
+    whether the target is also poked; second: whether there is a second breath with another period and direction
     """
 
     pokes_m_s2: float = 5.0
@@ -50,7 +50,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Differences of the true body from the scene's, from the first exposure and from the onset [s] on; its forces."""
+    """Differences of the true body from the scene's, from the first exposure on and from the onset on; its forces."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -99,7 +99,7 @@ def _pokes(pushes: Pushes, nodes: list[str]) -> Pokes:
 
 
 def _posture(gravity: Floats, turned_deg: float) -> Posture:
-    """A turn from the gravity of a scene, along an axis, towards the next axis."""
+    """A rotation of a scene's gravity, which is along an axis, towards the next axis."""
     angle = np.radians(turned_deg)
     to = np.cos(angle) * gravity + np.sin(angle) * np.roll(gravity, 1)
     return Posture(from_m_s2=gravity.tolist(), to_m_s2=to.tolist(), start_s=TURNS_S)
