@@ -130,6 +130,7 @@ def continuum_network(
     fixed: NDArray[np.int64],
     points: Mapping[str, Floats],
     *,
+    driven: bool = False,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
     """A network whose nodes are named points of a mesh; the mesh is reduced to modes.
@@ -145,6 +146,8 @@ def continuum_network(
     points : mapping of str to (3,)
         Positions [m] of marks on the surface and of targets inside, by name: the free nodes of the network. Further
         nodes, `wall 1` and so on, show where the body is fixed.
+    driven : bool
+        Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
         As `LEFT_OUT`. For reference, 0 keeps all responses to smooth surface forces, but not all the mesh's modes.
 
@@ -155,7 +158,7 @@ def continuum_network(
     Raises
     ------
     MeshError
-        For a region without a tissue, for no free node, and for a point outside.
+        For a region without a tissue, no free node, a point outside, and a driven wall without nodes.
     """
     if mesh.regions.min() < 0 or mesh.regions.max() >= len(tissues):
         found = f"{mesh.regions.min()} to {mesh.regions.max()}"
@@ -163,6 +166,8 @@ def continuum_network(
     free = np.setdiff1d(np.arange(len(mesh.nodes)), fixed)
     if not len(free):
         raise MeshError("fixed: expected free nodes beside those that are held, found none")
+    if driven and not len(fixed):
+        raise MeshError("driven: expected the nodes of a wall, found none")
     outside = surface(mesh)
     named = points_of(mesh, outside, np.array(list(points.values()), dtype=float).reshape(-1, 3))
     with one_blas_thread():
@@ -181,7 +186,7 @@ def continuum_network(
         rest_lengths=np.empty(0),
         damping=np.empty(0),
         gravity=np.zeros(3),
-        continuum=solid,
+        continuum=solid.with_driven_wall(named.places) if driven else solid,
     )
 
 
@@ -234,6 +239,7 @@ def _continuum(
         tissues=tuple(tissue.name for tissue in tissues),
         mass=total,
         extent_m=extent_m,
+        masses=np.full(len(rates), total),
         shapes=np.asarray(rows @ V),
         rates=rates,
         damping=by_damping.diagonal().copy(),

@@ -23,7 +23,8 @@ class Continuum:
     """A solid that rests as drawn, in modal coordinates, and as matrices condensed to its named points.
 
     A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
-    the whole body. Unit forces are fields of standard deviation 1 m/s², expressed as accelerations of the whole mass.
+    the whole body. If the wall is driven, its rigid motions precede the modes. Unit forces are fields of standard
+    deviation 1 m/s², expressed as accelerations of the whole mass.
 
     Attributes
     ----------
@@ -33,6 +34,8 @@ class Continuum:
         Mass of the whole body [kg].
     extent_m : float
         Diagonal of the box around it [m].
+    masses : (n_modes,)
+        Mass of each mode [kg]; infinite for a motion of a driven wall, which no force changes.
     shapes : (n_free dim, n_modes)
         Displacement of the network's free nodes per modal coordinate [1].
     rates : (n_modes,)
@@ -50,6 +53,7 @@ class Continuum:
     tissues: tuple[str, ...]
     mass: float
     extent_m: float
+    masses: Floats
     shapes: Floats
     rates: Floats
     damping: Floats
@@ -61,6 +65,7 @@ class Continuum:
     def __post_init__(self) -> None:
         n, n_modes = self.shapes.shape
         shapes = {
+            "masses": (n_modes,),
             "rates": (n_modes,),
             "damping": (n_modes,),
             "by_tissue": (len(self.tissues), n_modes, n_modes),
@@ -96,7 +101,7 @@ class Continuum:
 
         (n_free dim, n_free dim)
         """
-        by_modes = (self.shapes / (self.rates + FREE**2)) @ self.shapes.T / self.mass
+        by_modes = (self.shapes / (self.masses * (self.rates + FREE**2))) @ self.shapes.T
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
@@ -120,6 +125,23 @@ class Continuum:
             by_tissue=turn.T @ own @ turn,
             forces=turn.T @ self.forces,
             stiffness=0.5 * (stiffness + stiffness.T),
+        )
+
+    def with_driven_wall(self, places: Floats) -> Continuum:
+        """The continuum on a wall that moves as a rigid body in an unknown way; places of its points [m], (n_free, 3).
+
+        Further modes shift and turn all points with the wall. The inertia of the body on it is an unknown force.
+        """
+        arms = (places - places.mean(axis=0)) / self.extent_m
+        turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T
+        return replace(
+            self,
+            masses=np.r_[np.full(6, np.inf), self.masses],
+            shapes=np.hstack([np.tile(np.eye(3), (len(places), 1)), turns, self.shapes]),
+            rates=np.r_[np.zeros(6), self.rates],
+            damping=np.r_[np.zeros(6), self.damping],
+            by_tissue=np.pad(self.by_tissue, ((0, 0), (6, 0), (6, 0))),
+            forces=np.pad(self.forces, ((6, 0), (0, 0))),
         )
 
     def by_log_stiffness(self, shift: Floats) -> Floats:

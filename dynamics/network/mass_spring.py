@@ -87,6 +87,11 @@ class MassSpringNetwork:
         for key in ("fixed", "springs", "free"):
             getattr(self, key).setflags(write=False)
 
+    @property
+    def is_held(self) -> bool:
+        """Whether anchors hold the body in place: a driven wall does not."""
+        return bool(self.fixed.any()) and (self.continuum is None or bool(np.isfinite(self.continuum.masses).all()))
+
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         return made_again(self)
 

@@ -40,7 +40,7 @@ class TargetMap:
     point: the mapped point; matrix [1], (dim, n_free dim); constant [m], (dim,): offset plus the anchors' share
     error_rows: states that estimate the error of the offset; None where the offset is exact
     reached_m2: variance of each coordinate [m²] if only the largest distance of the target's nodes from their anchors
-        is known (without anchors: from the farthest node); held: whether the body has anchors
+        is known (without anchors: from the farthest node); held: whether anchors hold the body
     Every state begins with the free coordinates; any other states may follow. A state of the network alone contains no
     error of the offset.
     """
@@ -127,6 +127,6 @@ def target_map(network: MassSpringNetwork, target: str | TargetPoint, error_rows
     weights = matrix[0].reshape(-1, network.dim)[:, 0]
     reach = float(np.abs(weights) @ reaches(network)[network.free])
     if error_rows is None or error_rows.start == error_rows.stop:
-        return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2), bool(fixed))
+        return TargetMap(point, matrix, offset, reach**2 / (network.dim + 2), network.is_held)
     reached_m2 = reach**2 / (network.dim + 2) + point.sd_m**2
-    return TargetMap(point, matrix, offset, reached_m2, bool(fixed), error_rows)
+    return TargetMap(point, matrix, offset, reached_m2, network.is_held, error_rows)

@@ -67,6 +67,7 @@ class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
     marks: their number, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
+    driven: whether the wall, `fixed`, moves
     """
 
     path: Path
@@ -78,6 +79,7 @@ class MeshChoice:
     target_sd_mm: float | None = None
     field: str | None = None
     regions: tuple[str, ...] = ()
+    driven: bool = False
 
 
 def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Template:
@@ -102,7 +104,9 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
-    assumed = _scene(content, of, mesh_table(FILE, fixed, dict(enumerate(tissues.tissues)), points), marks)
+    assumed = _scene(
+        content, of, mesh_table(FILE, fixed, dict(enumerate(tissues.tissues)), points, driven=of.driven), marks
+    )
     rng = np.random.default_rng(seed)
     actual = replace(
         tissues,
@@ -117,7 +121,9 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     )
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn here: `insert` draws no other
-    truth = _scene(content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points), marks)
+    truth = _scene(
+        content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points, driven=of.driven), marks
+    )
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "

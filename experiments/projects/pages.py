@@ -68,6 +68,7 @@ MESH_KEYS = {
     "file": "tetrahedra at rest, by softaim new",
     "sha256": "of that file",
     "fixed": 'the nodes that are held, "y < 6" in mm, "region 3" or "wall"; left out: none',
+    "driven": "the wall moves as a rigid body, in an unknown way",
     "region": "number of the tissue in the file",
     "young_kpa": "Young's modulus, from a test: softaim identify hardly determines it",
     "poisson": "Poisson's ratio, up to 0.495",

@@ -128,8 +128,9 @@ def _motion(done: SceneCheck) -> str:
     parts = [f"lowest frequencies {', '.join(named)}"] if named else ["no oscillations"]
     if len(motion.decays_s):
         parts.append(f"non-oscillating motions decay to 1/e within {motion.decays_s[0]:.2g} s")
-    if not done.scene.network.fixed.any():
-        parts.append("without anchors the body can drift and turn as a whole")
+    if not done.scene.network.is_held:
+        loose = "with its wall" if done.scene.network.fixed.any() else "without anchors"
+        parts.append(f"{loose} the body can drift and turn as a whole")
     if _has_friction(done):
         parts.append("dry friction is neglected")
     return "; ".join(parts)

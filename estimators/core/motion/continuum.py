@@ -48,10 +48,10 @@ class ContinuumSpan(Span):
         drawn = network.positions[network.free].reshape(-1, 1)
         masses = np.repeat(network.masses[network.free], network.dim)
         r = len(solid.rates)
-        white = np.r_[0.0, np.full(r, np.sqrt(network.dim / r))]
-        onto = np.vstack([np.zeros((1, len(drawn))), solid.shapes.T * masses / solid.mass])
+        white = np.r_[0.0, np.where(np.isinf(solid.masses), 1.0, np.sqrt(network.dim / r))]
+        onto = np.vstack([np.zeros((1, len(drawn))), solid.shapes.T * masses / solid.masses[:, None]])
         matrix = np.hstack([drawn, solid.shapes])
-        return cls(matrix, onto, np.full(1 + r, solid.mass), white)
+        return cls(matrix, onto, np.r_[solid.mass, solid.masses], white)
 
     def coordinates(self, places: Floats) -> Floats:
         """Coordinates (n,) that best fit positions of all nodes [m], (n_full,)."""

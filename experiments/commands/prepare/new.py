@@ -10,7 +10,7 @@ import typer
 from experiments.commands.options import Force
 from experiments.commands.run import Answer, Run
 
-OF_MESH = ("--unit", "--size-mm", "--fixed", "--marks", "--target", "--target-sd-mm", "--field", "--region")
+OF_MESH = ("--unit", "--size-mm", "--fixed", "--driven", "--marks", "--target", "--target-sd-mm", "--field", "--region")
 
 
 def new(
@@ -51,6 +51,7 @@ def new(
         str | None,
         typer.Option("--fixed", help='With --mesh: fixed nodes, as "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
+    driven: Annotated[bool, typer.Option("--driven", help="With --fixed: the wall moves.")] = False,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
@@ -93,6 +94,7 @@ def new(
             target_sd_mm,
             field,
             tuple(region or ()),
+            driven,
         )
     with run.folder(folder, force=force, inputs=[nodes, springs, mesh]) as work:
         made = project(

@@ -150,7 +150,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
     """Reflections and rotations with any scale and shift, for an anchored body and marks that are not collinear."""
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
-    if not scene.network.fixed.any() or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
+    if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return
     about = seen - seen.mean(axis=0)
     for axes in _axes(seen.shape[1]):

@@ -42,7 +42,8 @@ class SceneMesh:
     """The mesh of a scene.
 
     file: name of the mesh file, beside the scene's file; content: its bytes
-    fixed: selection of the fixed nodes, see `held`; None: no node is fixed
+    fixed: selection of the wall's nodes, see `held`; None: no wall
+    driven: whether the wall moves, as a rigid body in an unknown way
     tissues, regions: each tissue and the number of its region, (n_tissues,)
     points: names and positions [m] of marks and target
     stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): compared to find a network's factors
@@ -51,6 +52,7 @@ class SceneMesh:
     file: str
     content: bytes
     fixed: str | None
+    driven: bool
     tissues: tuple[Tissue, ...]
     regions: tuple[int, ...]
     points: tuple[tuple[str, tuple[float, ...]], ...]
@@ -79,7 +81,7 @@ class SceneMesh:
     def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
         """`[mesh]` with the tissues of a network of this mesh, and further points [m]."""
         tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
-        return mesh_table(self.file, self.fixed, tissues, [*self.points, *further])
+        return mesh_table(self.file, self.fixed, tissues, [*self.points, *further], driven=self.driven)
 
 
 def _traces(network: MassSpringNetwork) -> Floats:
@@ -106,6 +108,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     key = {
         "mesh": sha256,
         "fixed": table.fixed,
+        "driven": table.driven,
         "regions": [one.region for one in table.tissue],
         "tissues": tissue_key(tissues),
         "points": [[point.name, point.position_mm] for point in table.point],
@@ -114,7 +117,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
     regions = tuple(one.region for one in table.tissue)
     places = tuple((name, tuple(place.tolist())) for name, place in points.items())
     name = PurePath(table.file).name
-    return SceneMesh(name, content, table.fixed, tissues, regions, places, _traces(network)), network
+    return SceneMesh(name, content, table.fixed, table.driven, tissues, regions, places, _traces(network)), network
 
 
 def outside_m(mesh: SceneMesh, places: Floats) -> Floats:
@@ -153,11 +156,14 @@ def mesh_table(
     fixed: str | None,
     tissues: Mapping[int, Tissue],
     points: Sequence[tuple[str, Sequence[float] | Floats]],
+    *,
+    driven: bool = False,
 ) -> MeshTable:
     """`[mesh]` with tissues by region, and points [m] by name; rounded to six digits and 0.1 µm."""
     return MeshTable(
         file=file,
         fixed=fixed,
+        driven=driven,
         tissue=[
             MeshTissueTable(
                 name=one.name,
@@ -186,13 +192,15 @@ def _made(
 ) -> MassSpringNetwork:
     """The network of the points; raises SceneError."""
     own = _numbered(of, table)
+    if table.driven and table.fixed is None:
+        raise SceneError("mesh.driven: expected the wall that moves in mesh.fixed, found none")
     try:
         fixed = np.empty(0, dtype=np.int64) if table.fixed is None else held(of, table.fixed)
     except ValueError as error:
         raise SceneError(f"mesh.fixed: {error}") from None
     try:
         _check_apart(own, points)
-        return continuum_network(own.mesh, tissues, fixed, points, left_out=left_out)
+        return continuum_network(own.mesh, tissues, fixed, points, driven=table.driven, left_out=left_out)
     except MeshError as error:
         raise SceneError(_placed(of, points) or f"mesh: {error}") from None
 
@@ -239,7 +247,10 @@ def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
     """`[mesh]` of a scene file, line by line, with the stiffness of a network of this mesh."""
     sha256 = hashlib.sha256(mesh.content).hexdigest()
-    lines = ["[mesh]", *key_lines({"file": mesh.file, "sha256": sha256, "fixed": mesh.fixed})]
+    lines = [
+        "[mesh]",
+        *key_lines({"file": mesh.file, "sha256": sha256, "fixed": mesh.fixed, "driven": mesh.driven or None}),
+    ]
     for tissue, region in zip(mesh.tissues_of(network), mesh.regions, strict=True):
         keys = {
             "young_kpa": 1e-3 * tissue.young_pa,

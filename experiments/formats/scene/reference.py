@@ -76,6 +76,8 @@ class Reference:
             raise SceneError(f"{key}.node: {no_node(mark.node, network.names)}")
         elif not network.fixed[network.index(mark.node)]:
             raise SceneError(f"{key}.node: expected an anchor, which is fixed, found the mass {shown(mark.node)}")
+        elif not network.is_held:
+            raise SceneError(f"{key}.node: expected position_mm on the rig, found {shown(mark.node)}, on a driven wall")
 
     def _check_look(self, key: str, mark: ReferenceMark, marks: Sequence[Mark]) -> None:
         if mark.look is None:

@@ -89,12 +89,13 @@ class MeshPointTable(Strict):
 class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
-    fixed: selection of the fixed nodes, see `held`
+    fixed: selection of the wall's nodes, see `held`; driven: whether the wall moves, as a rigid body
     """
 
     file: Name
     sha256: Name | None = None
     fixed: Name | None = None
+    driven: bool = False
     tissue: Annotated[list[MeshTissueTable], Field(min_length=1)]
     point: Annotated[list[MeshPointTable], Field(min_length=1)]
 

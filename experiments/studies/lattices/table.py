@@ -8,15 +8,14 @@ import pandas as pd
 
 from dynamics.lattices import STRUCTURES
 from experiments.studies.grid import markdown_table
-from experiments.studies.lattices.boxes import AXES, MATERIAL, METHODS, PLANES
+from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES
 
 WORDS = {
     "van_gelder": "Van Gelder",
     "lloyd": "Lloyd",
     "fitted": "fitted to other boxes",
-    "own": "fitted to the box",
 }
-"""Methods in words, by name."""
+"""Methods in words, by name; factors fitted to the box itself have no error."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -56,7 +55,7 @@ def tables(means: pd.DataFrame) -> dict[str, str]:
         alignment = f"{true.alignment:.2f}" if true.share else ""
         young = [_listed(one, YOUNG[:3]) for one in (true, found)]
         entries.append((kind, tissues, alignment, *young))
-        own = [means.loc[(kind, name)] for name in METHODS]
+        own = [means.loc[(kind, name)] for name in WORDS]
         errors.append((kind, *(f"{100 * one.largest_mean_error:.1f}, {100 * one.largest_error:.1f}" for one in own)))
         limits.append((kind, *(_listed(one, part) for part in PARTS.values() for one in (true, found))))
     return {

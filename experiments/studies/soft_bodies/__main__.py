@@ -55,8 +55,8 @@ def markdown(found: Sequence[dict[str, Any]]) -> str:
     rows = []
     for one in found:
         figures = [f"{100 * one[key]:.0f} %" if key == "covered" else f"{one[key]:.2f}" for key in FIGURES]
-        rows.append((one["body"], str(one["n"]), *figures))
-    return markdown_table(("body", "recordings", *FIGURES.values()), rows)
+        rows.append((one["body"], *figures))
+    return markdown_table(("body", *FIGURES.values()), rows)
 
 
 @command

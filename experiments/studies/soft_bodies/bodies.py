@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import RBFInterpolator
+from scipy.spatial.transform import Rotation
 
 from dynamics import MassSpringNetwork
 from dynamics.elements import continuum_network
@@ -28,6 +31,12 @@ PRESS = 0.02
 
 TRUTH, GIVEN = (11, 8), (10, 7)
 """Numbers of cells of the breast, across and in depth, in the truth and in the filter's mesh."""
+
+WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
+"""Motion of a moving wall: a shift [m] and a turn (range) with each breath, and a shift within a second [m]."""
+
+GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
+"""Gravity on a moving wall, and the step of differences in time [s]; numerical."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
@@ -73,18 +82,70 @@ def soft_block(per_side: int, seed: int) -> Recording:
     return Recording(network, names[:-1], body.times_s, body.positions[:, shown])
 
 
-def breast(seed: int) -> Recording:
-    """A breathing breast of neo-Hookean elements; its skin is pushed on smaller and larger areas."""
+def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, moves: bool = False) -> Recording:
+    """A breathing breast of neo-Hookean elements; its skin is pushed on smaller and larger areas.
+
+    wall: of the filter's model; moves: whether the true wall moves
+    """
+    times_s = np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
+    points, places, moduli = _breast(seed, moves, tuple(times_s))
+    given, held = breast_mesh(*GIVEN)
+    tissues = tuple(replace(tissue, young_pa=young_pa) for tissue, young_pa in zip(TISSUES, moduli, strict=True))
+    drawn = dict(zip(points, places[0], strict=True))
+    nodes = held if wall != "none" else np.empty(0, dtype=np.int64)
+    network = continuum_network(given, tissues, nodes, drawn, driven=wall == "driven")
+    return Recording(network, points[:-1], times_s, places)
+
+
+@cache
+def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[str, ...], Floats, list[float]]:
+    """Names of the points, their true positions [m], (n_frames, n, 3), and the filter's moduli [Pa]."""
     rng = np.random.default_rng([seed, 2])
     mesh, wall = breast_mesh(*TRUTH)
     points = breast_points(mesh, wall, N_MARKS)
     nodes = [int(np.linalg.norm(mesh.nodes - place, axis=1).argmin()) for place in points.values()]
-    times_s = np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
-    places = motion(mesh, list(TISSUES), wall, times_s, _loads(mesh, wall, rng))[:, nodes]
-    given, held = breast_mesh(*GIVEN)
-    tissues = tuple(replace(tissue, young_pa=_given(rng, tissue.young_pa)) for tissue in TISSUES)
-    network = continuum_network(given, tissues, held, dict(zip(points, mesh.nodes[nodes], strict=True)))
-    return Recording(network, tuple(points)[:-1], times_s, places)
+    load = _loads(mesh, wall, rng)
+    moduli = [_given(rng, tissue.young_pa) for tissue in TISSUES]
+    if not moves:
+        return tuple(points), motion(mesh, list(TISSUES), wall, np.array(times_s), load)[:, nodes], moduli
+    pose = _pose(np.random.default_rng([seed, 4]))
+    masses = _masses(mesh)
+
+    def on_wall(time_s: float) -> Floats:
+        """Load and inertial forces in the wall's frame, without Coriolis forces."""
+        before, now, after = (pose(time_s + step) for step in (-INSTANT_S, 0.0, INSTANT_S))
+        acceleration = sum(k * (mesh.nodes @ turn.T + x) for k, (turn, x) in ((1, before), (-2, now), (1, after)))
+        pull = (GRAVITY_M_S2 - acceleration / INSTANT_S**2) @ now[0] - GRAVITY_M_S2
+        return load(time_s) + masses[:, None] * pull
+
+    places = motion(mesh, list(TISSUES), wall, np.array(times_s), on_wall)[:, nodes]
+    for now, time_s in zip(places, times_s, strict=True):
+        turn, shift = pose(time_s)
+        now[:] = now @ turn.T + shift
+    return tuple(points), places, moduli
+
+
+def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
+    """Turn and shift [m], (3,), of a wall at a time [s]: a breath away from the body, and a shift within a second."""
+    along, axis, aside = rng.normal(size=(3, 3))
+    along = 0.3 * along + [0.0, 0.0, 1.0]
+    breath, shift = WALL_BREATH_M * along / np.linalg.norm(along), WALL_SHIFT_M * aside / np.linalg.norm(aside)
+    turn, hz, start = (
+        rng.uniform(*WALL_TURN_RAD) * axis / np.linalg.norm(axis),
+        rng.uniform(*BREATH_HZ),
+        rng.uniform(3, 6),
+    )
+
+    def pose(time_s: float) -> tuple[Floats, Floats]:
+        share, since = 0.5 - 0.5 * np.cos(2.0 * np.pi * hz * time_s), np.clip(time_s - start, 0.0, 1.0)
+        moved = since**3 * (10.0 - 15.0 * since + 6.0 * since**2)
+        return Rotation.from_rotvec(share * turn).as_matrix(), share * breath + moved * shift
+
+    return pose
+
+
+def _masses(mesh: TetMesh) -> Floats:
+    return lumped_masses(mesh, np.array([tissue.density_kg_m3 for tissue in TISSUES])[mesh.regions])
 
 
 def _given(rng: np.random.Generator, young_pa: float) -> float:
@@ -97,8 +158,7 @@ def _loads(mesh: TetMesh, wall: NDArray[np.int64], rng: np.random.Generator) -> 
     skin = outside.nodes[~np.isin(outside.nodes, wall)]
     areas = np.zeros(len(mesh.nodes))
     areas[outside.nodes] = outside.areas
-    densities = np.array([tissue.density_kg_m3 for tissue in TISSUES])
-    masses = lumped_masses(mesh, densities[mesh.regions])
+    masses = _masses(mesh)
     along = rng.normal(size=3) + np.array([0.0, 2.0, 0.0])
     breath = rng.uniform(*BREATH_M_S2) * np.outer(masses, along / np.linalg.norm(along))
     hz, pushes, start = rng.uniform(*BREATH_HZ), [], float(rng.uniform(0.5, 1.5))
@@ -127,5 +187,9 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "block, 343 nodes": lambda seed: soft_block(7, seed),
     "block, 1,000 nodes": lambda seed: soft_block(10, seed),
     "breast": breast,
+    "breast, driven": lambda seed: breast(seed, "driven"),
+    "moving breast, driven": lambda seed: breast(seed, "driven", moves=True),
+    "moving breast, fixed": lambda seed: breast(seed, moves=True),
+    "moving breast, free": lambda seed: breast(seed, "none", moves=True),
 }
 """Functions that create a body from a seed, by its name in the outputs."""

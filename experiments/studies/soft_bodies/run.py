@@ -49,9 +49,9 @@ def run(job: Case) -> dict[str, float]:
 
 
 def _spline(case: Recording, seen: Floats) -> Floats:
-    """Position of the target by a thin-plate spline of the displacement of marks and wall, (n_frames, 3) [m]."""
+    """Position of the target by a thin-plate spline of the displacement of marks and fixed wall, (n_frames, 3) [m]."""
     drawn, network = case.positions[0], case.network
-    wall = network.positions[network.fixed]
+    wall = network.positions[network.fixed & network.is_held]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]
     return np.asarray(drawn[-1] + np.einsum("k,tkd->td", weights[: len(case.marked)], seen - drawn[:-1]))
 

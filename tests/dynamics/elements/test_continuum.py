@@ -8,6 +8,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import eigsh, spsolve
+from scipy.spatial.transform import Rotation
 from scipy.special import gamma, kv
 
 from dynamics import Stepper, parameter_forces, parameters, reaches, rest_shape, scale_parameters, state_matrix
@@ -163,6 +164,7 @@ def test_steps_follow_the_equations_of_motion(network, driven):
             {"points": {"far": np.array([0.1, 0.02, 0.02])}},
             r"points: expected each inside the mesh or near its surface, found \[100",
         ),
+        ({"fixed": np.empty(0, dtype=int), "driven": True}, "driven: expected the nodes of a wall, found none"),
         ({"points": "wall"}, r"points: expected each where the mesh moves, found \["),
     ],
 )
@@ -173,7 +175,25 @@ def test_what_cannot_be_is_an_error(mesh, fixed, change, message):
     if isinstance(given["points"], str):
         given["points"] = POINTS | {"held": mesh.nodes[fixed[0]]}
     with pytest.raises(MeshError, match=message):
-        continuum_network(mesh, given["tissues"], given["fixed"], given["points"])
+        continuum_network(mesh, **given)
+
+
+def test_a_driven_wall_moves_the_body_as_a_whole_and_no_force_moves_it(mesh, fixed, network):
+    """Truth: a turn of a hundredth about an axis, to its square; else the network with a fixed wall."""
+    driven = continuum_network(mesh, (FAT, GLAND), fixed, POINTS, driven=True)
+    solid, rest = driven.continuum, driven.positions[driven.free]
+    turned = np.array([0.03, 0.01, 0.0]) + Rotation.from_rotvec([0.006, 0.0, -0.008]).apply(rest)
+    found = np.linalg.lstsq(solid.shapes[:, :6], (turned - rest).ravel(), rcond=None)[0]
+    np.testing.assert_allclose(solid.shapes[:, :6] @ found, (turned - rest).ravel(), atol=1e-5)
+    np.testing.assert_array_equal(solid.shapes[:, 6:], network.continuum.shapes)
+    np.testing.assert_allclose(solid.residual, network.continuum.residual, rtol=1e-9)
+    assert not solid.forces[:6].any()
+    scaled = scale_parameters(driven, parameters(driven)[1:], [np.log(2.0)]).continuum
+    fixed_wall = scale_parameters(network, parameters(network)[1:], [np.log(2.0)]).continuum
+    np.testing.assert_allclose(scaled.rates, np.r_[np.zeros(6), fixed_wall.rates], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(scaled.residual, fixed_wall.residual, rtol=1e-6, atol=1e-12)
+    assert network.is_held
+    assert not driven.is_held
 
 
 def test_a_network_has_either_springs_or_a_continuum(network):

@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
 
 from dynamics import ParameterUncertainty, parameters
 from dynamics.elements import continuum, continuum_network
@@ -296,6 +297,36 @@ def test_a_force_is_smooth_in_time(process):
         force = noise[-2 * k :, -2 * k :]
         added.append(force[0, 0] + force[k, k] - 2.0 * force[0, k])
     assert added[0] / added[1] == pytest.approx(8.0, rel=0.05)
+
+
+def test_a_wall_that_moves_is_followed_apart_from_what_bends_the_body(network, truth):
+    """Truth: that of above until it is pressed, on a wall that breathes by 10 mm and turns by 3 degrees."""
+    mesh, which, rng = block((8, 6, 4), SIZE), parameters(network), np.random.default_rng(5)
+    driven = continuum_network(mesh, (FAT,), held(mesh), MARKS | {"target": TARGET}, driven=True)
+    each = [
+        TissueFilter(body, "target", list(MARKS), uncertainty=ParameterUncertainty(which, [[0.4]]))
+        for body in (driven, network)
+    ]
+    errors, nees = [], []
+    for k, bent in enumerate(truth[:33]):
+        share = 0.5 - 0.5 * np.cos(2.0 * np.pi * 0.4 * (k + 1) * HZ)
+        turn = Rotation.from_rotvec(share * np.array([0.03, 0.04, 0.0]))
+        now = turn.apply(bent) + share * np.array([0.0, 0.006, 0.008])
+        marks = [
+            MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
+            for name, place in zip(MARKS, now, strict=False)
+        ]
+        for tissue in each:
+            tissue.predict((k + 1) * HZ)
+        found = [tissue.update(marks) for tissue in each]
+        errors.append([one.mean - now[-1] for one in found])
+        nees.append(normalised_error_squared(errors[-1][0][None], found[0].cov[None])[0])
+    rms = np.sqrt((np.array(errors)[10:] ** 2).sum(axis=2).mean(axis=0))
+    assert not each[0].process.span.onto[1:7].any()  # a known force moves no wall
+    assert found[0].status is Status.TRACKING
+    assert rms[0] < 6e-4
+    assert rms[0] < 0.3 * rms[1]
+    assert np.mean(nees[10:]) < 2.0 * 3.0
 
 
 def test_a_body_that_nothing_holds_is_followed_as_it_drifts():

@@ -10,7 +10,14 @@ from experiments.errors import InputError
 from experiments.formats.mesh.body import tetrahedra
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
 from experiments.formats.scene.mesh import with_line
-from experiments.formats.scene.scene import network_digest, read_scene, scene_digest, usable_scene, write_scene
+from experiments.formats.scene.scene import (
+    network_digest,
+    read_scene,
+    scene_digest,
+    scene_text,
+    usable_scene,
+    write_scene,
+)
 from tests.experiments.formats.mesh.shapes import box
 from tests.experiments.rows import complaint, rows
 
@@ -107,6 +114,21 @@ def test_it_is_written_with_its_mesh_and_means_the_same(tmp_path: Path) -> None:
     assert texts[0] == texts[1]
 
 
+def test_a_driven_wall_is_read_and_written(tmp_path: Path) -> None:
+    still = read_scene(folder(tmp_path))
+    scene = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"x < 5"\ndriven = true')))
+    assert still.network.is_held
+    assert not scene.network.is_held
+    assert network_digest(scene) != network_digest(still)
+    write_scene(scene, tmp_path / "again.toml")
+    again = read_scene(tmp_path / "again.toml")
+    assert scene_digest(again) == scene_digest(scene)
+    np.testing.assert_array_equal(again.network.continuum.shapes, scene.network.continuum.shapes)
+    text = scene_text(scene) + '\n[[reference.mark]]\nname = "wall 1"\nnode = "wall 1"\n'
+    (tmp_path / "marked.toml").write_text(text, encoding="utf-8")
+    assert "reference.mark[0].node: expected position_mm on the rig" in complaint(read_scene, tmp_path / "marked.toml")
+
+
 def test_a_scaled_tissue_is_written_with_its_stiffness(tmp_path: Path) -> None:
     """As identification scales it: 1.5 times as stiff a gland is one of 9.75 kPa."""
     scene = read_scene(folder(tmp_path))
@@ -124,6 +146,8 @@ FAULTS = r"""
 file = "mesh.npz" | file = "none.npz" | {folder}/none.npz: expected the file of the scene's mesh, found no
 file = "mesh.npz" | file = "mesh.npz"\nsha256 = "0" | {folder}/mesh.npz: expected the mesh of SHA-256 0…, as
 "x < 5" | "x < -5" | mesh.fixed: expected 3 nodes or more, and not all, found 0 of 80; x is 0 to 40 mm
+fixed = "x < 5" | driven = true | mesh.driven: expected the wall that moves in mesh.fixed, found none
+fixed = "x < 5" | fixed = "x < 5"\ndriven = 1 | mesh.driven: expected true or false, found 1
 region = 7 | region = 4 | mesh.tissue[1].region: expected a unique region, found that of mesh.tissue[0]
 region = 7 | region = 8 | mesh.tissue[1].region: expected a region of the mesh, 4, 7, found 8
 region = 7 | region = 7.5 | mesh.tissue[1].region: expected a whole number, found 7.5

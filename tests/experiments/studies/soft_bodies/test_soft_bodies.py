@@ -74,7 +74,7 @@ def test_the_study_writes_means_over_recordings(monkeypatch, tmp_path, capsys):
     study.main(["--out", str(tmp_path), "--seeds", "2", "--bodies", "breast", "--processes", "1"])
     row = json.loads((tmp_path / "summary.json").read_text())["rows"]
     assert [(one["body"], one["n"], one["filter_mm"]) for one in row] == [("breast", 2, 20.5)]
-    assert "| breast | 2 |" in capsys.readouterr().out == (tmp_path / "table.md").read_text()
+    assert "| breast | 20.50 |" in capsys.readouterr().out == (tmp_path / "table.md").read_text()
 
 
 def stand_in(case):
