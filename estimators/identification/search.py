@@ -140,7 +140,7 @@ def followed(at: At, start: Floats, unit: Floats) -> Optimum | None:
 
 
 def from_starts(found: Iterable[Optimum | None]) -> list[Optimum]:
-    """Results of the starts in order, up to the first without time. Raises OutOfTimeError if there is no result."""
+    """Results of the starts in order, until one ran out of time. Raises OutOfTimeError if there is no result."""
     in_time: list[Optimum] = []
     for optimum in found:
         if optimum is None:

@@ -1,4 +1,4 @@
-"""Checked files: scenes, recordings, scenarios, needles, plans, tables.
+"""Reads, checks and writes files: scenes, recordings, scenarios, needles, plans, tables.
 
 A new format belongs here; it is written with `outputs.py`.
 """

@@ -89,7 +89,7 @@ class Lens:
 
 
 def by_calibration(lens: Lens, pose: Pose, points_m: Floats) -> Floats:
-    """Derivative of the projections of points [m], (n, 3), with respect to lens and pose [px], (n, 2, 15).
+    """Derivative [px], (n, 2, 15), of the projections of points [m], (n, 3), with respect to lens and pose.
 
     The order is that of `Calibration.uncertainty`: fx fy cx cy k1 k2 p1 p2 k3, rotation from the left, translation.
     """

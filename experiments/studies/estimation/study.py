@@ -160,7 +160,7 @@ def identified(study: Study) -> dict[str, Row]:
 
 
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """One phantom with wrong constants, identified from a calibration recording, then tracked in all scenarios."""
+    """Rows of one phantom: its wrong constants are identified from a calibration, then all scenarios are tracked."""
     seed = case["seed"]
     model = perturbed(seed, CONSTANT_SDS)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)

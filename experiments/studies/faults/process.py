@@ -256,7 +256,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Last times of estimates, advice and pictures, in the film's time [s]."""
+        """Times [s] of the last estimate, advice and picture, on the film's clock."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

@@ -16,7 +16,7 @@ FLAT = 1e-3
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:
-    """Hidden nodes by the paper's method [m], (n_frames, n_hidden, dim); None without an initial shape."""
+    """Hidden nodes' positions [m], (n_frames, n_hidden, dim), by the paper's method; None without an initial shape."""
     try:
         method = OpenLoop(network, body.hidden[0])
     except NetworkError:
