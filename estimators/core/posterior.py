@@ -97,7 +97,7 @@ class TissuePosterior:
         self.log_likelihood, self._nis = 0.0, 0.0
         self.rejected, self.repairs = Counter[str](), Counter[str]()
         self._updated_s: float | None = None
-        self._refuted = 0
+        self._refuted_s = -np.inf
         self._placed: Floats | None = None
         self._far_fix: Outlying | None = None
         self._model_only_m2 = self.settings.model_only_share * self.tissue_m2(self.place_of(self.target)[1])

@@ -29,8 +29,8 @@ from estimators.tissue.gate import Outlying, confirmed
 from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
-REFUTED = 8
-"""Number of marks in frames of outliers only, at least two frames, after which the filter restarts; choice."""
+REFUTED_S = 0.5
+"""Time since a first frame of outliers only, times the number of marks, at which the filter restarts [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
 """Longest step of predictions ahead of the marks, and under a known force [s]; numerical. Else one step per frame."""
@@ -46,7 +46,7 @@ class FilterSnapshot:
     time_s: float | None
     filter: Mapping[str, Any] | None
     health: Health
-    refuted: int
+    refuted_s: float
     far_fix: Outlying | None
     seen_s: dict[str, float]
     updated_s: float | None
@@ -59,7 +59,7 @@ class FilterSnapshot:
 
     def without_marks(self) -> FilterSnapshot:
         """A copy of the snapshot without the effect of marks."""
-        return replace(self, filter=None, health=Health(), refuted=0, far_fix=None, placed=None)
+        return replace(self, filter=None, health=Health(), refuted_s=-np.inf, far_fix=None, placed=None)
 
 
 class TissueFilter(TissuePosterior):
@@ -92,7 +92,7 @@ class TissueFilter(TissuePosterior):
             self.filter.means[:, self.process.parts["position"]] = self._placed
         if self.health.status is not Status.DIVERGED:
             self.filter.means[:, own], self.filter.covs[:, own[:, None], own] = mean, cov
-        self._refuted = 0
+        self._refuted_s = -np.inf
         self.repairs[repair] += 1
 
     def snapshot(self) -> FilterSnapshot:
@@ -101,7 +101,7 @@ class TissueFilter(TissuePosterior):
             self.time_s,
             self.filter.state(),
             self.health,
-            self._refuted,
+            self._refuted_s,
             self._far_fix,
             self._seen_s.copy(),
             self._updated_s,
@@ -117,7 +117,7 @@ class TissueFilter(TissuePosterior):
         """Reset the state to a snapshot."""
         self.begin() if then.filter is None else self.filter.resume(then.filter)
         self.time_s, self.health, self._far_fix = then.time_s, then.health, then.far_fix
-        self._seen_s, self._updated_s, self._refuted = then.seen_s.copy(), then.updated_s, then.refuted
+        self._seen_s, self._updated_s, self._refuted_s = then.seen_s.copy(), then.updated_s, then.refuted_s
         self.rejected, self.repairs = then.rejected.copy(), then.repairs.copy()
         self.open_loop.cov, self.log_likelihood = then.open_loop_cov, then.log_likelihood
         self.residual_m, self._placed = then.residual_m, then.placed
@@ -235,7 +235,7 @@ class TissueFilter(TissuePosterior):
         before = self.health.status
         starting = self.health.since_s is None or before is Status.LOST
         if marks and before is Status.LOST:
-            self._restart("restarted", as_drawn=self._refuted > 0)  # the marks after a restart were refused
+            self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # the marks after a restart were refused
         taken, nis, shift = self._taken(marks, starting=starting)
         self.health = after_frame(self.health, self.time_s, nis, len(taken) * self.network.dim, self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
@@ -264,10 +264,10 @@ class TissueFilter(TissuePosterior):
         self.log_likelihood = 0.0 if starting else self.filter.log_likelihood
         taken = self._inliers(marks)
         if taken:
-            self._refuted = 0
+            self._refuted_s = -np.inf
             return taken, nis, shift
-        self._refuted += len(marks)
-        if self._refuted < REFUTED or self._refuted == len(marks):
+        self._refuted_s = self.time_s if self._refuted_s == -np.inf else self._refuted_s
+        if (self.time_s - self._refuted_s) * len(marks) < REFUTED_S:
             return [], None, shift
         before, self.health = self.health.status, Health(Status.DIVERGED, self.time_s, self.time_s)
         return *self._again(marks, before), shift

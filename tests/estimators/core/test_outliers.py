@@ -9,6 +9,7 @@ from scipy.stats import multivariate_normal
 
 from dynamics import HIDDEN, OUTER
 from estimators import MarkMeasurement, Status, TissueFilter, normalised_error_squared
+from estimators.core import track
 from estimators.core.innovations import Outliers
 from estimators.core.kernels import without_outliers
 from experiments.simulation.bodies.zoo import make_body
@@ -178,8 +179,9 @@ def test_the_mark_of_a_single_node_far_off_is_an_outlier_until_it_stays_there(re
     assert np.trace(found[-1].cov) > 100.0 * np.trace(before)
 
 
-def test_a_restart_may_use_other_marks_than_the_frame_that_led_to_it(resting):
+def test_a_restart_may_use_other_marks_than_the_frame_that_led_to_it(resting, monkeypatch):
     """All marks far off, one of them elsewhere: shares are of the marks that the restart uses."""
+    monkeypatch.setattr(track, "REFUTED_S", 0.05)
     unified, near = resting(OUTER)
     shifts = ([0.12, 0.0], [0.12, 0.0], [-0.3, 0.3])
     far = [replace(mark, position=mark.position + np.array(by)) for mark, by in zip(near, shifts, strict=True)]

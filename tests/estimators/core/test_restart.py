@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from estimators import MarkMeasurement, Status
-from estimators.core import TissueFilter
+from estimators.core import TissueFilter, track
 from tests.networks import build_network
 
 SD_M, LAST = 5e-4, 75
@@ -85,8 +85,9 @@ def test_marks_that_a_restart_refuses_lead_to_one_as_drawn():
     assert found[-1][0] < 2e-3
 
 
-def test_a_body_that_jumps_is_found_with_its_second_frame():
-    """All four marks contradict the prediction; a restart after one frame would follow a glitch."""
+def test_a_body_that_jumps_is_found_with_its_second_frame(monkeypatch):
+    """Four marks contradict the prediction, for 0.13 mark-seconds; a restart after one frame would follow a glitch."""
+    monkeypatch.setattr(track, "REFUTED_S", 0.1)
     followed = Followed(moves=0.0)
     followed.jump_m = 0.1
     found = [followed.frame(LAST + k) for k in range(20)]

@@ -1,6 +1,6 @@
-"""Every option of every command has an effect: on files that are written, or on what the function that works is given.
+"""Every option of every command has an effect: on files, or on what a function is given. Slow functions only note it.
 
-What takes long is replaced by a function that notes what it is given. Rejected options are in bad_input.toml.
+Rejected options are in bad_input.toml.
 """
 
 import shutil
@@ -22,8 +22,7 @@ from tests.experiments.commands.good_files import NODES, SEVERAL, SPRINGS, tree
 from tests.experiments.formats.mesh.shapes import box
 from tests.experiments.rows import rows
 
-OF_ALL = {"--json", "--verbose", "--help"}
-"""Options that every command has; test_run.py is of them."""
+OF_ALL = {"--json", "--verbose", "--help"}  # of every command: test_run.py
 
 EFFECTS = """
 new out | --kind breast | out/scene.toml

@@ -63,7 +63,7 @@ def test_everything_that_the_file_says_is_taken(path):
     plan = read_needle(path, 0.005, 2)
     assert plan.needle.hit is Hit.CORE
     assert astuple(plan.needle)[1:] == pytest.approx((6e-3, 18e-3, 4e-3, 0.4e-3, 0.03))
-    assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 2e-3, 0.4, 0.3)
+    assert plan.settings == AdviceSettings(0.8, 0.1, 0.4, 0.05, 0.15, 0.12, 0.7, 2e-3, 0.4, 0.3)
     assert (plan.insertion.speed_m_s, plan.insertion.depth_m) == (pytest.approx(0.2), pytest.approx(2e-3))
     np.testing.assert_allclose(plan.insertion.entry, [0.0, 0.215])
     np.testing.assert_allclose(plan.insertion.axis, [0.0, -1.0])

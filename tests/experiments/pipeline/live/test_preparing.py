@@ -152,7 +152,7 @@ def test_where_that_process_is_killed_this_one_compiles(kernels, caplog):
     caplog.set_level(logging.WARNING, LOG.name)
     killed = partial(signal.raise_signal, signal.SIGKILL)
     assert prepared(partial(kernels.twice, 3.0), killed, Frames(), Shown())[0] == 6.0
-    assert [f"ended with {-signal.SIGKILL}:" in line for line in caplog.messages] == [True]
+    assert [f"ended with exit code {-signal.SIGKILL}," in line for line in caplog.messages] == [True]
 
 
 def test_others_may_compile_while_a_run_is_prepared(kernels):
