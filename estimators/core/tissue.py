@@ -34,8 +34,8 @@ class TissueProcess:
     """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
     State: position, velocity, force, discrepancy at level 1 [1], constant errors. A force is the acceleration of a
-    marked node, or the factor of a function of the slow field. The position of a point of the body includes its
-    discrepancy: `places`.
+    marked node, or the factor of a function of the slow field. `places` gives positions of points, with the
+    discrepancy.
 
     Parameters
     ----------
