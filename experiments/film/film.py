@@ -33,14 +33,14 @@ class Film:
     def __init__(self, folder: Path, recording: Recording, plan: NeedlePlan | None = None) -> None:
         self.folder, self.plan = folder, plan
         times_s = {one.camera: one.exposures_s for one in recording.films}
-        cameras = film_cameras(recording.scene)
-        self._fps = {name: rate_of(times_s.get(name, recording.exposures_s)) for name in cameras}
+        self._cameras = film_cameras(recording.scene)
+        self._fps = {name: rate_of(times_s.get(name, recording.exposures_s)) for name in self._cameras}
         self.worst = WorstFrames()
         self._writers: dict[str, VideoWriter] = {}
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Draw a frame and append it to the film, or the pictures of several cameras to theirs."""
-        for name, (image, overlay) in pictures_of(frame, line, step, guidance, self.plan).items():
+        for name, (image, overlay) in pictures_of(frame, self._cameras, line, step, guidance, self.plan).items():
             picture = drawn(image, overlay)
             if name not in self._writers:
                 height, width = picture.shape[:2]

@@ -40,7 +40,7 @@ class LiveFilm:
         self.n_dropped = 0
         self.fault: Exception | None = None
         self.written: list[Path] = []
-        cameras = film_cameras(scene)
+        self._cameras = film_cameras(scene)
         if growing.exists():
             raise InputError.at(growing, "no folder of an unfinished film", "one; softaim record --recover joins it")
         self._threads = {
@@ -52,7 +52,7 @@ class LiveFilm:
                 faults=Exception,  # after any error, the run continues without its film
                 failed=self._fail,
             )
-            for name in cameras
+            for name in self._cameras
         }
 
     @property
@@ -62,7 +62,7 @@ class LiveFilm:
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
         """Pass a frame to the threads; the oldest waiting picture of one that is too slow is dropped."""
-        for name, (image, overlay) in pictures_of(frame, line, step, guidance, self.plan).items():
+        for name, (image, overlay) in pictures_of(frame, self._cameras, line, step, guidance, self.plan).items():
             self.n_dropped += self._threads[name].make_room()
             self._threads[name].put((step.estimates[FILTER].time_s, image, overlay))
 

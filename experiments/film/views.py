@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from estimators import Advice, Guidance, MarkMeasurement, Status, TargetEstimate
@@ -70,18 +72,22 @@ def film_cameras(scene: Scene) -> dict[str, PlaneCamera | SpaceCamera]:
 
 
 def pictures_of(
-    frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None, plan: NeedlePlan | None = None
+    frame: AnyFrame,
+    cameras: Mapping[str, PlaneCamera | SpaceCamera],
+    line: Line,
+    step: Step,
+    guidance: Guidance | None = None,
+    plan: NeedlePlan | None = None,
 ) -> dict[str, tuple[Image, Overlay]]:
-    """Each camera's picture in a frame, or a plain background for marks, and its `overlay_of`, as in `film_cameras`."""
+    """Each camera's picture in a frame, or a plain background for marks, and its overlay; cameras: `film_cameras`."""
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
-    cameras = film_cameras(line.scene)
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images
     return {name: (image, overlay_of(line, step, cameras[name], guidance, plan)) for name, image in images.items()}
 
 
 def ground(camera: PlaneCamera | SpaceCamera) -> Image:
-    """The plain background for marks without pictures."""
+    """The plain background for marks without pictures, (height, width, 3) BGR."""
     return np.full((camera.size_px[1], camera.size_px[0], 3), GROUND, dtype=np.uint8)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -104,9 +105,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         raise InputError.at("--target", "a point inside", f"{np.round(1e3 * target, 3)} mm on the surface")
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
-    assumed = _scene(
-        content, of, mesh_table(FILE, fixed, dict(enumerate(tissues.tissues)), points, driven=of.driven), marks
-    )
+    table = partial(mesh_table, FILE, fixed, driven=of.driven)
+    assumed = _scene(content, of, table(dict(enumerate(tissues.tissues)), points), marks)
     rng = np.random.default_rng(seed)
     actual = replace(
         tissues,
@@ -121,9 +121,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     )
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn here: `insert` draws no other
-    truth = _scene(
-        content, exactly, mesh_table(FILE, fixed, dict(enumerate(actual.tissues)), points, driven=of.driven), marks
-    )
+    truth = _scene(content, exactly, table(dict(enumerate(actual.tissues)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "

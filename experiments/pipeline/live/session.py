@@ -313,9 +313,9 @@ class Session:
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
         """Set a tracked needle: tip [m], (dim,), and direction, (dim,). Raises ValueError without a needle."""
-        needle = self._needle()
-        needle.needle_at(tip_m, direction)
-        needle.posed_s = self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
+        advice = self._needle()
+        advice.needle_at(tip_m, direction)
+        advice.posed_s = self._note(Act.NEEDLE, [float(x) for x in (*tip_m, *direction)])
 
     def needle_unseen(self) -> None:
         """Record that the tracked needle is no longer visible. Raises ValueError without a needle."""

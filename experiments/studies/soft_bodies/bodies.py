@@ -126,18 +126,15 @@ def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[s
 
 
 def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
-    """Turn and shift [m], (3,), of a wall at a time [s]: a breath away from the body, and a shift within a second."""
+    """Turn, (3, 3), and shift [m], (3,), of a wall at a time [s]: with each breath, and a shift within a second."""
     along, axis, aside = rng.normal(size=(3, 3))
     along = 0.3 * along + [0.0, 0.0, 1.0]
     breath, shift = WALL_BREATH_M * along / np.linalg.norm(along), WALL_SHIFT_M * aside / np.linalg.norm(aside)
-    turn, hz, start = (
-        rng.uniform(*WALL_TURN_RAD) * axis / np.linalg.norm(axis),
-        rng.uniform(*BREATH_HZ),
-        rng.uniform(3, 6),
-    )
+    turn = rng.uniform(*WALL_TURN_RAD) * axis / np.linalg.norm(axis)
+    hz, start_s = rng.uniform(*BREATH_HZ), rng.uniform(3, 6)
 
     def pose(time_s: float) -> tuple[Floats, Floats]:
-        share, since = 0.5 - 0.5 * np.cos(2.0 * np.pi * hz * time_s), np.clip(time_s - start, 0.0, 1.0)
+        share, since = 0.5 - 0.5 * np.cos(2.0 * np.pi * hz * time_s), np.clip(time_s - start_s, 0.0, 1.0)
         moved = since**3 * (10.0 - 15.0 * since + 6.0 * since**2)
         return Rotation.from_rotvec(share * turn).as_matrix(), share * breath + moved * shift
 
@@ -145,6 +142,7 @@ def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
 
 
 def _masses(mesh: TetMesh) -> Floats:
+    """Lumped masses of the nodes [kg], (n_nodes,)."""
     return lumped_masses(mesh, np.array([tissue.density_kg_m3 for tissue in TISSUES])[mesh.regions])
 
 
