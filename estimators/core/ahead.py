@@ -83,7 +83,8 @@ class AheadTables:
         push: known force on the free nodes [N], constant in each future step, (k - 1, n_free, dim)
         Raises ValueError before the filter's first frame and for a push of another shape.
         """
-        times, means, covs = self._whole(tissue)
+        times = self.times(tissue)
+        _, means, covs = self._moments(tissue, tissue.filter.weights, self.chain)
         return times, means if push is None else means + self.shift(push), covs
 
     def shift(self, push: Floats) -> Floats:
@@ -95,23 +96,25 @@ class AheadTables:
             shifts[step + 1 :] += self.by_push[1 : self.n_times - step] @ force
         return shifts
 
-    def parts(self, tissue: TissuePosterior) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
-        """As `ahead`; also the probability (k,) that no force grows until each time, and the moments in that case.
+    def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
+        """Three nested cases, each with its probability until each time (k,), and the target's moments in that case.
 
-        No force grows if no short force acts and no slow force becomes stronger than it is now.
+        First, no force grows: no short force acts, and no slow force becomes stronger than it is now. Second, no node
+        is led. Third, all cases.
         """
-        calm = np.flatnonzero(tissue.process.disturbances.calm_modes)  # in order of the strength of the slow force
-        weights, kept = np.zeros_like(tissue.filter.weights), np.zeros_like(self.chain)
-        weights[calm] = tissue.filter.weights[calm]
-        kept[np.ix_(calm, calm)] = np.tril(self.chain[np.ix_(calm, calm)])
-        return *self._whole(tissue), *self._moments(tissue, weights, kept)
+        disturbances, weights = tissue.process.disturbances, tissue.filter.weights
+        cases = (disturbances.calm_modes, np.tril(self.chain)), (disturbances.unled_modes, self.chain)
+        found = []
+        for are_kept, chain in cases:
+            kept = np.where(np.outer(are_kept, are_kept), chain, 0.0)
+            found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
+        return [*found, self._moments(tissue, weights, self.chain)]
 
-    def _whole(self, tissue: TissuePosterior) -> tuple[Floats, Floats, Floats]:
+    def times(self, tissue: TissuePosterior) -> Floats:
+        """Times of the tables [s], (k,), from the filter's time on; raises ValueError before its first frame."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
-        weights, times = tissue.filter.weights, self.cycle_s * np.arange(self.n_times, dtype=np.float64)
-        _, means, covs = self._moments(tissue, weights, self.chain)
-        return tissue.time_s + times, means, covs
+        return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
         """Probability (k,) of the mode changes in this part of the chain; mean (k, dim) and covariance given them."""

@@ -6,6 +6,7 @@ narrow with one. So the path is a mixture of two parts: no poke until then, and 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
@@ -187,8 +188,9 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
 @one_blas_thread()
 def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> TargetPath:
     """As `path_by_tables`, at the first n times."""
-    times, means, covs, *part = (each[:n] for each in tables.parts(tissue))
-    return TargetPath(times, means, covs, _parts(means, covs, *part))
+    times, cases = tables.times(tissue)[:n], [tuple(each[:n] for each in case) for case in tables.parts(tissue)]
+    _, means, covs = cases[-1]
+    return TargetPath(times, means, covs, _mixture(cases))
 
 
 def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
@@ -200,18 +202,29 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
     return bool(((springs * at_rest).sum(axis=1) >= np.cos(TURNED) * lengths).all())
 
 
-def _parts(means: Floats, covs: Floats, weights: Floats, own: Floats, own_covs: Floats) -> PathParts:
-    """Mixture of a part, with weight (k,), mean (k, dim), covariance (k, dim, dim), and the rest of the path."""
-    others = 1.0 - weights
-    weights = np.where(others < LEAST_PART, 1.0, np.where(weights < LEAST_PART, 0.0, weights))
-    others = 1.0 - weights
-    w, o = weights[:, None], np.maximum(others, LEAST_PART)[:, None]
-    apart = own - means
-    spread = apart[:, :, None] * apart[:, None, :]
-    left_means = means - w / o * apart
-    left = (covs - w[:, :, None] * (own_covs + spread)) / o[:, :, None] - (w / o)[:, :, None] ** 2 * spread
-    left_means = np.where(others[:, None] > 0.0, left_means, means)
-    left = np.where(others[:, None, None] > 0.0, left, covs)
+def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
+    """Mixture of nested cases, given by probability (k,), means (k, dim) and covariances (k, dim, dim), the last whole.
+
+    Each part is a case without the one before it.
+    """
+    found, before = [], np.zeros(len(cases[0][0]))
+    moments = np.zeros_like(cases[0][1]), np.zeros_like(cases[0][2])  # integrals of x and x x' over the case before
+    whole = cases[-1][1]
+    for weights, means, covs in cases:
+        apart = means - whole
+        w = weights[:, None]
+        now = w * apart, w[..., None] * (covs + apart[:, :, None] * apart[:, None, :])
+        own = np.where(weights - before < LEAST_PART, 0.0, weights - before)
+        share = np.maximum(own, LEAST_PART)[:, None]
+        first, second = ((a - b) for a, b in zip(now, moments, strict=True))
+        mean = first / share
+        cov = second / share[..., None] - mean[:, :, None] * mean[:, None, :]
+        is_none = own == 0.0
+        found.append((own, np.where(is_none[:, None], means, whole + mean), np.where(is_none[:, None, None], covs, cov)))
+        before, moments = weights, now
+    weights = np.stack([each[0] for each in found], axis=1)
     return PathParts(
-        np.stack([weights, others], axis=1), np.stack([own, left_means], axis=1), np.stack([own_covs, left], axis=1)
+        weights / weights.sum(axis=1, keepdims=True),
+        np.stack([each[1] for each in found], axis=1),
+        np.stack([each[2] for each in found], axis=1),
     )

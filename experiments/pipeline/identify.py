@@ -24,7 +24,7 @@ from experiments.errors import InputError
 from experiments.formats.recording import Recording
 from experiments.formats.scene.mesh import SceneMesh
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.events import is_identified
+from experiments.pipeline.events import is_identified, rest_is_known
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame, marks_to_use
 from experiments.plain import counted
@@ -105,6 +105,7 @@ def identified_scene(
             frames,
             scene.measured_nodes,
             scene.target.node,
+            rests_as_drawn=rest_is_known(scene),
             spring_groups=scene.spring_groups,
             settings=scene.settings,
             budget=Budget(60.0 * minutes),
