@@ -97,15 +97,14 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """Three nested cases, each with its probability until each time (k,), and the target's moments in that case.
+        """Nested cases, the last of them any: the probability of each until each time (k,), and the moments in it.
 
-        First, no force grows: no short force acts, and no slow force becomes stronger than it is now. Second, no node
-        is led. Third, all cases.
+        First, no force grows: no short force acts, and no slow force becomes stronger than it is now. Second, for a
+        network, no node is led.
         """
-        disturbances, weights = tissue.process.disturbances, tissue.filter.weights
-        cases = (disturbances.calm_modes, np.tril(self.chain)), (disturbances.unled_modes, self.chain)
-        found = []
-        for are_kept, chain in cases:
+        n_short, weights = tissue.process.disturbances.n_short, tissue.filter.weights
+        short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
+        for are_kept, chain in [(short == 0, np.tril(self.chain)), (short < 2, self.chain)][: max(1, n_short - 1)]:
             kept = np.where(np.outer(are_kept, are_kept), chain, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
         return [*found, self._moments(tissue, weights, self.chain)]

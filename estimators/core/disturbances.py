@@ -113,11 +113,6 @@ class Disturbances:
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
-    def unled_modes(self) -> NDArray[np.bool_]:
-        """Whether no node is led in each mode, (n_modes,)."""
-        return np.tile(np.arange(self.n_short) < 2, len(self.slow_m_s2))
-
-    @property
     def rates(self) -> Floats:
         """Transition rates between the modes [1/s], (n_modes, n_modes); the modes of one slow state are adjacent."""
         short = np.zeros((3, 3))

@@ -1,7 +1,7 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
 Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
-narrow with one. So the path is a mixture of two parts: no poke until then, and everything else.
+narrow with one. So the path is a mixture of three parts: no poke until then, a poke, and a node that is led.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def _times_until(ahead_s: float, cycle_s: float) -> int:
 
 
 def path_by_tables(tables: AheadTables, tissue: TissueFilter) -> TargetPath:
-    """The path with its two parts, at all times of the tables; raises ValueError before the filter's first frame."""
+    """The path with its parts, at all times of the tables; raises ValueError before the filter's first frame."""
     return _first_of_tables(tables, tissue, tables.n_times)
 
 
@@ -203,28 +203,22 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture of nested cases, given by probability (k,), means (k, dim) and covariances (k, dim, dim), the last whole.
+    """Mixture of nested cases, by probability (k,), means (k, dim) and covariances (k, dim, dim); the last is any case.
 
     Each part is a case without the one before it.
     """
-    found, before = [], np.zeros(len(cases[0][0]))
-    moments = np.zeros_like(cases[0][1]), np.zeros_like(cases[0][2])  # integrals of x and x x' over the case before
-    whole = cases[-1][1]
-    for weights, means, covs in cases:
-        apart = means - whole
-        w = weights[:, None]
-        now = w * apart, w[..., None] * (covs + apart[:, :, None] * apart[:, None, :])
-        own = np.where(weights - before < LEAST_PART, 0.0, weights - before)
-        share = np.maximum(own, LEAST_PART)[:, None]
-        first, second = ((a - b) for a, b in zip(now, moments, strict=True))
-        mean = first / share
-        cov = second / share[..., None] - mean[:, :, None] * mean[:, None, :]
-        is_none = own == 0.0
-        found.append((own, np.where(is_none[:, None], means, whole + mean), np.where(is_none[:, None, None], covs, cov)))
-        before, moments = weights, now
-    weights = np.stack([each[0] for each in found], axis=1)
+    weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
+    apart = means - means[:, -1:]
+    own = np.diff(weights, axis=1, prepend=0.0)
+    own[own < LEAST_PART] = 0.0
+    share = np.maximum(own, LEAST_PART)[..., None]
+    mean = np.diff(weights[..., None] * apart, axis=1, prepend=0.0) / share
+    second = covs + apart[..., :, None] * apart[..., None, :]
+    second = np.diff(weights[..., None, None] * second, axis=1, prepend=0.0) / share[..., None]
+    cov = second - mean[..., :, None] * mean[..., None, :]
+    is_none = (own == 0.0)[..., None]
     return PathParts(
-        weights / weights.sum(axis=1, keepdims=True),
-        np.stack([each[1] for each in found], axis=1),
-        np.stack([each[2] for each in found], axis=1),
+        own / own.sum(axis=1, keepdims=True),
+        np.where(is_none, means, means[:, -1:] + mean),
+        np.where(is_none[..., None], covs, cov),
     )

@@ -136,7 +136,7 @@ def identify_constants(
     """Identify a network's constants of these kinds from a recording, on a log scale; masses are not fitted.
 
     frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
-    rests_as_drawn: whether the drawn shape was measured at rest; rest lengths then have a prior error of `LEVEL` only
+    rests_as_drawn: whether the drawn shape was measured at rest, see `group_prior_sd`
     spring_groups: see `constant_groups`; budget: time limit, after which the best result so far is returned
     workers: `map` of this process, or of a pool of processes that share the passes of the filter
     `advance` is called with the completed share. Raises IdentificationError if the target has no mark or is the only
@@ -147,10 +147,9 @@ def identify_constants(
     if not set(marked) - {target}:
         raise IdentificationError(f"expected a marked node besides {target}, which is predicted from it, found none")
     limit = Budget() if budget is None else budget
-    groups = constant_groups(network, tuple(prior_sd), spring_groups, rests_as_drawn=rests_as_drawn)
-    prior = {**prior_sd, "rest_length": min(prior_sd.get("rest_length", 0.0), LEVEL)} if rests_as_drawn else prior_sd
-    sd, nodes = group_prior_sd(groups, prior), (tuple(marked), target)
-    problem = Problem(network, groups, sd, nodes, settings or FilterSettings(), limit)
+    groups = constant_groups(network, tuple(prior_sd), spring_groups)
+    sd = group_prior_sd(groups, prior_sd, LEVEL if rests_as_drawn else np.inf)
+    problem = Problem(network, groups, sd, (tuple(marked), target), settings or FilterSettings(), limit)
     try:
         return _identified(problem, from_first_marks(frames), search or IdentificationSettings(), workers, advance)
     except OutOfTimeError:

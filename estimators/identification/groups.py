@@ -33,15 +33,11 @@ SAME_DIGITS = 9
 
 @dataclass(frozen=True, slots=True)
 class ConstantGroup:
-    """Constants of one kind that share one factor: their indices among springs or nodes, and a name.
-
-    keeps_tension: whether the rest lengths follow a factor of stiffness so that tensions at the drawn shape stay
-    """
+    """Constants of one kind that share one factor: their indices among springs or nodes, and a name."""
 
     kind: str
     places: tuple[int, ...]
     name: str
-    keeps_tension: bool = False
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -50,16 +46,11 @@ class ConstantGroup:
 
 
 def constant_groups(
-    network: MassSpringNetwork,
-    kinds: Sequence[str] = KINDS,
-    spring_groups: Sequence[str] = (),
-    *,
-    rests_as_drawn: bool = False,
+    network: MassSpringNetwork, kinds: Sequence[str] = KINDS, spring_groups: Sequence[str] = ()
 ) -> tuple[ConstantGroup, ...]:
     """The groups in which positive constants of these kinds are estimated, kind by kind.
 
     spring_groups: name of each spring's group, (n_springs,), empty for a spring without group; or no names at all
-    rests_as_drawn: whether the drawn shape is that at rest, at any stiffness; shared factors assume it always
     Without names, springs of equal constants form a group if the network has more than `MOST_SINGLE` springs, and all
     springs form one group if there would be more groups than that. Nodes of equal drag or friction are grouped alike.
     """
@@ -79,16 +70,19 @@ def constant_groups(
                     kind,
                     tuple(one.index for one in group),
                     f"{kind} {name}" if isinstance(name, str) else parameter_label(network, group[0]),
-                    keeps_tension=kind == "stiffness" and (rests_as_drawn or len(group) > 1),
                 )
                 for name, group in gathered.items()
             ]
     return tuple(groups)
 
 
-def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float]) -> Floats:
-    """Prior standard deviation of the logarithm of each group's factor, (n_groups,)."""
-    return np.array([prior_sd[group.kind] for group in groups])
+def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
+    """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
+
+    strain: error of the drawn shape at rest [1], which limits a factor shared by rest lengths: it changes that shape
+    """
+    limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
+    return np.minimum([prior_sd[group.kind] for group in groups], limits)
 
 
 def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
@@ -98,15 +92,15 @@ def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
     """All constants that the groups' factors change: their own, and rest lengths of shared stiffness."""
-    rest = (Parameter("rest_length", s) for group in groups if group.keeps_tension for s in group.places)
+    rest = (Parameter("rest_length", s) for group in groups if _shares("stiffness", group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
 
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
     """The network with all constants of each group multiplied by exp(change), (n_groups,).
 
-    Springs of a group with `keeps_tension` keep the tension that they have where the network is drawn: a tissue that
-    rests there then does so at any stiffness.
+    Springs that share a stiffness keep the tension that they have where the network is drawn: a tissue that rests there
+    then does so at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)
@@ -115,7 +109,7 @@ def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], ch
     rest = found.rest_lengths.copy()
     drawn = _drawn_lengths(network)
     for group, log in zip(groups, logs, strict=True):
-        if group.keeps_tension:
+        if _shares("stiffness", group):
             own = np.array(group.places)
             strain = drawn[own] / network.rest_lengths[own] - 1.0
             rest[own] *= np.maximum(1.0 - strain * np.expm1(-log), LEAST_REST)
@@ -133,7 +127,7 @@ def group_directions(network: MassSpringNetwork, groups: Sequence[ConstantGroup]
     directions = np.zeros((len(groups), len(which)))
     for row, group in zip(directions, groups, strict=True):
         row[[column[one] for one in group.parameters]] = 1.0
-        if group.keeps_tension:
+        if _shares("stiffness", group):
             for s in group.places:
                 if (one := Parameter("rest_length", s)) in column:
                     row[column[one]] += drawn[s] / network.rest_lengths[s] - 1.0
@@ -148,6 +142,10 @@ def group_label(group: ConstantGroup) -> str:
 def group_value(network: MassSpringNetwork, group: ConstantGroup) -> float:
     """Geometric mean of the group's constants, in SI units."""
     return float(np.exp(np.mean([np.log(parameter_value(network, one)) for one in group.parameters])))
+
+
+def _shares(kind: str, group: ConstantGroup) -> bool:
+    return group.kind == kind and len(group.places) > 1
 
 
 def _drawn_lengths(network: MassSpringNetwork) -> Floats:

@@ -45,18 +45,21 @@ def test_tables_are_the_predictions_near_rest(near_rest):
     assert apart.max() < 0.12
 
 
-def test_the_probability_of_quiet_is_that_of_the_chain(near_rest):
-    """Truth: leaving calm at 1/20 and 1/60 s, a slow force for each stronger one at its rate, from what is calm now."""
+def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
+    """Truth: leaving calm at 1/20 and 1/60 s, a slow force for each stronger one at its rate; led once in 60 s."""
     tables = near_rest.tables(16, CYCLE_S)
     d = near_rest.process.disturbances
-    weights, means, covs = tables.parts(near_rest)[3:]
+    (weights, means, covs), (unled, *_), (every, _, whole) = tables.parts(near_rest)
     now = near_rest.filter.weights[d.calm_modes]
     rates = np.tril(np.full((3, 3), 1.0 / d.fall_s), -1)
     rates -= np.diag(np.array([2.0, 1.0, 0.0]) / d.rise_s + rates.sum(axis=1) + 1.0 / d.calm_s + 1.0 / d.led_each_s)
     truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
     np.testing.assert_allclose(weights, truth, rtol=2e-2)
     assert np.all(np.diff(weights) < 0.0)
-    whole = tables.ahead(near_rest)[2]
+    now = near_rest.filter.weights.reshape(3, 3)[:, :2].sum()
+    np.testing.assert_allclose(unled, now * np.exp(-CYCLE_S * np.arange(16) / d.led_each_s), rtol=1e-3)
+    np.testing.assert_allclose(every, 1.0, rtol=1e-9)
+    np.testing.assert_array_equal(whole, tables.ahead(near_rest)[2])
     assert np.all(np.trace(covs, axis1=1, axis2=2) <= np.trace(whole, axis1=1, axis2=2) * (1.0 + 1e-9))
     assert means.shape == (16, len(near_rest.rest[0]))
 
