@@ -11,7 +11,7 @@ from softaim import MarkMeasurement, TissueFilter, read_scene
 
 
 def marks_of(message, nodes, dim, sd_m):
-    """The exposure time [s] of a MarkerArray, and its marks on these nodes; sd_m: of their error, an axis [m]."""
+    """The exposure time [s] of a MarkerArray, and its marks on these nodes; sd_m: standard deviation per axis [m]."""
     times_s = {m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in message.markers}
     seen = [(m.ns, m.pose.position) for m in message.markers if m.action == m.ADD and m.ns in nodes]
     if len(times_s) != 1 or len(dict(seen)) != len(seen):

@@ -35,7 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include.
 
-    They keep the interpreter's lock: releasing it in each frame waits for threads such as that which reads the film.
+    They keep the interpreter's lock: releasing it in each frame would wait for other threads.
     """
     found = []
     for package in (numpy, scipy):

@@ -111,7 +111,7 @@ class Assembly:
 
 
 def _packed(shape: tuple[int, ...], elements: Sequence[ForceElement]) -> Packed:
-    """Constants of all compiled kinds of elements; shape: that of the positions, (n_nodes, dim)."""
+    """Constants of all compiled kinds of elements; shape: the positions' shape, (n_nodes, dim)."""
     ends, springs = [np.empty((0, 2), dtype=np.int64)], [np.empty((0, 3))]
     weight, of_nodes = np.zeros(shape), np.zeros((shape[0], len(NodeConstants._fields)))
     for element in elements:

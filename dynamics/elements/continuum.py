@@ -53,7 +53,7 @@ SAMPLES = 500
 
 LEFT_OUT = 3e-3
 """Root mean square displacement of the points by a mode, relative to the body's extent, below which the mode is omitted
-[1]; numerical. The surface forces are those of `POKE_M_S2` and `BENT`."""
+[1]; numerical. `POKE_M_S2` and `BENT` define the surface forces."""
 
 POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces for the choice of modes [m/s²], and least displacement of the points under them, relative to the
@@ -70,7 +70,7 @@ PATCH = 0.05
 """Radius of the patch over which a force on a point is distributed, relative to the extent [1]; choice: a fingertip."""
 
 HARDLY = 1e-3
-"""Sum of a point's weights for free nodes below which it counts as fixed: positions are rounded [1]; numerical."""
+"""A point counts as fixed if its weights for free nodes sum to less [1]; numerical: positions are rounded."""
 
 CHUNK = 2**16
 """Number of strains that are computed at once; numerical: it limits the memory."""
@@ -80,7 +80,7 @@ WALL = 12
 
 
 class Points(NamedTuple):
-    """Points of a mesh: their positions [m], (k, 3), and the weights of all nodes for each, (k, n_nodes)."""
+    """Points of a mesh: their positions [m], (k, 3), and for each point the weights of all nodes, (k, n_nodes)."""
 
     places: Floats
     weights: csr_array
@@ -111,7 +111,7 @@ def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     """Node weights, (k, n_nodes), of the patch around each point, over which a force on the point is distributed.
 
-    The patch of a surface point has surface nodes, weighted by area; that of an inner point has all nodes, by volume.
+    The patch of a surface point has surface nodes, weighted by area; the patch of an inner point has all, by volume.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas
@@ -149,7 +149,7 @@ def continuum_network(
     driven : bool
         Whether the fixed nodes are a wall that moves as a rigid body in an unknown way.
     left_out : float
-        As `LEFT_OUT`. For reference, 0 keeps all responses to smooth surface forces, but not all the mesh's modes.
+        Threshold in place of `LEFT_OUT`; 0 keeps all responses to smooth surface forces, but not all the mesh's modes.
 
     Returns
     -------

@@ -37,7 +37,7 @@ class TissueConstants(NamedTuple):
 
 
 class Tetrahedra:
-    """Tetrahedra of a mesh as force elements; an element is a patch of tetrahedra or, without patches, one.
+    """Tetrahedra of a mesh as force elements; an element is a patch or, without patches, one tetrahedron.
 
     Parameters
     ----------

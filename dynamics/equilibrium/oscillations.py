@@ -12,7 +12,7 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts count as rounding errors: those of a double eigenvalue are as
+"""Relative size below which rates and imaginary parts count as rounding errors: errors of a double one are as
 large as the square root of the usual errors."""
 
 

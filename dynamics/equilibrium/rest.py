@@ -94,7 +94,7 @@ def _deflection(stiffness: Floats, forces: Floats) -> Floats:
 
 
 def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
-    """Whether a rotation about the vertical has no resistance: in space, all anchors on one line along gravity."""
+    """Whether nothing resists a rotation about the vertical: in space, if all anchors are on one line along gravity."""
     weight = float(np.linalg.norm(network.gravity))
     if network.dim < 3 or weight == 0.0:
         return False
@@ -104,7 +104,7 @@ def _turns_about_the_vertical(network: MassSpringNetwork) -> bool:
 
 
 def _aligned(shape: Floats, drawn: Floats) -> Floats:
-    """A shape (n_nodes, dim) moved as a rigid body to best fit the drawn one. Source: [kabsch1976]."""
+    """A shape (n_nodes, dim) moved as a rigid body to best fit the drawn shape. Source: [kabsch1976]."""
     middle = shape.mean(axis=0)
     left, _, right = np.linalg.svd((shape - middle).T @ (drawn - drawn.mean(axis=0)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -128,7 +128,7 @@ def equilibrium_with_fixed(network: MassSpringNetwork, places: Mapping[str, Arra
 def reaches(network: MassSpringNetwork) -> Floats:
     """Distance of each node from the nearest anchor along springs at rest [m], (n_nodes,); 0 for an anchor.
 
-    Without anchors: the largest distance from any other node. In a continuum, distances are straight.
+    Without anchors: the largest distance from any other node. In a continuum, distances are along straight lines.
     """
     if network.continuum is not None:
         ends = network.positions[network.fixed] if network.fixed.any() else network.positions
@@ -149,8 +149,8 @@ def fit_rest_lengths(
     standard deviation of the rest lengths.
 
     Gauss-Newton on the forces f at the shape x. For relative changes c of the rest lengths and G = df/dc, the next c is
-    the smallest solution of G (c - c_now) + f = 0; with noise it is the most probable c: noise of x causes an error of
-    f, the stiffness times that noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
+    the smallest solution of G (c - c_now) + f = 0. With noise it is the most probable c: the error of f is then the
+    stiffness times the noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
     is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a
     rest length would have to change by half, if passes do not converge, or if there is no stable rest near x.
     """

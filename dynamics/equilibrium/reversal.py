@@ -1,4 +1,4 @@
-"""Test for reversed springs: the sign of a network turned inside out."""
+"""Test for reversed springs, which show that a network is turned inside out."""
 
 from __future__ import annotations
 

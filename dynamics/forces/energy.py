@@ -24,7 +24,7 @@ def node_forces(network: MassSpringNetwork, positions: ArrayLike, velocities: Ar
     """Sum of the forces of all force laws and gravity on each node, including anchors [N], (n_nodes, dim).
 
     positions [m] and velocities [m/s] are those of all nodes, (n_nodes, dim). A spring shorter than 1 nm has no
-    direction and exerts no force. Anchors have no weight: the force on an anchor is that of its springs.
+    direction and exerts no force. Anchors have no weight: only springs exert forces on them.
     """
     x = np.array(positions, dtype=float)[..., None]
     v = np.array(velocities, dtype=float)[..., None]

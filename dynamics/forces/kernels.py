@@ -377,7 +377,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Unlike those of `tangents`, they are exact: they include the rotation of dashpots and the decrease of friction.
+    Unlike those in `tangents`, they are exact: they include the rotation of dashpots and the decrease of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -431,7 +431,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
 
 TR_BDF2 = 2.0 - np.sqrt(2.0)
-"""Share of a step that its first stage takes, the trapezoidal rule: both stages then have one matrix [bank1985]."""
+"""Share of a step that its first stage, the trapezoidal rule, takes: both stages then share a matrix [bank1985]."""
 
 NEWTON, MOST_NEWTON = 2, 8
 """Newton iterations of a stage, and the largest number if they do not contract; numerical: with two, a link of 2e7 N/m
@@ -441,7 +441,7 @@ CONTRACTED = 0.5
 """Ratio of speed changes in successive iterations above which tangents are recomputed at the present state."""
 
 STILL = 1e-12
-"""Relative change of position below which a stage's iteration ends, because the rest is rounding."""
+"""Relative change of position below which a stage's iteration ends, because further changes are rounding errors."""
 
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
@@ -474,8 +474,8 @@ def _factorise(x, v, p, place, weight, masses, K, C):  # type: ignore[no-untyped
 def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outside, scratch):  # type: ignore[no-untyped-def]
     """Solve (q, v) = target + weight (v, a(q, v)) for a state near `now`, which is overwritten.
 
-    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes its own; after an
-    iteration that does not contract, the next always does
+    L: factor of tangents near that state, see `_factorise`; renew: whether each iteration computes L again; after an
+    iteration that does not contract, the next one always does
     """
     x, v, force, pull, square, K, C = scratch
     dim, n_half = nodes.shape[1], len(masses)
@@ -656,7 +656,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, both divided by the interval between samples
-    moves: tip (dim,) and its velocity (dim,), direction (dim,), present length in the tissue; punctured: at the start
+    moves: tip (dim,) and its velocity (dim,), direction (dim,), length in the tissue; punctured: whether at the start
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim

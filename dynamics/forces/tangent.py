@@ -71,8 +71,8 @@ def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s:
 def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
-    In these shapes a spring's tangent stiffness is at most k in size in every direction, with k the largest dT/dl or T
-    / l; the graph Laplacian weighted by k bounds the stiffness of all such shapes, and likewise for dashpots. (Longer
+    In these shapes a spring's tangent stiffness is at most k in every direction, with k the largest dT/dl or T / l.
+    The graph Laplacian weighted by k bounds the stiffness of all such shapes; another one bounds the damping. (Longer
     linear springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per mass, every
     eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """

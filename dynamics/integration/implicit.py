@@ -28,9 +28,9 @@ DRIVEN = 1e12
 class Linearised:
     """Derivatives of a step for several states.
 
-    F: with respect to the states at its start, (k, n_state, n_state); by_force: to forces on the free coordinates that
-    are constant in it [m/N, m/(s N)], (k, n_state, n_state / 2); half: as F, over the second half of the step, or over
-    all of a step that is not divided, (k, n_state, n_state)
+    F: with respect to the states at its start, (k, n_state, n_state); half: as F, over the second half of the step, or
+    over all of a step that is not divided, (k, n_state, n_state); by_force: with respect to forces on the free
+    coordinates that are constant in the step [m/N, m/(s N)], (k, n_state, n_state / 2)
     """
 
     F: Floats
@@ -68,7 +68,7 @@ class ImplicitStepper:
         return implicit_steps(points, outside, dt / n, n, renew, nodes, free, masses, self._packed)
 
     def _masses_with(self, driven: Sequence[int]) -> Floats:
-        """Masses of the free coordinates [kg], (n_state / 2,); those of driven nodes are too large to accelerate."""
+        """Masses of the free coordinates [kg], (n_state / 2,); driven nodes are too heavy to accelerate."""
         if not len(driven):
             return self._masses
         return self._masses * np.repeat(np.where(np.isin(self.network.free, driven), DRIVEN, 1.0), self.network.dim)

@@ -27,7 +27,7 @@ class Move:
     """One step: its length [s], the state after it (n_state,), and its derivative with respect to the state before.
 
     by_state: rows of coordinates and velocities, (2 n, n_state); fading: remaining share of each acceleration, (n_f,)
-    S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): those of the step, see `dynamics.integration.kernels`
+    S [1/kg] and stiffness K [N/m], (n, n), masses M [kg], (n,): values in the step, see `dynamics.integration.kernels`
     """
 
     step_s: float

@@ -4,7 +4,7 @@ Components have Voigt's order: xx, yy, zz, yz, xz, xy; shear strains are twice t
 
 Boundaries are mixed, as in [pahr2008]: under a normal strain each face moves along its normal and slides without
 friction; under a shear strain the sheared faces move along their planes, and the others slide without friction. The
-moduli lie between those with displacements given on all faces and those with stresses given. They equal those of a
+moduli lie between those for given displacements and those for given stresses on all faces. They equal the moduli of a
 periodic body if the box is its unit cell and symmetric about its three planes.
 """
 

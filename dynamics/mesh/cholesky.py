@@ -77,9 +77,9 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Remaining nodes of a part, (k,), the number of its cells with each, (k,), and the Schur complement's lower half.
+    """Remaining nodes of a part, for each the number of the part's cells with it, and the Schur complement.
 
-    schur: (k dim, k dim)
+    nodes and numbers: (k,); schur: lower half, (k dim, k dim)
     """
 
     nodes: Ints

@@ -23,7 +23,7 @@ def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats
 
 
 def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
-    """Mass of each node [kg], (n,): a quarter of each of its elements; density [kg/m³], (m,) or one number."""
+    """Mass of each node [kg], (n,): a quarter of each adjacent element's; density [kg/m³], (m,) or one number."""
     share = np.repeat(0.25 * mesh.volumes * density, 4)
     return np.asarray(np.bincount(mesh.elements.ravel(), share, minlength=len(mesh.nodes)), dtype=float)
 

@@ -1,11 +1,11 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
-The forces are those of `dynamics.needle.loads`. `simulate_insertion` simulates a needle whose whole motion is known,
+`dynamics.needle.loads` defines the forces. `simulate_insertion` simulates a needle whose whole motion is known,
 by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare both.
 
-A continuum moves in its modes, by the trapezoidal rule, implicit in cutting and friction: a needle that hardly slides
-resists far more than inertia does. The displacement of its points beyond the modes follows the forces at once, by the
-residual flexibility [macneal1971].
+A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because a needle that hardly
+slides resists far more than inertia does. The part of the points' displacement that the modes omit follows the forces
+at once, by the residual flexibility [macneal1971].
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ SLIDES, SLID = 50, 1e-3
 """Most iterations for sliding speeds, and change, relative to the slip velocity, that ends them; numerical."""
 
 OF_STABLE = 0.25
-"""Longest step as a share of the longest stable one; numerical: the fastest vibration is damped by 0.1 % per step."""
+"""Longest step as a share of the longest stable step; numerical: the fastest vibration is damped by 0.1 % per step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,7 +71,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State (n_state,) with free nodes at rest at these places [m], (n_free, dim); then any continuum's modes."""
+    """State (n_state,) with free nodes at rest at these places [m], (n_free, dim); a continuum's modes follow."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -210,7 +210,7 @@ def _solid_steps(
 
 
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
-    """Cutting and friction f at speeds u of sliding [N], (n,): u = free - gives f(u), by secants of f.
+    """Cutting and friction f at sliding speeds u [N], (n,), which solve u = free - gives f(u), by secants of f.
 
     free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as in `shaft`
     """

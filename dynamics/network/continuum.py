@@ -11,7 +11,7 @@ import numpy as np
 from dynamics.arrays import Floats, made_again
 
 LOOSE = 1e-6
-"""Rate of a mode, relative to the largest, below which nothing resists the mode."""
+"""Rate of a mode, relative to the largest, below which the mode counts as a motion without resistance."""
 
 FREE = 0.2
 """Assumed growth rate of responses, so that a free body has finite responses [1/s];
@@ -97,7 +97,7 @@ class Continuum:
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: points' displacement by forces on them, without the modes [m/N].
+        """Residual flexibility [macneal1971]: part of the points' displacement by forces that the modes omit [m/N].
 
         (n_free dim, n_free dim)
         """
@@ -105,7 +105,7 @@ class Continuum:
         return np.asarray(np.linalg.inv(self.stiffness) - by_modes)
 
     def scaled(self, factors: Floats) -> Continuum:
-        """The continuum with each tissue's stiffness times a factor, (n_tissues,): new modes of the same shapes."""
+        """The continuum with each tissue's stiffness times a factor, (n_tissues,); the modes span the same motions."""
         own = factors[:, None, None] * self.by_tissue
         rates, turn = np.linalg.eigh(own.sum(axis=0))
         # Change of the points' compliance in the modes

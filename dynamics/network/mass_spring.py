@@ -215,7 +215,7 @@ def spring_lengths(positions: Floats, springs: NDArray[np.int64]) -> Floats:
 
 
 def all_positions(network: MassSpringNetwork, free_positions: Floats) -> Floats:
-    """Positions of all nodes [m], (n_nodes, dim): given ones of free nodes, (n_free, dim), and those of anchors."""
+    """Positions of all nodes [m], (n_nodes, dim), from given positions of the free nodes, (n_free, dim)."""
     positions = network.positions.copy()
     positions[network.free] = free_positions
     return positions

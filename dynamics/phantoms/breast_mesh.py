@@ -18,7 +18,7 @@ ROUND = 0.8
 """Share by which a box's grid is rounded towards an ellipsoid [1]; fully rounded, its edges have flat elements."""
 
 CORE = 0.6
-"""Extent of the gland, relative to that of the breast [1]."""
+"""Extent of the gland, relative to the breast's extent [1]."""
 
 TISSUES = (Tissue("fat", 3e3, 0.45, 950.0, 0.05), Tissue("gland", 9e3, 0.45, 1050.0, 0.05))
 """Tissues in the order of the regions; moduli of the same order as those measured in compression [samani2007]."""
@@ -28,7 +28,7 @@ TARGET = (0.2, 0.15, 0.45)
 
 
 def breast_mesh(across: int = 12, deep: int = 8) -> tuple[TetMesh, NDArray[np.int64]]:
-    """The mesh with these numbers of cells across and deep, and its nodes on the chest wall, (n_fixed,).
+    """The mesh with these numbers of cells in width and depth, and its nodes on the chest wall, (n_fixed,).
 
     It has (across + 1)² (deep + 1) nodes, and six tetrahedra per cell.
     """

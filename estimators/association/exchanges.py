@@ -56,7 +56,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Other names with their numbers of exchanges; their cost in this frame is higher by at most `worst`.
+        """Other names, with numbers of exchanges, whose cost in this frame is higher by at most `worst`.
 
         At most `most` names, the most probable first.
         """

@@ -157,7 +157,7 @@ class AssociationFilter:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """The alternative with other names, which are this many exchanges of two away; its state is unchanged."""
+        """The alternative with other names, which differ by this many exchanges of two; its state is unchanged."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
@@ -215,7 +215,7 @@ class AssociationFilter:
         return replace(alternative, state=self.tissue.snapshot())
 
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
-        """The alternative updated with the marks by its names; None if its filter fails.
+        """The alternative updated with the marks under its names; None if its filter fails.
 
         Also None if the predicted marks are clearly too improbable. This saves time: an update that would bend the body
         by wrong names costs a hundred times more than one with the right names.
@@ -266,6 +266,6 @@ def _best(hypotheses: Hypotheses) -> Hypothesis:
 
 
 def _keep(hypotheses: Hypotheses, one: Hypothesis | None) -> None:
-    """Of two paths to the same names, keep the more probable one."""
+    """Keep the more probable of two paths to the same names."""
     if one is not None and (one.names not in hypotheses or one.ahead > hypotheses[one.names].ahead):
         hypotheses[one.names] = one

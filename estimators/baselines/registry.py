@@ -63,9 +63,9 @@ class Method(Protocol):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates of all frames, (time [s], marks) in order, in blocks that become known together.
+        """Estimates for frames, (time [s], marks) in order, in one or more lists.
 
-        A filter yields one per frame, a smoother all of them at the end. advance: called with the completed share.
+        A filter yields one list per frame, a smoother one list at the end. advance: called with the completed share.
         """
 
 

@@ -16,11 +16,11 @@ ALPHA, BETA = 0.1, 2.0
 class StockUnscented(Baseline):
     """filterpy's UnscentedKalmanFilter, unchanged: the poked mode only, and one prediction per frame.
 
-    Sigma points move in steps of at most 1/120 s, but they are drawn, and noise is added, only once per frame: the
-    noise of masses that move freely between frames (`TissueModel.noise`). The other methods add noise at each step. At
+    Sigma points move in steps of at most 1/120 s. They are drawn only once per frame. Noise is also added once per
+    frame, as for masses that move freely (`TissueModel.noise`). The other methods add noise at each step. At
     30 frames/s the difference is small; at 10 frames/s and less it dominates, which this method shows.
 
-    State: filter, that of filterpy, besides the state of `Baseline`; restarts: number of restarts from the first state
+    State: filter, filterpy's own, besides the state of `Baseline`; restarts: number of restarts from the first state
     because the covariance was no longer positive definite.
     """
 

@@ -30,8 +30,8 @@ class LeaveOneOutCheck:
 class LeaveOneOut:
     """Filter of the target with a check: for each marked node, another filter predicts its mark without using it.
 
-    If these predictions err by more than their covariance, the model is wrong, also at the target: its covariance is
-    multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
+    If errors of these predictions exceed their covariance, the model is wrong, also at the target. So the target's
+    covariance is multiplied by the maximum-likelihood factor on the predicted variance, at least 1.
 
     State: tissue, the target's filter; without, the other filters by node; scale, a factor on the target's covariance;
     checks of the last frame by node.

@@ -42,7 +42,7 @@ class Discrepancy:
         Standard deviations of the long field, relative to the body's extent, with equal prior probability; the marks
         determine their posterior [1]; choice.
     short : float
-        Standard deviation of the short field, relative to that of the long one [1]; choice.
+        Standard deviation of the short field, relative to the long field's [1]; choice.
     lengths : tuple of float
         Correlation lengths of the two fields, relative to the body's extent [1]; choice.
     lasting_s : float
@@ -68,7 +68,7 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Prior with the settings' level, if they state one, else with several; solid: whether for a continuum."""
+        """Prior with the level that the settings state, else with several levels; solid: for a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 

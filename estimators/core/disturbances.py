@@ -20,7 +20,7 @@ class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
     Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
-    forces, such as breathing or leaning, are a smooth field over the nodes that forces may act on, plus a uniform
+    forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
     acceleration, as if gravity turned. Each kind follows a Markov chain; a mode is a pair of their states. A continuum
     has only slow forces. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
 

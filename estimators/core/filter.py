@@ -34,7 +34,7 @@ LEAST_SHARE = 1e-3
 that the marks refute."""
 
 REBORN = 0.05
-"""Ratio of a mode's probability to that of a change into it, below which its hypothesis is omitted until such a change
+"""Ratio of a mode's probability to the probability of a change into it, below which it is omitted until such a change
 [1]; choice."""
 
 LINEARISATIONS = 10

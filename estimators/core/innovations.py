@@ -98,7 +98,7 @@ def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArra
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Prior of an outlier: its position is not that of its name, but anywhere in a region with uniform density.
+    """Prior of an outlier: its position has a uniform density over a region.
 
     Attributes
     ----------

@@ -8,7 +8,7 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def _add(to, columns, scale):  # type: ignore[no-untyped-def]
-    """Add the products of the rows of columns (k, any) to the leading k x k block of a matrix."""
+    """Add scale times C C' to the leading k x k block of a matrix, with C the `columns`, (k, any)."""
     squares = columns @ columns.T
     for i in range(len(squares)):
         for j in range(len(squares)):
@@ -58,7 +58,7 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
 
     With W = S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1. With W_gg
     = L L' and the rows that count last, both follow from the last block of L.
-    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of rows that count, the first
+    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of first rows, which count
     """
     totals = np.zeros(len(S))
     for k in range(len(S)):
@@ -112,7 +112,7 @@ def _gain(weighted, information, log):  # type: ignore[no-untyped-def]
 def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
     """Outlier blocks of each hypothesis, (k, n_blocks), and the sum of their log densities, (k,).
 
-    y (k, m), S (k, m, m): innovations and covariances; those of outliers are set to zero and variance `far`
+    y (k, m), S (k, m, m): innovations and covariances; outliers get innovation zero and variance `far`
     ends (n_blocks,): rows of a block up to its end; logs (n_blocks,): log density of each as an outlier
 
     The block that the others contradict most is removed first, until no block is more probable as an outlier. With W =

@@ -72,8 +72,8 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s].
 
-    means (l, n), covs l times (n, n), weights (l,): of all that are not omitted; shares (l, k): of each in each mode
-    after dt; chain (k, k): mode probabilities after dt given the mode before; kick (n,): effect of a known force
+    means (l, n), covs l times (n, n), weights (l,): of hypotheses that are not omitted; shares (l, k): theirs in each
+    mode after dt; chain (k, k): mode probabilities after dt given the mode before; kick (n,): effect of a known force
     """
 
     means: Floats

@@ -217,7 +217,7 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
-        """By node, for each last mark that is no outlier: relative increase of the target's variance without it.
+        """By node: relative increase of the target's variance without the last mark, if that is no outlier.
 
         The most probable hypothesis determines it.
         """
@@ -249,7 +249,7 @@ class TissuePosterior:
 
     @property
     def _possible(self) -> list[int]:
-        """Indices of the possible modes."""
+        """Indices of the modes with a probability above `POSSIBLE`."""
         weights = self.filter.weights
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 

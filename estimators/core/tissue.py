@@ -140,7 +140,7 @@ class TissueProcess:
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions [m] of the free nodes, (..., n_free dim), from coordinates (..., n); velocities likewise."""
+        """Positions [m] of the free nodes, (..., n_free dim), from coordinates (..., n); also for velocities."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:

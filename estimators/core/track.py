@@ -30,10 +30,10 @@ from estimators.tissue.health import Health, after_frame
 from estimators.tissue.snapshot import all_or_nothing
 
 REFUTED_S = 0.5
-"""Time since a first frame of outliers only, times the number of marks, at which the filter restarts [s]; choice."""
+"""The filter restarts if all n marks were outliers for this time divided by n [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest step of predictions ahead of the marks, and under a known force [s]; numerical. Else one step per frame."""
+"""Longest steps of predictions ahead of marks and under a known force [s]; numerical. Otherwise one step per frame."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -84,7 +84,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart where marks last showed the body; keep a measured offset of the target unless the filter diverged."""
+        """Restart at the last positions that marks showed; keep a measured offset of the target unless diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()

@@ -158,7 +158,7 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """NIS that remains after the best common shift of all blocks of `width` measurements, and after that of one block.
+    """NIS left by the best common shift of all blocks of `width` measurements, and by the best shift of one block.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
     shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block is
@@ -205,9 +205,9 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
-    """Whether an exchange of the names of some pair of marks costs at most limit: costs (n, n), pairs (n, n).
+    """Whether any pair of marks can exchange names at a cost of at most `limit`.
 
-    An absent mark costs nothing.
+    costs (n, n): of each name on each node, 0 for an absent mark; pairs (n, n): marks that may be exchanged
     """
     n = len(costs)
     for i in range(n):

@@ -215,8 +215,8 @@ def guide(
     """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
 
     The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns the path at
-    these times [s], (n,), or at more. None: a `TissueFilter` uses tables, as in `softaim advise`, which the first call
-    computes; another source uses `PathSource.predict_path`
+    these times [s], (n,), or at more times. None: a `TissueFilter` uses tables, as in `softaim advise`, which the first
+    call computes; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

@@ -21,7 +21,7 @@ class ContradictionSettings:
     """Thresholds of the tests for a contradiction.
 
     away_s: time without use after which a mark must return to where it is expected [s]; choice
-    improbable: p-value of the innovations in the frame of its return, below which it is elsewhere [1]; choice
+    improbable: p-value of the innovations when a mark returns, below which the mark is elsewhere [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
     together: likelihood ratio of omitting one mark to shifting all, below which all marks moved together;
     0: not tested [1]; measured: it is at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7

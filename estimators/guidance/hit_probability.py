@@ -35,7 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
 
-    target: from `TissueFilter.predict_modes`; a single Gaussian gives too little near the aim, too much far away
+    target: from `TissueFilter.predict_modes`; a single Gaussian is too low near the aim, too high far away
     axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """

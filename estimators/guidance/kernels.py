@@ -51,7 +51,7 @@ def _slab(k, mean, sd):  # type: ignore[no-untyped-def]
 def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
     """Probability that |a| <= sqrt(radius² - y²) + extra and |y| <= edge.
 
-    y is normal with mean m and standard deviation s, and a, given y, with mean a + slope (y - m) and tau.
+    y is normal with mean m and standard deviation s; given y, a is normal with mean a + slope (y - m) and sd tau.
     """
     low, high = max(-edge, m - WIDE * s), min(edge, m + WIDE * s)
     if s <= 0.0:

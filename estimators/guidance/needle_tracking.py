@@ -1,4 +1,4 @@
-"""Kalman filter of constant speed for a tracked needle: position of its tip, and time of its arrival.
+"""Constant-speed Kalman filter for a tracked needle: position of its tip, and time of its arrival.
 
 The state is the tip's position and its speed along the line, x = (p, s): dp/dt = s d + bending across the line,
 ds/dt = white noise. Along the line this is the discretised continuous white noise acceleration model, source:

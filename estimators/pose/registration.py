@@ -137,7 +137,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 
 
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
-    """For each point [m], (k, dim), the registration by all others, (k,), with covariances [m²], (k, dim, dim).
+    """For each point, the registration by all other points, (k,); points [m], (k, dim), covs [m²], (k, dim, dim).
 
     None where the other points do not determine a motion.
     """

@@ -13,7 +13,7 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Largest number of coordinates of hidden masses; of more, only this many slowest motions count [1]; numerical."""
+"""Number of coordinates of hidden masses above which only this many slowest motions are used [1]; numerical."""
 
 KEPT = 64
 """Largest number of frame kinds (interval and visible marks) whose matrices are cached; it bounds the memory."""
@@ -23,7 +23,7 @@ class OpenLoopCovariance:
     """Covariance of the open loop's target, linearised about rest; large bodies are reduced to their slowest motions.
 
     Between frames, a marked mass moves straight from one measured position to the next, each with the noise of its
-    mark; the hidden masses follow by their equations and by unknown white force [m/s²/sqrt(Hz)]. A mass without a
+    mark. Hidden masses follow their equations of motion under unknown white force [m/s²/sqrt(Hz)]. A mass without a
     visible mark stays at its last place.
 
     State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.

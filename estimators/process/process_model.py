@@ -24,7 +24,7 @@ from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
 """Longest time between two additions of noise [s]; choice: the error is 23 µm and 0.5 % of the covariance after 0.2 s;
-the computation takes half the time of that with 1/240 s."""
+with 1/240 s the computation takes twice as long."""
 
 LOOSE = 1e-11
 """Relative stiffness that counts as a rounding error: nothing resists the motion."""

@@ -34,7 +34,7 @@ class Replay:
     """Filter that accepts frames in any order, if they are not older than its history.
 
     Each event is used at its own exposure time: the filter returns to the state just before it and repeats the later
-    events. The result equals that of the same events in order, to the last bit.
+    events. The result equals, bit for bit, the result of the events in order.
 
     horizon_s: length of the history [s]
     State: the filter; the events of the last horizon_s with the filter's state before each; late: number of events

@@ -30,7 +30,7 @@ TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """Board number `board` in camera number `camera`: corners in board axes, (n, 3) [m], as detected, (n, 2) [px]."""
+    """Board number `board` in camera number `camera`: corners in board axes [m], (n, 3), and as seen [px], (n, 2)."""
 
     camera: int
     board: int
@@ -115,7 +115,7 @@ def project(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
 
 
 def by_point(lens: Lens, camera: Pose, points_m: Floats) -> Floats:
-    """Derivatives of the projection of world points, (n, 3) [m], by their positions in camera axes, (n, 2, 3)."""
+    """Derivatives, (n, 2, 3), of projections of world points [m], (n, 3), with respect to positions in camera axes."""
     return _projected(lens, camera, points_m)[1][:, :, 3:6]
 
 
@@ -173,7 +173,7 @@ def _cross(vectors: Floats) -> Floats:
 
 
 def _left_jacobian(turn: Floats) -> Floats:
-    """Derivative of the rotation exp(turn), from the left, by `turn`, (3, 3)."""
+    """Derivative of the rotation exp(turn), from the left, with respect to `turn`, (3, 3)."""
     angle = float(np.linalg.norm(turn))
     W = _cross(turn[None])[0]
     if angle < 1e-6:

@@ -1,7 +1,7 @@
 """Calibration of a camera from pictures of a board: lens, pose relative to a plane, and their joint covariance.
 
-World axes: x right and y up along the board on the plane, z toward the camera, the origin at the board's middle. The
-lens model is that of [brown1971], the calibration from planes that of [zhang2000].
+World axes: x right and y up along the board on the plane, z toward the camera, the origin at the board's middle.
+Sources: [brown1971] for the lens model, [zhang2000] for the calibration from planes.
 """
 
 from __future__ import annotations

@@ -14,9 +14,9 @@ class CalibrationSettings:
     fewest_corners: least number of visible corners of a ChArUco board [1]; choice
     fewest_views: least number of pictures with the board [1]; source: [zhang2000] section 3.1, three views determine
         the camera matrix, and one more shows whether they agree
-    outlier_ratio: a picture is omitted if its rms exceeds this many times the median picture's [1]; choice
+    outlier_ratio: a picture is omitted if its rms residual exceeds this many times the median of all [1]; choice
     least_tilt_deg: angle by which at least two boards must differ [degrees]; choice: parallel boards determine no more
-    than one (section 4 there)
+    than one board ([zhang2000] section 4)
     largest_focal_sd: relative standard error of a focal length above which pictures are too similar [1]; choice
     together_px: pictures of one name were not simultaneous if the joint adjustment raises a camera's rms by more than
         this [px]; choice

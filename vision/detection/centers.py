@@ -59,7 +59,7 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the covariances of outlines of even marks, for this noise of alpha per pixel."""
+    """Factors on the outline covariances of even marks, given this noise of alpha per pixel."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
@@ -135,7 +135,7 @@ def _apart(several: Sequence[Fitted | None], outline: Outline) -> bool:
 
 
 def _smear(component: Picture, outline: Outline, settings: CenterSettings) -> Floats:
-    """Spread of a piece minus that of a mark at rest [px²], (2, 2)."""
+    """Spread of a piece minus the spread of a mark at rest [px²], (2, 2)."""
     m = cv2.moments(component, binaryImage=True)
     spread = np.array([[m["mu20"], m["mu11"]], [m["mu11"], m["mu02"]]]) / m["m00"]
     # a disc's spread is a quarter of its radius squared; a blurred edge adds some

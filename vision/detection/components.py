@@ -3,7 +3,7 @@
 Image axes: u right, v down, the centre of the first pixel is (0, 0).
 
 A pixel at a mark's edge shows the mark on a share alpha of its area and the background on the rest. If both colours are
-known, alpha is a linear function of the pixel; the centre of gravity of alpha has no bias by a threshold.
+known, alpha is a linear function of the pixel's colour. So no threshold biases the centre of gravity of alpha.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def detect_marks(
     min_area_px, max_area_px: least and largest visible area of a mark [px]
     region: left, top, width, height of the part to search [px]; None: the whole frame
     outlines: shapes of whole marks, to find the centres of partly covered marks: one for all, or one for each expected
-        mark; a detection uses that of the nearest mark
+        mark; a detection uses the nearest mark's outline
     expected_px, expected_hues: expected positions, (n, 2), and hues of marks; they help to separate touching marks and
         to select the outline of a mark
     rejected: receives rejected pixels with the reason; None: not recorded
@@ -160,7 +160,7 @@ class _Search:
             centers = centers_of(piece, seen, outline, self._inside(piece), self.settings)
             if not centers:
                 return self._none(Reason.SHAPE, piece, hue_deg)
-        # of a clipped mark, as much as is visible may lie outside
+        # the hidden part of a clipped mark may be as large as the visible part
         outside = (piece.reach_px / 2.0) ** 2 * np.eye(2) if piece.clipped else 0.0
         return [
             Detection(

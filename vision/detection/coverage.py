@@ -1,4 +1,4 @@
-"""Coverage of pixels by a mark, and the mark's centre, its covariance and area from that."""
+"""Coverage of pixels by a mark; the mark's centre, covariance and area follow from it."""
 
 from __future__ import annotations
 

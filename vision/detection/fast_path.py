@@ -26,7 +26,7 @@ def detect_isolated(
 ) -> list[Detection | None]:
     """The expected mark of each region, if it is the only mark of its hue there, is whole, and nothing is unusual.
 
-    In other cases None: then `detect_marks` finds more. regions: left, top, width, height [px]
+    None in other cases, in which `detect_marks` may find it. regions: left, top, width, height [px]
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
     found: list[Detection | None] = [None] * len(expected)

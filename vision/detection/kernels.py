@@ -12,7 +12,7 @@ from numba import njit
 HUE_STEPS = 720
 """Number of half degrees on the circle of hues, which is the length of a table of classes."""
 NARROW_PX = 12
-"""Width of the border with the edge and background of a mark that is alone of its class [px]."""
+"""Width of the border around the only mark of a class, which shows the mark's edge and background [px]."""
 ON_A_LINE = 1e-6
 """Determinant of a Gram matrix, relative to its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
@@ -233,7 +233,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
 
     weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
-    The variance of a mean of n pixels is that sum over n. For white noise the sum is its variance, else more.
+    The variance of a mean of n pixels is that sum divided by n. For white noise the sum is its variance, else more.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)

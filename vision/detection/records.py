@@ -24,7 +24,7 @@ class Detection:
     area_px: its visible area [px]
     hue_deg: the hue of its colour class
     clipped: whether it touches the border of the searched part, so that some of it was not visible
-    occluded: whether something hides part of it, so that its centre is that of its outline
+    occluded: whether something hides part of it, so that its outline gives its centre
     color_bgr: colour of its core [grey levels]
     size: its size relative to the given outline
     """
@@ -53,7 +53,7 @@ class Reason(StrEnum):
     CONTRAST = "no contrast"
     """It cannot be distinguished from the background."""
     STAIN = "uneven as a stain"
-    """Its pixels vary more than those of a mark of one colour."""
+    """Its pixels vary more than the pixels of a mark of one colour."""
     COLOUR = "another colour"
     """In its range of hues, but with another colour than such marks had so far."""
     UNLIKE = "unlike itself before"

@@ -18,7 +18,7 @@ class CoverageSettings:
     core_px: distance inside the component from which pixels show only the mark, even with highlights [px]; choice
     outlier_sds: distance from the background's median above which pixels are not background [standard deviations];
         source: normal distribution, two-sided 99.99 %
-    edge_gain: variance of noise relative to that of half the difference of two pixels [1]; choice: white noise has 2
+    edge_gain: noise variance / variance of half the difference of two pixels [1]; choice: white noise has 2
     floor_sd_px: least standard deviation of a centre, due to rounding and shading [px]; choice
     """
 
@@ -115,8 +115,8 @@ class CenterSettings:
     gate: squared Mahalanobis distance above which two centres differ and no rim is searched [1];
         source: chi-square, 2 dof, 99.9 %
     agree_sd_px: additional standard deviation of the difference of two centres of one mark [px]; choice
-    min_area: least area without an outline, relative to a mark's, and least area before the edge is measured, relative
-        to the least of its colour class [1]; its inverse is the largest relative area; choice
+    min_area: least area of a component relative to the mark's area or, before its edge is measured, to the least area
+        in its colour class [1]; the inverse is the largest relative area; choice
     grain_noise, grain_gain: noise relative to contrast above which errors of an outline are correlated, and the largest
         resulting increase of their variance [1]; choice
     blurred: spread of a mark at rest in a picture, relative to that of its outline [1]; choice

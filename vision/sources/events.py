@@ -19,7 +19,7 @@ class EventKind(StrEnum):
     BLOCKED = "BLOCKED"
     """No answer: a read does not return."""
     FROZEN = "FROZEN"
-    """The same picture, bit for bit, or the same values, to the last digit, come repeatedly."""
+    """A picture repeats bit for bit, or values repeat to the last digit."""
     DROPPED = "DROPPED"
     """A read failed; the source is read again, then reopened."""
     SPARSE = "SPARSE"
@@ -59,7 +59,7 @@ class SourceOf(Protocol[F_co]):
 
     @property
     def origin_s(self) -> float:
-        """Zero of the source's own time on the clock of its frames [s]; 0 if frames already have that own time."""
+        """Zero of the source's own time on the clock of its frames [s]; 0 if frames already use its own time."""
 
     @property
     def ended(self) -> bool:

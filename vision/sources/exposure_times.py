@@ -16,7 +16,7 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Largest rounding error of times in containers [s]: if they differ less from index / rate, that is used."""
+"""Largest rounding error of times in containers [s]: if they are that close to index / rate, it is used."""
 
 
 ExposureRule = Callable[[Any, float], float]
@@ -32,7 +32,7 @@ class DeviceTimes:
     """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
 
     A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, if settings.settled_frames
-    in a row were plausible: increasing, with a difference from grab()'s time constant within clock_error_s. The
+    times in a row were plausible: they increase, and differ from grab()'s times by a constant to clock_error_s. The
     device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can come
     late but never early; this follows a drifting clock. A trusted device may deliver up to settled_frames in a row too
     late, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used until
@@ -112,7 +112,7 @@ class RisingTimes:
         self._fault: str | None = None
 
     def __call__(self, capture: Any, grabbed_s: float) -> float:
-        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; otherwise that of the last frame."""
+        """Exposure time [s] of the frame that grab() returned at grabbed_s [s]; the last one again if times stand."""
         device = self._rule if isinstance(self._rule, DeviceTimes) else None
         trusted = device is not None and device.trusts_device
         stated_s = self._rule(capture, grabbed_s)

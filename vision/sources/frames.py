@@ -91,7 +91,7 @@ def quiet_opencv() -> Iterator[None]:
 
 
 def opencv_name(path: FilePath) -> str:
-    """A file's name for OpenCV and FFmpeg; SourceError if it is not UTF-8, because it would end the process.
+    """A file's name for OpenCV and FFmpeg; SourceError for names not in UTF-8, which would end the process.
 
     Relative names begin with a dot: otherwise FFmpeg would read the part before a colon as a protocol.
     """

@@ -36,8 +36,8 @@ class SeveralFrames(Closing):
     """Source of the newest pictures of several cameras, each delivered once, until all cameras end or `close()`.
 
     Pictures within `TOGETHER_S` are one exposure. A picture waits for another camera whose picture is due before it. An
-    exposure is dropped if all its cameras already have a newer picture; their next exposure precedes earlier ones of
-    other cameras, so that a slow loop gets pictures of each camera.
+    exposure is dropped if all its cameras already have a newer picture. The next exposure of these cameras then has
+    priority over other cameras, so that a slow loop gets pictures of each camera.
     sources: source of each camera by name; clock, nap: the monotonic clock [s], and a function that pauses
     State: waiting pictures of each camera and their arrival [s]; the last exposure times [s]; cameras whose last
     picture was dropped; number of pictures dropped here.

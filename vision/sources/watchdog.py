@@ -1,6 +1,6 @@
 """Detection of a source's faults: blocked, frozen, failed or resumed; lost pictures; repeated values.
 
-It has no threads and no clock.
+This module uses no threads and no clock.
 """
 
 from __future__ import annotations
@@ -93,10 +93,10 @@ IN_TURN = 8
 
 
 class FrozenValues:
-    """Detects repeated values: all values of a frame equal those of one of the last `IN_TURN` frames to the last digit.
+    """Detects repeated values: a frame has, to the last digit, all values of one of the last `IN_TURN` frames.
 
-    Noise makes that almost impossible. A sender that sends each value several times is not frozen: FROZEN needs two
-    more successive repeats than are usual between new values. A frame without values is ignored.
+    Because of noise, new values almost never repeat. A sender that sends each value several times is not frozen: FROZEN
+    needs two more successive repeats than are usual between new values. A frame without values is ignored.
 
     frozen: whether the values repeat now
     State: the last new frames; number of repeats before each, and since the newest; time of the newest [s].
@@ -134,8 +134,8 @@ class FrozenValues:
 class SparsePictures:
     """Detects, from exposure times, that at least every second picture is lost.
 
-    Pictures are lost if `settings.stuck_frames` took twice their usual time, with more than one gap. A drifting rate
-    has no gap of half an interval more than usual, and a late reader finds waiting pictures, which come in less than
+    Pictures are lost if `settings.stuck_frames` took twice their usual time, with more than one gap. A gap exceeds the
+    usual interval by half, which a drifting rate does not. A late reader finds waiting pictures, which come in under
     half an interval. The fault is one event until no picture is missing for `settings.even_s`.
 
     State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s],

@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of its kind; unseen: number of frames since the last of these, counted by the owner
+    hue_deg: hue of its kind; unseen: number of frames since the last such frame, counted by the owner
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -238,7 +238,7 @@ def _half(outline: Outline, settings: AppearanceSettings) -> int:
 
 
 def _squared(pixels: Floats, colors: Floats, settings: AppearanceSettings) -> Any:
-    """Squared distance of colours, relative to that of similar pixels; pixels, colors: (n, 3) or (3,) each."""
+    """Squared distance of colours, relative to the distance of similar pixels; pixels, colors: (n, 3) or (3,) each."""
     return ((pixels - colors) ** 2 / (settings.level**2 + (settings.shade * colors) ** 2)).mean(axis=-1)
 
 

@@ -17,7 +17,7 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; a smaller similar part suffices if the ring is free.
+    """Whether a match with a mark's own appearance is the mark; if the ring is unlike it, a smaller part suffices.
 
     color_distance: squared distance of its colour from that of its kind [gates]; a larger distance needs a better match
     """
@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark: it needs a better score than a known colour, and another ring.
+    """Whether a match with a fitted colour is a mark; it needs a higher score than a known colour and a ring unlike it.
 
     color_distance: as in `is_mark`, for the fitted colour
     """
@@ -58,7 +58,7 @@ def detection_at(match: AppearanceMatch, one: Expected, settings: CandidateSetti
 def detection_in_other_light(
     frame_bgr: Image, match: AppearanceMatch, one: Expected, settings: FinderSettings = FINDER
 ) -> Detection:
-    """As `detection_at`, for a match with a fitted colour: its centre is the mean of those of match and rim.
+    """As `detection_at`, for a match with a fitted colour: its centre is the mean of the centres of match and rim.
 
     frame_bgr: (height, width, 3) uint8
     """

@@ -37,7 +37,7 @@ class Distractor:
 
 @dataclass(slots=True, eq=False)
 class _Level:
-    """Number of samples with a hue outside its marks.
+    """Number of samples that have a hue but lie outside its marks.
 
     known: number since the start; of_late: numbers in the last frames; reported: excess over known in the last report
     """
@@ -53,7 +53,7 @@ class DistractorWatch:
 
     Each frame is sampled at a few points per mark diameter, which takes a fraction of the time of a search. Connected
     samples outside marks count, except for a hue with a missing mark, because they may be that mark. Objects in the
-    first frames are known, and so are those that enter a colour range when it adapts to its marks.
+    first frames count as known, and so do those that enter a colour range when it adapts to its marks.
     State: the colour ranges in the last frame; numbers of samples by nominal hue.
     """
 

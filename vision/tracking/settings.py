@@ -79,12 +79,12 @@ class CandidateSettings:
     """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
 
     score, share: least score, and least share of its pixels that are similar to the mark [1]; choice
-    free, free_share: similarity of the ring below which it is free, and the least share that then suffices [1]; choice
+    free, free_share: similarity below which the ring is unlike the mark, and the share that then suffices [1]; choice
     other_margin: additional similarity to the mark and dissimilarity of the ring that a fitted colour needs [1]; choice
     min_sd_px, max_sd_px: least and largest standard deviation of a match [px]; choice
-    best_score, growth: score above which that deviation is the least, and its exponential growth below [1]; choice
+    best_score, growth: score above which that deviation is `min_sd_px`, and its exponential growth below [1]; choice
     rim_gain: standard deviation of the mean of match and rim, relative to their distance [1]; choice
-    shared: variance of the mean of outline and match, relative to that for independent errors [1]; choice
+    shared: variance of the mean of outline and match, relative to the mean of independent errors [1]; choice
     """
 
     score: float = 0.55
@@ -104,9 +104,9 @@ class CandidateSettings:
 class TemplateSettings:
     """Settings of appearance models: when detections are compared with them, and when views are stored.
 
-    clear_sd_px: largest standard deviation with which a whole mark is certain [px]; choice
-    whole_sd_px: largest standard deviation with which its view is stored [px]; choice
-    unknown_sd_px: largest standard deviation with which it is accepted without a comparison [px]; choice
+    clear_sd_px: largest standard deviation of a centre with which a whole mark is certain [px]; choice
+    whole_sd_px: largest standard deviation of a centre with which the mark's view is stored [px]; choice
+    unknown_sd_px: largest standard deviation with which a mark is accepted without a comparison [px]; choice
     refresh: number of frames after which a view is stored again [1]; choice
     forget: number of frames without a clear view after which a mark may look different [1]; choice
     near_px: largest distance at which a centre and the best match agree [px]; choice
@@ -132,7 +132,7 @@ class HueTrackingSettings:
     max_scatter: largest standard deviation relative to the least [1]; choice
     n_learned: number of frames after which a learned colour rejects other colours [1]; choice
     gate: largest squared distance in these standard deviations [1]; source: chi-square, 2 dof, 99.9 %
-    learning: settings of the first colour range; their shares also give the least saturation and value from the mean
+    learning: settings of the first colour range; `paler` and `darker` also relate later limits to the mean colour
     """
 
     gain: float = 0.05
@@ -152,7 +152,7 @@ class DistractorSettings:
     spacing: distance of the samples [radii of the smallest mark]; choice
     most_samples: largest number of samples in a frame [1]; choice: 0.1 ms
     around: distance from a mark within which samples belong to it, due to blur or its reflection [radii]; choice
-    stands: number of successive frames that must show it [1]; source: a fault is to be reported within three frames
+    stands: number of successive frames that must show an object [1]; source: report a fault within three frames
     settled_frames: number of first frames, whose content counts as known [1]; choice
     least: least new area, relative to that of a mark [1]; choice
     grows: least ratio of the present area to that in the last report [1]; choice

@@ -25,7 +25,7 @@ LEFT_OUT = 1e-4
 """Largest omitted share of the mean square displacement due to a source of forces [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""Signs of the two states of a force: the long one, and the one that decays within its smooth time [1]."""
+"""Signs of the two states of a force: the lasting state, and the state that decays within the smooth time [1]."""
 
 SAME_S = 1e-9
 """Largest rounding difference between frame intervals [s]; numerical."""
@@ -38,7 +38,7 @@ FIXED = 1e-6
 
 
 class ContinuumSpan(Span):
-    """Positions of the points of a continuum: the drawn ones times a constant coordinate, plus the modes."""
+    """Positions of the points of a continuum: drawn positions times a constant coordinate, plus the modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:

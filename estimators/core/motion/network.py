@@ -51,7 +51,7 @@ WEAK = 1e-2
 """Largest omitted force of a source, relative to the source's largest force [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""Number of nodes above which a body may be reduced, and then its most shapes, relative to that number [1]; choice."""
+"""Number of nodes above which a body may be reduced; largest number of its shapes divided by its nodes [1]; choice."""
 
 
 class NetworkMotion:
@@ -83,7 +83,7 @@ class NetworkMotion:
         is_led, each = np.array([name in led for name in marked]), np.eye(len(free))
         may_be_pushed = self._may_be_pushed(nodes).astype(float)
         smooth = np.outer(may_be_pushed, may_be_pushed) * matern(apart, disturbances.smooth * self.extent_m)
-        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # and uniform: gravity turns
+        slow = np.column_stack([factor(smooth, RANK), np.ones(len(free))])  # a field and a uniform force
         pushes = {"short": each[:, nodes[~is_led]], "led": each[:, nodes[is_led]], "slow": slow}
         self.span = Span.whole(masses) if sigma_points else self._span(assembly, pushes, disturbances)
         is_whole = self.span.matrix.shape[1] == assembly.n
@@ -124,7 +124,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Free nodes on which slow forces act: all nodes of a cable or cloth in space, else the marked ones."""
+        """Free nodes on which slow forces act: all nodes of a cable or cloth in space, else the marked nodes."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
