@@ -211,13 +211,14 @@ class Run:
         from datetime import UTC, datetime
 
         from experiments.engine.runs import program
-        from experiments.formats.provenance import Provenance, input_of, now, provenance_text
+        from experiments.formats.provenance import Provenance, content_digest, provenance_text
 
         began = datetime.fromtimestamp(self.began, UTC)
         # any other input is a device, an address or a shipped scenario
-        read = tuple(input_of(one) for one in inputs if one is not None and (one.is_file() or one.is_dir()))
+        read = {one: content_digest(one) for one in inputs if one is not None and (one.is_file() or one.is_dir())}
+        times = began, datetime.now(UTC)
         return provenance_text(
-            Provenance(self.command, self.arguments, program(), began, now(), read, self._scene, tuple(self._left_out))
+            Provenance(self.command, self.arguments, program(), *times, read, self._scene, tuple(self._left_out))
         )
 
 

@@ -79,7 +79,8 @@ def run_study(
         again = next(case for k, case in enumerate(cases) if keys[k] in keys[:k])
         raise ValueError(f"cases: expected different ones, found {again} twice")
     known = read_parts(folder / KEPT)
-    done = set() if known is None else set(_keys_done(known))
+    kept = [] if known is None else zip(*_columns(known, "key", "failure"), strict=True)
+    done = {key for key, failure in kept if failure is None}
     left = [k for k, key in enumerate(keys) if key not in done]
     parts, source = Parts(folder / KEPT), program()
     n_done = len(keys) - len(left)
@@ -120,10 +121,6 @@ def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
 def columns_of(case: Case) -> dict[str, Any]:
     """The top-level numbers and texts of a case."""
     return {name: value for name, value in case.items() if isinstance(value, str | int | float)}
-
-
-def _keys_done(known: pa.Table) -> list[str]:
-    return [key for key, failure in zip(*_columns(known, "key", "failure"), strict=True) if failure is None]
 
 
 def _columns(table: pa.Table, *names: str) -> list[list[Any]]:

@@ -80,15 +80,15 @@ def workers_for(n_runs: int, wanted: Workers) -> Workers:
 
 def add_worker_options(parser: argparse.ArgumentParser) -> None:
     """Add `--processes` and `--scheduler` to the options of a study."""
-    parser.add_argument("--processes", type=_count, help="on this machine; default: one for each core")
+    parser.add_argument("--processes", type=one_or_more, help="on this machine; default: one for each core")
     parser.add_argument("--scheduler", help="address of a Dask scheduler, in place of this machine")
 
 
-def _count(text: str) -> int:
-    count = int(text)
-    if count < 1:
-        raise ValueError
-    return count
+def one_or_more(text: str) -> int:
+    """The number in an option's text. Raises ArgumentTypeError unless it is a whole number of 1 or more."""
+    if not text.isdigit() or not int(text):
+        raise argparse.ArgumentTypeError(f"expected 1 or more, found {text}")
+    return int(text)
 
 
 def chosen_workers(chosen: argparse.Namespace) -> Workers:

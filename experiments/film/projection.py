@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
 
 import numpy as np
 
@@ -21,28 +20,6 @@ from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500
 """Number of points on a line that are tested for visibility; numerical: its end is off by some pixels."""
-
-
-class View(Protocol):
-    """The view of a camera."""
-
-    def places(self, points_m: Floats) -> Floats:
-        """Projection of points [m], (n, dim), to the picture [px], (n, 2)."""
-
-    def line(self, ends_m: Floats) -> Floats:
-        """Projection of the visible part of a line between two points [m], (2, dim): its ends [px], (2, 2)."""
-
-    def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """Projection of a position [m], (dim,), and its covariance [m²], (dim, dim): [px] (2,), [px²] (2, 2)."""
-
-    def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
-        """The image of a mark at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
-
-    def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """The image of a ball of this radius [m] at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
-
-    def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,); in space False if that is unknown, None."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -59,12 +36,12 @@ def _normals(scene: Scene) -> Mapping[str, Floats]:
 
 @dataclass(frozen=True, slots=True)
 class PlaneView:
-    """A `View` of marks on a plane."""
+    """The view of a camera on marks on a plane."""
 
     camera: PlaneCamera
 
     def places(self, points_m: Floats) -> Floats:
-        """See `View`."""
+        """Projection of points [m], (n, dim), to the picture [px], (n, 2)."""
         finite = np.isfinite(points_m).all(axis=1)
         try:
             if finite.all():
@@ -80,70 +57,76 @@ class PlaneView:
             return np.full(2, np.nan)
 
     def line(self, ends_m: Floats) -> Floats:
-        """See `View`: the whole line counts as visible."""
+        """Projection of the visible part of a line between two points [m], (2, dim): its ends [px], (2, 2).
+
+        On a plane the whole line counts as visible.
+        """
         return self.places(ends_m)
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """See `View`."""
+        """Projection of a position [m], (dim,), and its covariance [m²], (dim, dim): [px] (2,), [px²] (2, 2)."""
         place_px = self._place(mean_m)
         if cov_m2 is None or not np.isfinite(place_px).all():
             return place_px, None
         return place_px, np.asarray(self.camera.cov_to_px(mean_m[None], cov_m2[None])[0], dtype=np.float64)
 
     def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
-        """See `View`."""
+        """The image of a mark at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
         return mark.shape_px(self.camera, place_m) if np.isfinite(self._place(place_m)).all() else np.zeros((2, 2))
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """See `View`."""
+        """The image of a ball of this radius [m] at a position [m], (dim,), as `Outline.shape_px`, (2, 2) [px]."""
         is_seen = np.isfinite(self._place(place_m)).all()
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """See `View`: always True."""
+        """Whether a node's mark may be visible at a position [m], (dim,); in space False if that is unknown, None."""
         return True
 
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """A `View` of a body in space. normals: outward unit normals of its marks as drawn, by node, (3,)."""
+    """The view of a camera on a body in space; normals: outward unit normals of its marks as drawn, by node, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]
 
     def places(self, points_m: Floats) -> Floats:
-        """See `View`."""
+        """See `PlaneView`."""
         inside, places_px, _ = self.camera.viewed(points_m)
         return np.where(inside[:, None], places_px, np.nan)
 
     def line(self, ends_m: Floats) -> Floats:
-        """See `View`."""
+        """See `PlaneView`."""
         places_px = self.places(np.linspace(ends_m[0], ends_m[1], ON_LINE))
         inside = np.flatnonzero(np.isfinite(places_px).all(axis=1))
         return places_px[inside[[0, -1]]] if len(inside) else places_px[[0, -1]]
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """See `View`."""
+        """See `PlaneView`."""
         [inside], [place_px], [J] = self.camera.viewed(mean_m[None])
         if not inside:
             return np.full(2, np.nan), None
         return place_px, None if cov_m2 is None else J @ cov_m2 @ J.T
 
     def mark_shape(self, mark: Mark, place_m: Floats) -> Floats:
-        """See `View`."""
+        """See `PlaneView`."""
         [inside], _, J = self.camera.viewed(place_m[None])
         discs = across(self.normals[mark.node][None])
         return mark_shapes_px([mark], self.camera, place_m[None], discs, J)[0] if inside else np.zeros((2, 2))
 
     def ball_shape(self, place_m: Floats, radius_m: float) -> Floats:
-        """See `View`."""
+        """See `PlaneView`."""
         is_seen = self.camera.in_view(place_m[None])[0]
         return self.camera.ball_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """See `View`."""
+        """See `PlaneView`."""
         if place_m is None:
             return False
         places = place_m[None]
         is_facing = facing(self.camera, places, self.normals[node][None], LEAST_COSINE)[0]
         return bool(is_facing and self.camera.in_view(places)[0])
+
+
+View = PlaneView | SpaceView

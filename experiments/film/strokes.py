@@ -19,6 +19,8 @@ Colour = tuple[int, int, int]
 DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
+MARGIN_PX = 8.0
+"""Width around a picture in which lines are not clipped [px]: more than that of a line."""
 NEAR_PX = 1e4
 """Largest coordinate at which lines need no clipping [px]: OpenCV's integers can represent it."""
 TEXT_PX = 16.0
@@ -26,11 +28,6 @@ TEXT_PX = 16.0
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 FONT_PX = 30.0
 """Height of a line of OpenCV's font at scale 1 [px]."""
-
-
-def segments_of(points_px: Floats) -> Floats:
-    """The pieces of a line through points, (n, 2): (n - 1, 2, 2)."""
-    return np.stack([points_px[:-1], points_px[1:]], axis=1)
 
 
 def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
@@ -45,7 +42,7 @@ def draw_line(image: Image, points_px: Floats, colour: Colour, width: int, *, ed
     if _is_near(points_px):
         _draw(image, [_fixed(points_px)], colour, width, edge)
     else:
-        draw_segments(image, segments_of(points_px), colour, width, edge=edge)
+        draw_segments(image, np.stack([points_px[:-1], points_px[1:]], axis=1), colour, width, edge=edge)
 
 
 def _is_near(places: Floats) -> bool:
@@ -70,22 +67,14 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
     draw_segments(image, dashed(points_px, dash_px), colour, width, edge=0)
 
 
-def clipped(segments: Floats, size_px: Sequence[int], margin_px: float = 8.0) -> Floats:
-    """The parts of segments (n, 2, 2) within a picture and its margin; segments outside or not finite are dropped.
-
-    Liang and Barsky's method: each of four half planes limits the interval of t in a + t (b - a).
-    """
+def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
+    """The parts of segments (n, 2, 2) within a picture and its margin; segments outside or not finite are dropped."""
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
-    low, high = np.zeros(len(finite)), np.ones(len(finite))
-    for axis in (0, 1):
-        for edge, sign in ((-margin_px, -1.0), (size_px[axis] - 1.0 + margin_px, 1.0)):
-            room, speed = sign * (edge - start[:, axis]), sign * along[:, axis]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                t = np.where(speed == 0.0, np.inf, room / speed)
-            high = np.where(speed > 0.0, np.minimum(high, t), high)
-            low = np.where(speed < 0.0, np.maximum(low, t), low)
-            high = np.where((speed == 0.0) & (room < 0.0), -1.0, high)
+    edges = np.array([[[-MARGIN_PX] * 2], [np.array(size_px) - 1.0 + MARGIN_PX]])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.sort((edges - start) / along, axis=0)  # where each line crosses both edges of each axis
+    low, high = t[0].max(axis=1).clip(min=0.0), t[1].min(axis=1).clip(max=1.0)
     seen = low <= high
     ends = [start[seen] + t[seen, None] * along[seen] for t in (low, high)]
     return np.stack(ends, axis=1)

@@ -112,7 +112,7 @@ def overlay_of(
         status=str(estimate.status),
         status_colour=STATUSES[estimate.status],
         facts=facts(estimate, len(scene.measured_nodes)),
-        nodes_px=view.places(node_places(line)),
+        nodes_px=view.places(line.filter.positions),
         names=names,
         fixed=network.fixed,
         springs=network.springs,
@@ -126,11 +126,6 @@ def overlay_of(
         advice_colour=GREY if guidance is None else ADVICE[guidance.advice],
         notes=_notes(target_cov_px2, camera.size_px),
     )
-
-
-def node_places(line: Line) -> Floats:
-    """Positions of all nodes that the filter predicts now [m], (n_nodes, dim)."""
-    return line.filter.positions
 
 
 def facts(estimate: TargetEstimate, n_measured: int) -> str:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from estimators import Status
-from experiments.film.overlay import LIGHT, Fate, MarkDrawn, Overlay, wrapped
+from experiments.film.overlay import LIGHT, Fate, Overlay, wrapped
 from experiments.film.strokes import draw_text, text_height
 from experiments.pipeline.scores.marks import REFUSED
 from vision.arrays import Image
@@ -45,7 +45,9 @@ class WorstFrames:
     def take(self, overlay: Overlay, picture: Image) -> None:
         """Count a drawn frame, and store it if it is the worst of its kind."""
         missed = [mark for mark in overlay.marks if mark.fate is not Fate.FOUND and mark.measured]
-        kind = overlay.status, _fault(missed[0]) if missed else ""
+        # a reason has its numbers in parentheses
+        faults = [REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0] for mark in missed]
+        kind = overlay.status, faults[0] if faults else ""
         badness = float(len(missed)), _spread(overlay)
         known = self._stills.get(kind)
         if known is None:
@@ -87,11 +89,6 @@ def side_by_side(tiles: Sequence[Image]) -> Image:
     across = min(2, len(shown))
     shown += [np.zeros_like(shown[0])] * (-len(shown) % across)
     return np.vstack([np.hstack(shown[k : k + across]) for k in range(0, len(shown), across)])
-
-
-def _fault(mark: MarkDrawn) -> str:
-    """The result for a mark and its reason as text without numbers."""
-    return REFUSED if mark.fate is Fate.REFUSED else mark.why.split(" (")[0]
 
 
 def _spread(overlay: Overlay) -> float:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
-from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.outputs import write_whole
 from experiments.formats.toml_file import (
@@ -28,7 +26,7 @@ from experiments.formats.toml_file import (
     read_toml,
     toml_text,
 )
-from vision import Calibration, Lens, Pose
+from vision import Calibration, Lens, Pose, SpaceCamera
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
 """Factors from a row of uncertainty in metres to the file's units."""
@@ -53,27 +51,6 @@ class CameraFile(Strict):
     mm_per_px: Annotated[list[Positive], Field(min_length=2, max_length=2)]
     plane_image: Name
     uncertainty: Annotated[list[Row], Field(min_length=1)]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class CalibratedCamera:
-    """A calibrated camera in front of a plane, as in `camera.toml`.
-
-    name, size_px: its name; width and height of its pictures [px]
-    lens: matrix and distortion
-    pose: world to camera [m]
-    uncertainty: uncertain directions as in `Calibration`, (n, 15), lengths in metres
-    reprojection_rms_px: root mean square residual [px]
-    mm_per_px: size of a pixel on the plane at the picture's centre, across and down [mm]
-    """
-
-    name: str
-    size_px: tuple[int, int]
-    lens: Lens
-    pose: Pose
-    uncertainty: Floats
-    reprojection_rms_px: float
-    mm_per_px: tuple[float, float]
 
 
 def checked_lens(matrix: Sequence[Sequence[float]], distortion: Sequence[float]) -> Lens:
@@ -126,7 +103,7 @@ def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
     return [f"name = {toml_text(name)}", f"size_px = [{size_px[0]}, {size_px[1]}]"]
 
 
-def read_camera_toml(path: Path) -> CalibratedCamera:
+def read_camera_toml(path: Path) -> SpaceCamera:
     """The camera of a file; raises InputError, `camera.toml: key: expected …, found …`, for the first fault."""
     file = read_toml(path, CameraFile)
     try:
@@ -139,12 +116,5 @@ def read_camera_toml(path: Path) -> CalibratedCamera:
             f"{len(file.images_used)} entries, one for each image used",
             str(len(file.reprojection_rms_px_each)),
         )
-    return CalibratedCamera(
-        name=file.name,
-        size_px=(file.size_px[0], file.size_px[1]),
-        lens=lens,
-        pose=pose,
-        uncertainty=np.array(file.uncertainty) / TO_MM,
-        reprojection_rms_px=file.reprojection_rms_px,
-        mm_per_px=(file.mm_per_px[0], file.mm_per_px[1]),
-    )
+    size_px = file.size_px[0], file.size_px[1]
+    return SpaceCamera(file.name, size_px, lens, pose, calibration=np.array(file.uncertainty) / TO_MM)

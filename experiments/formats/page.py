@@ -1,11 +1,19 @@
-"""Replacement of generated parts in Markdown pages, between `<!-- NAME -->` and `<!-- end of NAME -->`."""
+"""Markdown: tables, and generated parts of pages, between `<!-- NAME -->` and `<!-- end of NAME -->`."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from experiments.formats.outputs import write_whole
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = (0,)) -> str:
+    """A table in Markdown; the columns in `left` are left-aligned, the others right-aligned."""
+    ruled = ["---" if k in left else "---:" for k in range(len(heads))]
+    return "".join(
+        "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)
+    )
 
 
 def replaced(text: str, parts: Mapping[str, str]) -> str:

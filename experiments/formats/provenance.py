@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -18,19 +19,11 @@ PROVENANCE, LOG_FILE = "provenance.json", "softaim.log"
 FORMAT = 1
 
 
-@dataclass(frozen=True, slots=True)
-class Input:
-    """An input file or folder: its path as given, and the SHA-256 of its content."""
-
-    path: Path
-    sha256: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Provenance:
     """Origin of an output.
 
-    arguments: of the command line; program: digest of its source; inputs: files and folders that were read
+    arguments: of the command line; program: digest of its source; inputs: digests of what was read, by path
     scene: the scene used, None without one; left_out: steps that were not done on it
     """
 
@@ -39,25 +32,15 @@ class Provenance:
     program: str
     began: datetime
     ended: datetime
-    inputs: tuple[Input, ...] = ()
+    inputs: Mapping[Path, str] = field(default_factory=dict)
     scene: Scene | None = None
     left_out: tuple[str, ...] = ()
-
-
-def now() -> datetime:
-    """The present time, UTC."""
-    return datetime.now(UTC)
-
-
-def input_of(path: Path) -> Input:
-    """A file, or a folder with all its files, and its digest; this program's records of runs are ignored."""
-    return Input(path, content_digest(path))
 
 
 def content_digest(path: Path) -> str:
     """SHA-256 of a file; for a folder, the SHA-256 of its files' digests and names, in the order of names.
 
-    Raises InputError for an unreadable file.
+    This program's records of runs are ignored. Raises InputError for an unreadable file.
     """
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file() and file.name not in (PROVENANCE, LOG_FILE))
@@ -79,7 +62,7 @@ def provenance_text(of: Provenance) -> str:
         "arguments": list(of.arguments),
         "began": _utc(of.began),
         "ended": _utc(of.ended),
-        "inputs": [{"path": str(one.path), "sha256": one.sha256} for one in of.inputs],
+        "inputs": [{"path": str(path), "sha256": sha256} for path, sha256 in of.inputs.items()],
     }
     if of.scene is not None:
         steps = [step_keys(step) for step in of.scene.steps]

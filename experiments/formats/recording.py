@@ -28,7 +28,6 @@ from experiments.formats.marks.rows import (
     AXES,
     MarkRow,
     are_definite,
-    are_round,
     cov_columns,
     cov_entries_mm2,
     cov_names,
@@ -323,7 +322,7 @@ def write_marks_csv(path: Path, times_s: Floats, marks: Sequence[Sequence[MarkRo
     for _, row in rows:
         if len(row.position_m) != dim or not np.isfinite([*row.position_m, row.sd_m]).all() or row.sd_m <= 0:
             raise ValueError(f"marks: expected {dim} finite coordinates and a deviation above 0, found {row}")
-    covs = not are_round([row for _, row in rows])
+    covs = any(row.full_cov is not None for _, row in rows)
     header = ["time_s", "node", *AXES[:dim], *(cov_columns(dim) if covs else ["sd_mm"])]
     spreads = (cov_entries_mm2(row.cov) if covs else [1e3 * row.sd_m] for _, row in rows)
     write_table(

@@ -119,8 +119,7 @@ def advise(
     asked = partial(guide, needle=plan.needle, settings=plan.settings, path_at=path_at)
     for k, (frame, step) in enumerate(each_frame(line, recording)):
         estimate = step.estimates[FILTER]
-        used = [mark for mark in line.measured(step.marks) if mark.node not in step.refused]
-        fault = integrity.take(estimate, used)
+        fault = integrity.take(estimate, line.used(step))
         breath.learn(line.filter, estimate)
         if estimate.time_s >= due_s:
             times.append(estimate.time_s)

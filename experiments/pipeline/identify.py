@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -167,31 +168,20 @@ def tuned_scene(
     return replace(scene, settings=found.settings), found
 
 
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """One constant: its name, value [SI], relative standard error, and relative change by identification.
+def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
+    """Name, value [SI], relative standard error and change of each identified constant; mesh: that of their tissues.
 
     kept: whether its value did not change, because the recording does not determine it
     """
-
-    name: str
-    value: float
-    standard_error: float
-    change: float
-    kept: bool
-
-
-def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[Constant]:
-    """The identified constants; mesh: the mesh to whose tissues they belong."""
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
-        Constant(
-            group_label(one),
-            tissues[one.places[0]].young_pa if tissues else group_value(found.network, one),
-            float(sd),
-            float(np.expm1(change)),
-            bool(kept),
-        )
+        {
+            "name": group_label(one),
+            "value": tissues[one.places[0]].young_pa if tissues else group_value(found.network, one),
+            "standard_error": float(sd),
+            "change": float(np.expm1(change)),
+            "kept": bool(kept),
+        }
         for one, sd, change, kept in zip(found.groups, found.sd, found.change, found.kept, strict=True)
     ]
 
@@ -253,7 +243,7 @@ def identification_report(found: IdentificationResult, mesh: SceneMesh | None = 
         "passes": found.passes,
         "converged": found.converged,
         "directions": len(found.uncertainty.directions),
-        "constants": [asdict(one) for one in constants(found, mesh)],
+        "constants": constants(found, mesh),
         "undetermined_combinations": undetermined(found),
         "confounded": [asdict(pair) for pair in confounded(found)],
         "not_determined": not_determined(found),

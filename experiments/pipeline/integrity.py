@@ -55,28 +55,28 @@ class UsualUncertainty:
 USUAL = UsualUncertainty()
 
 
-def balance_of(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> StaticBalance:
+def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
     """Balance of forces on a scene's body, with stated or default uncertainties of constants and camera."""
     which = parameters(scene.network, ("stiffness",))
-    together = ParameterUncertainty(which, np.full((1, len(which)), usual.stiffness))
+    together = ParameterUncertainty(which, np.full((1, len(which)), USUAL.stiffness))
     uncertainty = together if scene.uncertainty is None else scene.uncertainty
-    return StaticBalance(tissue, uncertainty, _calibration_error(scene, usual))
+    return StaticBalance(tissue, uncertainty, _calibration_error(scene))
 
 
-def _calibration_error(scene: Scene, usual: UsualUncertainty) -> Callable[[Floats], Floats] | None:
+def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
     """Shift of marks by one sd along each direction of the calibration, stated or default; None without a camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
         middle = scene.network.positions.mean(axis=0)
-        return lambda places: usual.scale * (places.reshape(-1, 3) - middle)[:, :, None]
+        return lambda places: USUAL.scale * (places.reshape(-1, 3) - middle)[:, :, None]
     if not scene.cameras:
         return None
     camera = scene.cameras[0]
-    return (replace(camera, scale_sd=usual.scale) if _is_unscaled(scene) else camera).calibration_error
+    return (replace(camera, scale_sd=USUAL.scale) if _is_unscaled(scene) else camera).calibration_error
 
 
-def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = USUAL) -> tuple[ErrorSource, ...]:
+def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
     """Sources of the target's error that marks do not reveal; the filter considers those that the scene states.
 
     `[uncertainty]`, which `softaim identify` writes, states errors of constants; `scale_sd`, or the `uncertainty` of a
@@ -86,7 +86,7 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
     at_rest = StaticResponse(tissue, nodes)
     stated, dim = scene.uncertainty, network.dim
     found = []
-    uncertainty = stated or independent_uncertainty(parameters(network, ("stiffness",)), usual.stiffness)
+    uncertainty = stated or independent_uncertainty(parameters(network, ("stiffness",)), USUAL.stiffness)
     own = parameter_forces(network, uncertainty.parameters, at_rest.rest, np.zeros_like(at_rest.rest))
     constants = at_rest.to_forces(own.T @ uncertainty.directions.T)
     found.append(_source("constants", constants, stated=stated is not None))
@@ -95,19 +95,19 @@ def error_budget(scene: Scene, tissue: TissueFilter, usual: UsualUncertainty = U
         weights[range(len(network.free)), :, range(len(network.free))] = np.outer(
             network.masses[network.free], tissue.network.gravity
         )
-        masses = usual.mass * at_rest.to_forces(weights.reshape(-1, len(network.free)))
+        masses = USUAL.mass * at_rest.to_forces(weights.reshape(-1, len(network.free)))
         found.append(_source("masses", masses, stated=False))
-    if (calibration_error := _calibration_error(scene, usual)) is not None:
+    if (calibration_error := _calibration_error(scene)) is not None:
         places = at_rest.rest[[network.index(node) for node in nodes]]
         shifts = calibration_error(places).reshape(len(nodes) * dim, -1)
         found.append(_source("the camera's calibration", at_rest.to_marks(shifts), stated=not _is_unscaled(scene)))
     if not scene.reference.marks:  # these marks move with the camera
         drift_m = scene.reference.drift_sd_m
-        alike = np.tile((usual.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
+        alike = np.tile((USUAL.drift_m if drift_m is None else drift_m) * np.eye(dim), (len(nodes), 1))
         name = "drift of the camera" if drift_m is not None else "drift of the camera (default)"
         found.append(ErrorSource.of(name, at_rest.to_marks(alike), considered=False))
     sd_m = scene.target.position_sd_m
-    place = (usual.position_m if sd_m is None else sd_m) * np.eye(dim)
+    place = (USUAL.position_m if sd_m is None else sd_m) * np.eye(dim)
     found.append(_source("the target's position in the tissue", place, stated=sd_m is not None))
     if not rest_is_known(scene):  # changes by identification count as errors of constants
         sag = tissue.target.position(at_rest.rest[network.free].ravel()) - tissue.target.position(
@@ -208,10 +208,6 @@ class IntegrityMonitor:
     def widened(self, estimate: TargetEstimate) -> TargetEstimate:
         """The estimate with unstated errors added to its covariance."""
         return estimate if estimate.cov is None else replace(estimate, cov=estimate.cov + self.unstated)
-
-    def largest_errors(self, estimate: TargetEstimate) -> str:
-        """Text with the largest sources of the target's variance, for an estimate of the filter."""
-        return shares_words(variance_shares(self.budget, estimate))
 
     def restart(self) -> None:
         """Discard the marks, because the filter restarts."""

@@ -249,9 +249,9 @@ class Line:
             return mean, cov
         return predict(node, self.scene.cameras[0].calibration_error(mean[None])[0])
 
-    def measured(self, marks: Sequence[MarkMeasurement]) -> list[MarkMeasurement]:
-        """The marks that the filter may use."""
-        return [mark for mark in marks if mark.node in self._measured]
+    def used(self, step: Step) -> list[MarkMeasurement]:
+        """The marks of a step that the filter used."""
+        return [mark for mark in step.marks if mark.node in self._measured and mark.node not in step.refused]
 
     def _estimated(
         self,
@@ -261,7 +261,7 @@ class Line:
         predict_s: float,
         sight: Sight | None,
     ) -> Step:
-        measured = self.measured(marks)
+        measured = [mark for mark in marks if mark.node in self._measured]
         refused_before = self.filter.rejected.copy()
         began = time.perf_counter()
         named = self.identity.update(measured)

@@ -58,8 +58,7 @@ def planned(
         line = Line(scene, baseline=False, fixes=recording.fixes)
         integrity = IntegrityMonitor(scene, line.filter)
         for k, (_, step) in enumerate(each_frame(line, recording), start=1):
-            used = [mark for mark in line.measured(step.marks) if mark.node not in step.refused]
-            integrity.take(step.estimates[FILTER], used)
+            integrity.take(step.estimates[FILTER], line.used(step))
             advance(k / len(recording.exposures_s))
         ahead = line.filter.predict_at(float(recording.exposures_s[-1]) + task.arrival_s)
         trusted = ahead.status in (Status.TRACKING, Status.COASTING)

@@ -7,12 +7,11 @@ combinations differ.
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import shutil
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from experiments.engine.study import Study, run_study
 from experiments.engine.workers import Workers
 from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
+from experiments.formats.page import markdown_table
 from experiments.formats.scenario import Scenario, SeenMarks, completed
 from experiments.formats.scene.filter import settings_of
 from experiments.formats.scene.scene import Scene, scene_of_tables
@@ -36,21 +36,13 @@ from experiments.pipeline.compare import compare, method_names, summary
 from experiments.pipeline.line import OPEN_LOOP
 from experiments.simulation.forces import start_and_forces
 from experiments.simulation.seen_marks import Truth, seen_marks
-from experiments.simulation.simulate import exposures, scene_of, true_motion, true_network
+from experiments.simulation.simulate import kept_motion, scene_of, true_motion, true_network
 
 SCENE = "scene.toml"
 STUDY, RUNS_CSV, SUMMARY_CSV, SUMMARY_MD, TRUTHS = "study.toml", "runs.csv", "summary.csv", "summary.md", "truths"
 
 CHECKED_S = 1.0
 """Duration of the forces with which a scenario is checked before all runs [s]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Swept:
-    """A finished sweep: its runs, and a row for each combination and method."""
-
-    study: Study
-    summary: pd.DataFrame
 
 
 def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
@@ -144,19 +136,13 @@ def assumed_network(network: MassSpringNetwork, factors: Mapping[str, float]) ->
 
 def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | None) -> Truth:
     """The truth of a scenario and a seed; cached in the folder `truths`, unless that is None."""
-    network = true_scene(text, scenario).network
+    network, rng = true_scene(text, scenario).network, np.random.default_rng([seed, 1])
+    network = true_network(network, scenario, seed)
     if truths is None:
-        return true_motion(true_network(network, scenario, seed), scenario, np.random.default_rng([seed, 1]))
+        return true_motion(network, scenario, rng)
     name = json.dumps([scenario.model_dump(), text, seed], sort_keys=True)
-    path = truths / f"{hashlib.sha256(name.encode('utf-8')).hexdigest()[:KEY_DIGITS]}.npy"
-    if path.exists():
-        return Truth(exposures(scenario), np.load(path))
-    motion = motion_of(scenario, text, seed, None)
-    buffer = io.BytesIO()
-    np.save(buffer, motion.positions)
-    truths.mkdir(parents=True, exist_ok=True)
-    write_whole(path, buffer.getvalue())
-    return motion
+    key = hashlib.sha256(name.encode("utf-8")).hexdigest()[:KEY_DIGITS]
+    return kept_motion(truths / f"{key}.npy", network, scenario, rng)
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
@@ -186,9 +172,10 @@ def run_sweep(
     advance: Callable[[float], None] = lambda _share: None,
     *,
     force: bool = False,
-) -> Swept:
+) -> tuple[Study, pd.DataFrame]:
     """Do the missing runs; write runs.parquet, runs.csv, summary.csv and summary.md in the folder.
 
+    Returns the runs, and a row for each combination and method, see `summarised`.
     force: whether the folder may have other files. Raises InputError before any run for invalid input.
     """
     cases = cases_of(sweep)
@@ -202,7 +189,7 @@ def run_sweep(
     write_whole(folder / RUNS_CSV, done.table.to_csv(index=False, float_format="%.9g"))
     write_whole(folder / SUMMARY_CSV, table.to_csv(index=False, float_format="%.6g"))
     write_whole(folder / SUMMARY_MD, markdown(table))
-    return Swept(done, table)
+    return done, table
 
 
 def _check_folder(folder: Path, force: bool) -> None:
@@ -273,5 +260,4 @@ def _cell(value: Any, form: str | None) -> str:
 def markdown(table: pd.DataFrame) -> str:
     """The summary as a Markdown table."""
     heads, *rows = cells(table)
-    lines: Sequence[Sequence[str]] = [heads, ["---"] * len(heads), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+    return markdown_table(heads, rows, left=range(len(heads)))

@@ -12,6 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
+from matplotlib.lines import Line2D
 
 from estimators import Advice
 from experiments.arrays import Floats
@@ -41,6 +42,7 @@ from experiments.plots.style import (
     SKY,
     SMALL_PT,
     VERMILLION,
+    legend_below,
     new_figure,
     span,
     styled,
@@ -100,19 +102,18 @@ def advice_figure(done: Advised) -> Figure:
         ax.tick_params(labelbottom=False)
         draw_bands(ax, np.array(done.times_s), [one.advice for one in done.guidance], COLOURS)
     _probabilities(done, over_time[0], rows)
+    shown: dict[str, Artist] = {}
     if missed:
-        _misses(done, over_time[1], lateral_mm)
+        edge = _misses(done, over_time[1], lateral_mm)
+        shown[str(edge.get_label())] = edge
     else:
         over_time[0].set_title(_constant_miss(lateral_mm))
     _reasons(done, over_time[-1], reasons)
     over_time[-1].set_xlabel("time [s]")
     span(over_time[-1], np.array(done.times_s))
-    handles, labels = over_time[0].get_legend_handles_labels()
-    if missed:
-        own = over_time[1].get_legend_handles_labels()
-        handles, labels = handles + own[0][-1:], labels + own[1][-1:]
-    shown = _in_space(done, figure, grid[-1]) if in_space else {}
-    figure.legend([*handles, *shown.values()], [*labels, *shown], loc="outside lower center", ncols=3)
+    if in_space:
+        shown |= _in_space(done, figure, grid[-1])
+    legend_below(figure, over_time[0], 3, shown)
     return figure
 
 
@@ -176,17 +177,19 @@ def _constant_miss(lateral_mm: Floats) -> str:
     return f"lateral miss {known.min():.1f} to {known.max():.1f} mm" if len(known) else ""
 
 
-def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> None:
+def _misses(done: Advised, ax: Axes, lateral_mm: Floats) -> Line2D:
+    """Draw the needle's miss over time; returns the line at the lesion's radius."""
     times = np.array(done.times_s)
     size = np.ptp(done.recording.scene.network.positions, axis=0)
     radius = 1e3 * done.plan.lesion.radius_m
     ax.set_ylim(0.0, max(1.2 * radius, highest(1e3 * float(np.linalg.norm(size)), lateral_mm)))
     ax.plot(*thinned(times, lateral_mm), color=BLACK, lw=0.9)
-    ax.axhline(radius, color=GREY, lw=0.6, ls=(0, (1, 1)), label="radius of the lesion")
+    edge = ax.axhline(radius, color=GREY, lw=0.6, ls=(0, (1, 1)), label="radius of the lesion")
     beyond = mark_beyond(ax, times, lateral_mm, BLACK)
     ax.set_ylabel("lateral miss [mm]")
     if beyond:
         ax.set_title(f"outside the plot in {beyond} of {counted(len(times), 'frame')}", loc="right")
+    return edge
 
 
 def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Sequence[bool]]]) -> None:

@@ -63,7 +63,7 @@ def _in_space(done: SceneCheck) -> Figure:
             shown["springs at rest"] = Line2D([], [], color=VERMILLION, lw=0.8)
     bodies[0].set_title(_title(done))
     _shares(shares, done)
-    figure.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=5)
+    legend_below(figure, (), 5, shown)
     return figure
 
 

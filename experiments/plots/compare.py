@@ -44,13 +44,10 @@ def comparison_figure(done: Track) -> Figure:
     axes[-1, 0].set_xlabel("time [s]")
     span(axes[-1, 0], done.times_s)
     # the filter has a predicted error and, if truth is known, an observed one
-    shown = methods.index(FILTER) if done.has_truth else _fullest(axes[:, 0])
+    fullest = int(np.argmax([len(ax.get_legend_handles_labels()[0]) for ax in axes[:, 0]]))
+    shown = methods.index(FILTER) if done.has_truth else fullest
     legend_below(figure, axes[shown, 0], 2)
     return figure
-
-
-def _fullest(axes: np.ndarray) -> int:
-    return int(np.argmax([len(ax.get_legend_handles_labels()[0]) for ax in axes]))
 
 
 def _off_mm(done: Track, method: str) -> Floats:

@@ -32,11 +32,6 @@ LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
 """Limits of plots of NEES and NIS, about four decades from the bounds of consistent frames."""
 
 
-def has_sigmas(done: Track) -> bool:
-    """Whether any frame has an observed and a predicted error."""
-    return len(_errors_and_sigmas(done)[0]) > 0
-
-
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
     """Error and standard deviation for each axis [mm] and NEES, (n,) each, of the frames that have them."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
@@ -47,15 +42,15 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 
 
 @styled
-def sigma_figure(done: Track) -> Figure:
-    """Observed error over predicted standard deviation, for groups of frames; raises ValueError without frames.
+def sigma_figure(done: Track) -> Figure | None:
+    """Observed error over predicted standard deviation, for groups of frames; None without frames that have both.
 
     The band contains 95 % of the groups for a consistent covariance. It is computed for the root mean square of
     independent errors; their number is the effective number of the group's frames, since frames are correlated in time.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):
-        raise ValueError("sigma_figure: expected frames with known error and covariance, found none")
+        return None
     figure, axes = grid_figure(COLUMN_MM, COLUMN_MM + 12.0)
     ax, dim = axes[0, 0], done.recording.scene.network.dim
     groups = grouped(sigma)
@@ -95,20 +90,14 @@ def grouped(sigma: Floats) -> list[np.ndarray]:
     return [group for b in range(len(edges) - 1) if len(group := np.flatnonzero(bins == b))]
 
 
-def has_innovations(done: Track) -> bool:
-    """Whether any frame has NIS or NEES."""
-    rows = table(done, FILTER)
-    return bool(rows[["nees", "nis"]].notna().any(axis=None))
-
-
 @styled
-def consistency_figure(done: Track) -> Figure:
-    """NIS, and with truth NEES, over time, with the 95 % bounds of a consistent filter."""
+def consistency_figure(done: Track) -> Figure | None:
+    """NIS, and with truth NEES, over time, with the 95 % bounds of a consistent filter; None without either."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     freedom = {"nees": np.full(len(ours), dim), "nis": dim * ours["marks_used"].to_numpy()}
     keys = [key for key in freedom if ours[key].notna().any()]
     if not keys:
-        raise ValueError("consistency_figure: expected frames with known NEES or NIS, found none")
+        return None
     figure, axes = grid_figure(PAGE_MM, 12.0 + 42.0 * len(keys), nrows=len(keys), sharex=True)
     for ax, key in zip(axes[:, 0], keys, strict=True):
         _against_bounds(done, ax, key, ours[key].to_numpy(), freedom[key])

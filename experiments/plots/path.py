@@ -30,6 +30,7 @@ from experiments.plots.style import (
     TRUE,
     ellipse,
     grid_figure,
+    legend_below,
     new_figure,
     span,
     styled,
@@ -68,9 +69,7 @@ def _in_plane(done: Track) -> Figure:
     for ax in (whole, close):
         ax.set(xlabel="x [mm]", ylabel="y [mm]")
     figure.colorbar(close.collections[0], cax=close.inset_axes((1.03, 0.0, 0.035, 1.0)), label="time [s]")
-    handles, labels = close.get_legend_handles_labels()
-    keys = _ellipse_keys(done)
-    figure.legend([*handles, *keys.values()], [*labels, *keys], loc="outside lower center", ncols=4)
+    legend_below(figure, close, 4, _ellipse_keys(done))
     return figure
 
 
@@ -98,9 +97,7 @@ def _in_space(done: Track) -> Figure:
         if k == 0:
             whole.set_title("from two sides, as drawn")
             close.set_title("path" if last is None else f"path; lesion at {last.time_s:.1f} s")
-    handles, labels = over_time[0].get_legend_handles_labels()
-    others = keys(scene, outline, views) | (TARGET_KEYS if last is not None else {})
-    figure.legend([*handles, *others.values()], [*labels, *others], loc="outside lower center", ncols=5)
+    legend_below(figure, over_time[0], 5, keys(scene, outline, views) | (TARGET_KEYS if last is not None else {}))
     return figure
 
 

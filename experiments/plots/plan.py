@@ -103,7 +103,7 @@ def _in_space(done: Planned) -> Figure:
     entries = [ax.get_legend_handles_labels() for ax in (wholes[0], closes[0])]
     shown = {label: handle for handles, labels in entries for handle, label in zip(handles, labels, strict=True)}
     shown |= keys(scene, outline, views)
-    figure.legend(list(shown.values()), list(shown), loc="outside lower center", ncols=4)
+    legend_below(figure, (), 4, shown)
     _words(done, words, chosen)
     return figure
 

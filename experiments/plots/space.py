@@ -137,17 +137,12 @@ def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int
     """Draw springs between positions [m], (n, 3), far ones first, paler and thinner; tint: a colour instead of grey."""
     if not 0 < len(springs) <= N_SPRINGS:
         return
-    depth = nearness(view, places_m[springs].mean(axis=1))
+    away = places_m[springs].mean(axis=1) @ view.toward
+    depth = (away - away.min()) / max(float(np.ptp(away)), 1e-12)  # 0 for the farthest, 1 for the nearest
     order, near = np.argsort(depth), NEAR if tint is None else np.array(to_rgb(tint))
     colours = FAR + depth[order, None] * (near - FAR)
     segments = list(view.seen_mm(places_m[springs[order]]))
     ax.add_collection(LineCollection(segments, colors=colours, lw=0.3 + 0.5 * depth[order], zorder=2), autolim=False)
-
-
-def nearness(view: View, places_m: Floats) -> Floats:
-    """Nearness of positions [m], (n, 3), to the viewer: 0 for the farthest, 1 for the nearest, (n,)."""
-    depth = places_m @ view.toward
-    return np.asarray((depth - depth.min()) / max(float(np.ptp(depth)), 1e-12))
 
 
 def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:

@@ -7,13 +7,15 @@ A figure is as wide as a column or a page in print; its text is legible at that 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec
+from types import MappingProxyType
+from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse
@@ -77,13 +79,14 @@ UNDATED = {"png": {}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
 """Metadata of files by format: no date, so that the same plot gives the same file."""
 
 P = ParamSpec("P")
+Drawn = TypeVar("Drawn", bound=Figure | None)
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def styled(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
     """Decorator of functions that draw a figure: it sets the style of this module."""
 
     @wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:
         with mpl.rc_context(STYLE):
             return draw(*args, **kwargs)
 
@@ -107,11 +110,13 @@ def span(ax: Axes, times_s: Floats) -> None:
         ax.set_xlim(times_s[0], times_s[-1])
 
 
-def legend_below(figure: Figure, of: Axes | Sequence[Axes], n_columns: int) -> None:
-    """Draw the legend of some axes below the figure's axes, so that it does not cover data."""
+def legend_below(
+    figure: Figure, of: Axes | Sequence[Axes], n_columns: int, more: Mapping[str, Artist] = MappingProxyType({})
+) -> None:
+    """Draw the legend of some axes below the figure's axes, so that it does not cover data; more: entries by label."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
-    handles = [one for handles, _ in entries for one in handles]
-    labels = [one for _, labels in entries for one in labels]
+    handles = [*(one for handles, _ in entries for one in handles), *more.values()]
+    labels = [*(one for _, labels in entries for one in labels), *more]
     figure.legend(handles, labels, loc="outside lower center", ncols=n_columns)
 
 

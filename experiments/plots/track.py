@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from experiments.formats.estimate_rows import AXES
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import Track
-from experiments.plots.consistency import consistency_figure, has_innovations, has_sigmas, sigma_figure, withheld_figure
+from experiments.plots.consistency import consistency_figure, sigma_figure, withheld_figure
 from experiments.plots.limits import body_size, highest
 from experiments.plots.motion import draw_motion, draw_over_time, means_mm, sigma_mm
 from experiments.plots.path import path_figure
@@ -33,20 +33,17 @@ def write_track_plots(
     if marks were used; withheld.png if marks were predicted as if hidden. vector: "pdf" or "svg" for a vector
     file beside each; advance: called with the completed share
     """
-    pictures = {"path": path_figure(done)}
+    pictures: dict[str, Figure | None] = {"path": path_figure(done)}
     if done.has_truth:
-        pictures["error"] = error_figure(done)
-        if has_sigmas(done):
-            pictures["sigma"] = sigma_figure(done)
+        pictures |= {"error": error_figure(done), "sigma": sigma_figure(done)}
     elif done.recording.scene.network.dim == 2:
         pictures["motion"] = motion_figure(done)
-    if has_innovations(done):
-        pictures["consistency"] = consistency_figure(done)
+    pictures["consistency"] = consistency_figure(done)
     if done.withheld:
         pictures["withheld"] = withheld_figure(done.withheld)
     written: list[Path] = []
     for k, (name, figure) in enumerate(pictures.items(), start=1):
-        written += write_picture(figure, folder / f"{name}.png", vector)
+        written += [] if figure is None else write_picture(figure, folder / f"{name}.png", vector)
         advance(k / len(pictures))
     return written
 

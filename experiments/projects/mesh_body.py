@@ -91,8 +91,8 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     _check_words(of, young_pa)
     size_m = None if of.size_mm is None else 1e-3 * of.size_mm
     body = read_body(of.path, of.unit, size_m, lambda places, given: _check_fits(of, places, given))
-    tissues = assigned(body, of.path, of.field, of.regions, young_pa)
-    mesh = replace(body.mesh, regions=tissues.regions)
+    tissues, regions = assigned(body, of.path, of.field, of.regions, young_pa)
+    mesh = replace(body.mesh, regions=regions)
     wall, fixed = _wall(ProjectMesh(mesh, np.empty(0, dtype=np.int64)), body, of)
     kept = ProjectMesh(mesh, wall)
     anchored = held(kept, fixed)
@@ -106,22 +106,19 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
     points = [*marks.items(), (TARGET, target)]
     content = mesh_content(kept)
     table = partial(mesh_table, FILE, fixed, driven=of.driven)
-    assumed = _scene(content, of, table(dict(enumerate(tissues.tissues)), points), marks)
+    assumed = _scene(content, of, table(dict(enumerate(tissues)), points), marks)
     rng = np.random.default_rng(seed)
-    actual = replace(
-        tissues,
-        tissues=tuple(
-            replace(
-                one,
-                young_pa=one.young_pa * float(np.exp(rng.normal(0.0, GROUP_SD["stiffness"]))),
-                damping_s=one.damping_s * float(np.exp(rng.normal(0.0, GROUP_SD["damping"]))),
-            )
-            for one in tissues.tissues
-        ),
-    )
+    actual = [
+        replace(
+            one,
+            young_pa=one.young_pa * float(np.exp(rng.normal(0.0, GROUP_SD["stiffness"]))),
+            damping_s=one.damping_s * float(np.exp(rng.normal(0.0, GROUP_SD["damping"]))),
+        )
+        for one in tissues
+    ]
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
     exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn here: `insert` draws no other
-    truth = _scene(content, exactly, table(dict(enumerate(actual.tissues)), points), marks)
+    truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
         f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "

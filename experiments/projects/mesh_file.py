@@ -7,7 +7,6 @@ springs.csv  from,to[,stiffness_N_m][,damping_N_s_m][,group]
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,19 +27,11 @@ SHORTEST_M = 4e-4
 in metres instead of millimetres."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Mesh:
-    """A body made from a spring mesh.
+def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom, dict[str, float]]:
+    """The body in these files, and the stated hues of marks by node [degrees]. Raises InputError.
 
-    hues: hue of each node with a mark [degrees]; empty if the file states none
+    Stiffnesses follow from `young` [Pa] unless the files state them.
     """
-
-    phantom: Phantom
-    hues: dict[str, float]
-
-
-def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
-    """The body in these files; stiffnesses follow from `young` [Pa] unless the files state them. Raises InputError."""
     has = next(read_rows(nodes, "columns x_mm, y_mm, name"))
     axes = ["x_mm", "y_mm", *(["z_mm"] if "z_mm" in has else [])]
     texts = ["name", *(key for key in ("fixed", "hue_deg", "target") if key in has)]
@@ -83,7 +74,7 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> Mesh:
     if shortest_m < SHORTEST_M:
         raise InputError.at(nodes, f"springs of {1e3 * SHORTEST_M:g} mm or more", f"one of {1e3 * shortest_m:.2g} mm")
     groups = (joined.texts if joined is not None else {}).get("group", ["springs"] * len(network.springs))
-    return Mesh(Phantom(network, chosen, tuple(outer), tuple(groups)), hues)
+    return Phantom(network, chosen, tuple(outer), tuple(groups)), hues
 
 
 def _yes(table: Table, column: str) -> NDArray[np.bool_]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +23,8 @@ GROUPS = "gmsh:physical"
 """Name of the field that has Gmsh's labels."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tissues:
-    """Tissues, and the index of each element's tissue, (m,) int."""
-
-    tissues: tuple[Tissue, ...]
-    regions: NDArray[np.int64]
+Tissues = tuple[tuple[Tissue, ...], NDArray[np.int64]]
+"""Tissues, and the index of each element's tissue, (m,) int."""
 
 
 def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | None) -> None:
@@ -51,7 +46,7 @@ def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], 
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")
     density = 0.5 * (TISSUES["fat"].density_kg_m3 + TISSUES["gland"].density_kg_m3)
     one = Tissue("tissue", YOUNG_PA if young_pa is None else young_pa, POISSON, density, DAMPING_S)
-    return Tissues((one,), np.zeros(len(body.mesh.elements), dtype=np.int64))
+    return (one,), np.zeros(len(body.mesh.elements), dtype=np.int64)
 
 
 def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str]) -> Tissues:
@@ -76,7 +71,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
         found[labels == int(label)] = list(tissues).index(name)
     if (found < 0).any():
         raise InputError.at("--region", f"a tissue for label {labels[found.argmin()]} of {chosen}", "none")
-    return Tissues(tuple(tissues.values()), found)
+    return tuple(tissues.values()), found
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
@@ -97,7 +92,7 @@ def _mixed(body: Body, path: Path, field: str) -> Tissues:
                 DAMPING_S,
             )
         )
-    return Tissues(tuple(tissues), regions.ravel())
+    return tuple(tissues), regions.ravel()
 
 
 def _share(body: Body, path: Path, field: str) -> Floats:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from experiments.formats.scenario import NEAR_SD_MM
@@ -231,7 +229,10 @@ def steps_page(of: Template) -> str:
         "recorded": "a film" if film else "marks of a simulated tracker (`marks.csv`)",
         "real": REAL_FILM if film else REAL_MARKS,
     }
-    return _filled(STEPS if of.assumed.mesh is None else _of_mesh(STEPS), words)
+    page = STEPS if of.assumed.mesh is None else _of_mesh(STEPS)
+    for key, word in words.items():
+        page = page.replace(f"<{key}>", word)
+    return page
 
 
 def _of_mesh(text: str) -> str:
@@ -249,9 +250,3 @@ def _of_mesh(text: str) -> str:
     for old, new in words.items():
         page = page.replace(old, new)
     return page
-
-
-def _filled(text: str, words: Mapping[str, str]) -> str:
-    for key, word in words.items():
-        text = text.replace(f"<{key}>", word)
-    return text

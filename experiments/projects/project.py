@@ -66,9 +66,9 @@ def project(
         if kind is Kind.MESH:
             if nodes is None:
                 raise InputError.at(f"--kind {kind}", "--mesh FILE or --nodes NODES.csv", "none")
-            joined = read_mesh(nodes, springs, young)
-            way = np.array(UP if joined.phantom.network.dim == 2 else FROM_THE_FRONT)
-            return template(f"A mesh from {nodes.name}", joined.phantom, joined.hues, way, seed=seed)
+            phantom, hues = read_mesh(nodes, springs, young)
+            way = np.array(UP if phantom.network.dim == 2 else FROM_THE_FRONT)
+            return template(f"A mesh from {nodes.name}", phantom, hues, way, seed=seed)
         n_masses = N_MASSES[kind] if masses is None else masses
         if kind is Kind.PLANE:
             phantom, way = planar_phantom(n_masses), np.array(UP)

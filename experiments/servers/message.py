@@ -12,10 +12,10 @@ import numpy as np
 
 from estimators import Guidance, Insertion, TargetEstimate
 from experiments.arrays import Floats
-from experiments.film.overlay import WITHIN_95, MarkDrawn, NeedleDrawn, Overlay
+from experiments.film.overlay import MarkDrawn, NeedleDrawn, Overlay, within_95
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
-from experiments.formats.scene.outside import Outside, outside_of
+from experiments.formats.scene.outside import outside_of
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import pose_line
 from experiments.pipeline.live.shown import Counters
@@ -52,7 +52,10 @@ def scene_message(
 
     picture_px: width and height of the picture to which pixels in states refer; None in space without a picture
     """
-    network = scene.network
+    network, surface = scene.network, None
+    if network.dim == 3:
+        outside = outside_of(scene, N_FACES)
+        surface = {"corners_mm": (1e3 * outside.corners).round(2).tolist(), "faces": outside.faces.tolist()}
     return {
         "type": "scene",
         "version": VERSION,
@@ -64,7 +67,7 @@ def scene_message(
             for name, fixed, place in zip(network.names, network.fixed, network.positions, strict=True)
         ],
         "springs": network.springs.tolist(),
-        "surface": None if network.dim == 2 else _surface(outside_of(scene, N_FACES)),
+        "surface": surface,
         "marks": [
             {"node": m.node, "hue_deg": m.hue_deg, "diameter_mm": 1e3 * m.diameter_m, "measured": m.measured}
             for m in scene.marks
@@ -129,10 +132,6 @@ def state_message(
         "recording": recording,
         "paused": paused,
     }
-
-
-def _surface(outside: Outside) -> dict[str, Any]:
-    return {"corners_mm": (1e3 * outside.corners).round(2).tolist(), "faces": outside.faces.tolist()}
 
 
 def _mm(place_m: Floats) -> list[float] | None:
@@ -202,11 +201,8 @@ def _px(place_px: Floats | None) -> list[float] | None:
 
 def _ellipse(cov_px2: Floats | None) -> list[list[float]] | None:
     """Semi-axes of the 95 % ellipse, (2, 2), one in each row; None without a covariance."""
-    if cov_px2 is None or not np.isfinite(cov_px2).all():
-        return None
-    values, vectors = np.linalg.eigh(cov_px2)
-    axes: list[list[float]] = (WITHIN_95 * np.sqrt(values.clip(0.0))[:, None] * vectors.T).tolist()
-    return axes
+    shape = within_95(cov_px2)
+    return None if shape is None else shape.T.tolist()
 
 
 def _colour(colour: Colour) -> str:

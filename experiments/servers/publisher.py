@@ -14,7 +14,7 @@ from scipy.stats import chi2
 
 from estimators import Advice, Guidance, Status, TargetEstimate
 from experiments.errors import InputError
-from experiments.film.views import ground_camera, node_places, overlay_of
+from experiments.film.views import ground_camera, overlay_of
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.log import LOG
@@ -109,7 +109,7 @@ class Shows:
             overlay = overlay_of(line, shown.step, camera, shown.guidance, shown.plan)
             image = None if shown.frame is None else shown.frame.image
         if camera is None:
-            nodes_m = node_places(line)
+            nodes_m = line.filter.positions
         if not shown.counters.frames % 64:
             self._memory_mb = memory_mb()
         counters = counters_message(shown.counters, shown.interval_s, self._memory_mb)

@@ -24,7 +24,7 @@ from estimators import (
 )
 from estimators.guidance.path import CYCLE_S
 from experiments.arrays import Floats
-from experiments.simulation.policies import Policy, across, horizon_s, predicted_parts, predicted_push
+from experiments.simulation.policies import Policy, across, horizon_s, predicted_parts
 from experiments.simulation.world import World
 
 COMMIT_S = 2.0 / 30.0
@@ -73,11 +73,8 @@ class _Robot:
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
         """Position of the tip [m], (dim,), moved deeper and aside by these lengths [m]."""
-        place = entry + (self.depth + deeper) * self.axis
         ways = self.beside if aside is None else self.beside + aside
-        for way, direction in zip(ways, across(self.axis), strict=True):
-            place = place + way * direction
-        return place
+        return np.asarray(entry + (self.depth + deeper) * self.axis + ways @ across(self.axis))
 
 
 def within(ways: Floats, most: float) -> Floats:
@@ -121,7 +118,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
             arrival, goal = _reached(path, world, robot.axis, robot.depth)
             left = arrival - now
             reach = case.steer_m_s * left
-            aside = np.array([(goal - world.entry) @ direction for direction in across(robot.axis)]) - robot.beside
+            aside = across(robot.axis) @ (goal - world.entry) - robot.beside
             if left <= COMMIT_S + 1e-9 or robot.depth > case.deepest_m:
                 shot = _aimed(world, policy, robot, (now, min(left, COMMIT_S)), within(aside, reach))
                 p = shot.probability(lesion)
@@ -148,7 +145,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
                 speed = -min(speed_m_s, robot.depth / dt)
         push = None
         if speed:
-            push = predicted_push(world, robot.axis, robot.depth, robot.beside, speed, 1, dt)[0]
+            push = predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, 1, dt)[:, 0].sum(axis=0)
         state, robot.punctured = world.moved(
             state, _drive(world, robot, speed, sideways), (now, world.frame_s(k + 1)), robot.punctured
         )
@@ -202,18 +199,15 @@ def _aimed(world: World, policy: Policy, robot: _Robot, when: tuple[float, float
 
 
 def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> NeedleMotion:
-    velocity = speed * robot.axis
-    for aside, direction in zip(sideways, across(robot.axis), strict=True):
-        velocity = velocity + aside * direction
+    velocity = speed * robot.axis + sideways @ across(robot.axis)
     inserted = robot.depth if robot.doing != "waiting" else -1.0
     return NeedleMotion(robot.tip(world.entry), velocity, robot.axis, inserted)
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
     """The predicted push of the needle in each step of a path's tables [N], (n, n_free, dim)."""
-    return predicted_push(
-        world, robot.axis, robot.depth, robot.beside, speed, round(horizon_s(world) / CYCLE_S), CYCLE_S
-    )
+    n = round(horizon_s(world) / CYCLE_S)
+    return predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, n, CYCLE_S).sum(axis=0)
 
 
 def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) -> bool:

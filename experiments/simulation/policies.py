@@ -94,26 +94,17 @@ def across(axis: Floats) -> Floats:
     return np.array([first, np.cross(axis, first)])
 
 
-def predicted_push(
-    world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
-) -> Floats:
-    """Predicted forces of the needle on the free nodes in the next n steps of step_s [s]: [N], (n, n_free, dim).
-
-    They follow from the needle's stated constants: full cutting and friction forward, friction in retraction.
-    beside: offset from its initial line along each vector of `across` [m], (dim - 1,)
-    """
-    return predicted_parts(world, axis, depth, beside, speed, n, step_s).sum(axis=0)
-
-
 def predicted_parts(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """As `predicted_push`, but cutting and friction separately, (2, n, n_free, dim)."""
+    """Predicted forces of the needle on the free nodes in the next n steps of step_s [s]: [N], (2, n, n_free, dim).
+
+    They are cutting and friction by the needle's stated constants, in full forward; in retraction only friction.
+    beside: offset from its initial line along each vector of `across` [m], (dim - 1,)
+    """
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
-    tips: Floats = world.entry + depths[:, None] * axis
-    for aside, direction in zip(beside, across(axis), strict=True):
-        tips = tips + aside * direction
+    tips = world.entry + depths[:, None] * axis + beside @ across(axis)
     network, stated = world.assumed, world.case.plan.forces.constants()
     cutting, friction = (
         sliding_friction(network, needle_with(network, world.entry, stated | {without: 0.0}), tips, axis, depths)

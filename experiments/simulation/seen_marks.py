@@ -29,12 +29,15 @@ class Truth:
 
 
 def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator) -> tuple[NDArray[np.bool_], Floats]:
-    """Whether each mark is missing, and distances of outliers from true positions [m]; both (n_frames, n_marks)."""
-    lost = rng.random(shape[:2]) < marks.lost
+    """Whether each mark is missing, (n_frames, n_marks), and the errors of outliers [m], (n_frames, n_marks, dim)."""
+    return rng.random(shape[:2]) < marks.lost, outliers(shape, marks.outliers, rng)
+
+
+def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
+    """Errors of positions [m], (..., dim): for this share of them `MISPLACED_M` in any direction, zero for others."""
     ways = rng.normal(size=shape)
-    ways *= rng.uniform(*MISPLACED_M, (*shape[:2], 1)) / np.linalg.norm(ways, axis=2, keepdims=True)
-    wild = rng.random(shape[:2]) < marks.outliers
-    return lost, np.where(wild[..., None], ways, 0.0)
+    ways *= rng.uniform(*MISPLACED_M, (*shape[:-1], 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)
+    return np.where(rng.random((*shape[:-1], 1)) < share, ways, 0.0)
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:

@@ -5,6 +5,7 @@ Truth is computed with SciPy's adaptive integrators, not with the filter's steps
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from pathlib import Path
 
@@ -96,6 +97,17 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
     which = parameters(network, tuple(kind for kind in KINDS if spread[kind] > 0.0))
     sds = np.array([spread[parameter.kind] for parameter in which])
     return scale_parameters(network, which, sds * np.random.default_rng([seed, 3]).normal(size=len(which)))
+
+
+def kept_motion(path: Path, network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
+    """`true_motion` from a .npy file of its positions, which is computed and written if it does not exist yet."""
+    if path.exists():
+        return Truth(exposures(scenario), np.load(path))
+    motion, content = true_motion(network, scenario, rng), io.BytesIO()
+    np.save(content, motion.positions)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(path, content.getvalue())
+    return motion
 
 
 def true_motion(

@@ -33,6 +33,7 @@ from dynamics import (
     HIDDEN,
     OUTER,
     MassSpringNetwork,
+    build_network,
     four_mass_phantom,
     independent_uncertainty,
     parameters,
@@ -185,18 +186,15 @@ def _grid_ms(side: int, n_frames: int) -> float:
     apart = np.linalg.norm(places[:, None] - places[None], axis=2)
     springs = np.argwhere(np.triu((apart > 0.0) & (apart < 1.5)))
     step_m = 0.06 / (side - 1)
-    names = tuple(f"n{i}" for i in range(len(places)))
-    network = MassSpringNetwork(
-        names=names,
-        positions=np.asarray(step_m * places, dtype=np.float64),
-        masses=np.full(len(places), 0.2 / len(places)),
-        fixed=places[:, 2] == 0,
-        drag=np.zeros(len(places)),
-        friction=np.zeros(len(places)),
-        springs=springs,
-        stiffness=np.full(len(springs), 4000.0 * step_m),
-        rest_lengths=step_m * apart[tuple(springs.T)],
-        damping=np.full(len(springs), 0.5),
+    names = [f"n{i}" for i in range(len(places))]
+    network = build_network(
+        names,
+        step_m * places,
+        [(int(i), int(j)) for i, j in springs],
+        stiffness=4000.0 * step_m,
+        damping=0.5,
+        masses=0.2 / len(places),
+        fixed=[name for name, place in zip(names, places, strict=True) if not place[2]],
         gravity=np.zeros(3),
     )
     inner = ((places > 0.0) & (places < side - 1.0)).all(axis=1)

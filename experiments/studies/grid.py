@@ -17,7 +17,7 @@ from experiments.engine.executor import results
 from experiments.engine.progress import run_bar
 from experiments.engine.runs import Case, Work
 from experiments.engine.study import run_study
-from experiments.engine.workers import Workers, add_worker_options
+from experiments.engine.workers import Workers, add_worker_options, one_or_more
 from experiments.errors import InputError
 from experiments.formats.page import rewrite_page
 
@@ -50,14 +50,10 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
     """Add `--seeds`, or another name, and `--first-seed`, for `seeds_of`."""
-    parser.add_argument(runs, dest="n_seeds", type=_count, default=n, help="runs of each case; default: %(default)s")
+    parser.add_argument(
+        runs, dest="n_seeds", type=one_or_more, default=n, help="runs of each case; default: %(default)s"
+    )
     parser.add_argument("--first-seed", type=int, default=first, help="first seed; default: %(default)s")
-
-
-def _count(text: str) -> int:
-    if not text.isdigit() or not int(text):
-        raise argparse.ArgumentTypeError(f"expected 1 or more, found {text}")
-    return int(text)
 
 
 def seeds_of(given: argparse.Namespace) -> range:
@@ -98,14 +94,6 @@ def command(main: Main) -> Callable[..., int]:
             return 2
 
     return coded
-
-
-def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[int] = (0,)) -> str:
-    """A table in Markdown; the columns in `left` are left-aligned, the others right-aligned."""
-    ruled = ["---" if k in left else "---:" for k in range(len(heads))]
-    return "".join(
-        "| " + " | ".join(entry.replace("|", "/") for entry in row) + " |\n" for row in (heads, ruled, *rows)
-    )
 
 
 def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str]) -> None:

@@ -23,7 +23,16 @@ from experiments.engine.runs import Case
 from experiments.engine.study import OWN
 from experiments.engine.workers import Workers, chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.grid import add_seeds, command, kept_runs, print_figures, runs_of, seeds_of, study_options
+from experiments.studies.grid import (
+    add_seeds,
+    command,
+    grid,
+    kept_runs,
+    print_figures,
+    runs_of,
+    seeds_of,
+    study_options,
+)
 from experiments.studies.real_balls import PxFollower
 from vision import (
     Disc,
@@ -55,9 +64,9 @@ PREDICTED_SD_PX = 3.0
 """Error of a mark's predicted position on each axis [px]; the tissue filter's is less at a millimetre per pixel."""
 
 
-def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
+def run(case: Case) -> list[dict[str, object]]:
     """A row for each mark and frame: visible, found, error du dv [px], covariance uu vv [px²], right name."""
-    frames = iter(synthetic_run(seed, n_frames, level))
+    frames = iter(synthetic_run(case["seed"], case["n_frames"], case["level"]))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m
     lens = Lens(view.matrix, np.array(view.distortion))
@@ -66,10 +75,10 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
     clearest = int(np.argmax(first.frame.visible))
     hue = learn_hue(first.frame.image, first.frame.centers_px[clearest], FINDER.hue.learning)
     finder = MarkFinder([hue])
-    rng = np.random.default_rng([seed, 7])
+    rng = np.random.default_rng([case["seed"], 7])
     gate = PREDICTED_SD_PX**2 * np.eye(2)
 
-    rows = []
+    rows: list[dict[str, object]] = []
     for one in (first, *frames):
         expected = []
         for name, truth in zip(names, one.frame.centers_px, strict=True):
@@ -85,8 +94,8 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
             found = {}
         for k, name in enumerate(names):
             truth = one.frame.centers_px[k]
-            row: dict[str, object] = {"seed": seed, "frame": one.index, "mark": name}
-            row |= {"visible": one.frame.visible[k], "found": name in found}
+            row: dict[str, object] = {"frame": one.index, "mark": name}
+            row |= {"visible": float(one.frame.visible[k]), "found": name in found}
             if name in found:
                 seen = found[name]
                 center = seen.center_px - camera.disc_shift(camera.to_plane(seen.center_px), radius_m)[0]
@@ -97,7 +106,7 @@ def run(seed: int, level: Level, n_frames: int) -> pd.DataFrame:
                 row |= {"far": bool(away[k] > FAR_PX), "false": false}
                 row |= {"swapped": false and bool((away < radius_px).any())}
             rows.append(row)
-    return pd.DataFrame(rows)
+    return rows
 
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
@@ -122,13 +131,11 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
     }
 
 
-def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
+def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     """Two marks of one hue that cross each other, touching or overlapping, at 2 px per frame or more.
 
-    Returns the frames lost, all frames, and the marks found.
-
-    A filter of constant velocity predicts each mark; a frame is lost if a mark has the other's position, after the
-    first frame in which they are apart again.
+    Returns the frames lost, and all frames. A filter of constant velocity predicts each mark; a frame is lost if a mark
+    has the other's position, after the first frame in which they are apart again.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])
@@ -142,36 +149,29 @@ def crossing(seed: int, n_frames: int = 50) -> tuple[int, int, int]:
     hue, outline = MarkHue(0.0), Outline(radius * np.eye(2), 0.05)
     places = middle + miss[:, None] + times[None, :, None] * ways[:, None]
     follower = PxFollower({"a": hue, "b": hue}, 60.0, {"a": places[0, 0], "b": places[1, 0]})
-    lost = n_found = 0
+    lost = 0
     for k in range(n_frames):
         discs = [Disc(place, (radius, radius), 0.0) for place in places[:, k]]
         frame = Frame(k, k / 30.0, draw_frame((280, 220), discs, Lighting(), rng))
         found = follower.see(frame, {"a": outline, "b": outline})
-        n_found += len(found)
         apart = float(np.hypot(*(places[0, k] - places[1, k])))
         for own, name in enumerate(("a", "b")):
             if name in found and apart > 2.0 * radius:
                 distances = np.linalg.norm(places[:, k] - found[name].center_px, axis=1)
                 lost += int(distances[own] > distances[1 - own])
-    return lost, n_frames, n_found
+    return lost, n_frames
 
 
 def crossings(n_runs: int, workers: Workers) -> dict[str, float]:
     """Figures of lost identities in this many crossings."""
-    lost, frames, _ = np.array(runs_of(crossing, range(n_runs), workers)).T
+    lost, frames = np.array(runs_of(crossing, range(n_runs), workers)).T
     return {"frames": int(frames.sum()), "frames_lost": int(lost.sum()), "crossings_swapped": int((lost > 0).sum())}
-
-
-def case_rows(case: Case) -> list[dict[str, object]]:
-    """The rows of `run` without the columns of the case, and without empty values."""
-    rows = run(case["seed"], case["level"], case["n_frames"]).drop(columns="seed").to_dict("records")
-    return [{str(name): value for name, value in row.items() if not pd.isna(value)} for row in rows]
 
 
 def study(seeds: Sequence[int], n_frames: int, out: Path, workers: Workers) -> dict[str, dict[str, float]]:
     """Run both levels, once for each seed; write marks.csv and marks.json in the folder, runs in `runs` there."""
-    cases = [{"seed": seed, "level": level, "n_frames": n_frames} for level in LEVELS for seed in seeds]
-    table = kept_runs(case_rows, cases, out / "runs", workers)
+    cases = grid(level=LEVELS, seed=seeds, n_frames=[n_frames])
+    table = kept_runs(run, cases, out / "runs", workers)
     table = table.drop(columns=["n_frames", *OWN])
     table.insert(len(table.columns) - 1, "level", table.pop("level"))
     by_level: dict[str, dict[str, float]] = {level: figures(table[table.level == level]) for level in LEVELS}

@@ -61,6 +61,8 @@ FILMS = {
 }
 
 
+START_SD_PX = 5.0
+"""Standard deviation of a stated position in the first frame on each axis [px]; choice."""
 GONE = 10
 """Number of frames without a detection after which a mark is searched in the whole picture; choice."""
 FASTEST_PX_S = 1500.0
@@ -72,7 +74,7 @@ class PxFollower:
 
     hues: colour range of each mark, by its name
     jolt_px: white acceleration of a mark in the picture [px/s²/sqrt(Hz)]
-    starts_px: positions of marks in the first frame, each (2,), with sd start_sd_px; other marks may be anywhere
+    starts_px: positions of marks in the first frame, each (2,), with sd START_SD_PX; other marks may be anywhere
     State: a filter for each visible mark; number of frames without each; the time.
     """
 
@@ -81,13 +83,12 @@ class PxFollower:
         hues: Mapping[str, MarkHue],
         jolt_px: float,
         starts_px: Mapping[str, Floats] | None = None,
-        start_sd_px: float = 5.0,
     ) -> None:
         self.finder = MarkFinder(hues.values())
         self._hues, self._jolt_px = hues, jolt_px
         self._unseen = dict.fromkeys(hues, 0)
         self._time_s: float | None = None
-        cov = start_sd_px**2 * np.eye(2)
+        cov = START_SD_PX**2 * np.eye(2)
         self.filters = {name: _started(place, cov) for name, place in (starts_px or {}).items()}
 
     def see(self, frame: Frame, outlines: Mapping[str, Outline]) -> dict[str, Detection]:
@@ -132,12 +133,10 @@ def _started(place_px: Floats, cov_px2: Floats) -> filterpy.KalmanFilter:
 
 def stretched(offset_px: Floats, focal_px: float) -> Floats:
     """Matrix, (2, 2), that widens a ball's image at an offset from mid-picture, (2,), by 1 / cos of the angle."""
-    return np.eye(2) + (np.hypot(1.0, np.hypot(*offset_px) / focal_px) - 1.0) * _projector(offset_px)
-
-
-def _projector(along: Floats) -> Floats:
-    length = float(np.hypot(*along))
-    return np.zeros((2, 2)) if length == 0.0 else np.outer(along, along) / length**2
+    length = float(np.hypot(*offset_px))
+    if length == 0.0:
+        return np.eye(2)
+    return np.eye(2) + (np.hypot(1.0, length / focal_px) - 1.0) * np.outer(offset_px, offset_px) / length**2
 
 
 def followed(path: Path, film: Film) -> pd.DataFrame:

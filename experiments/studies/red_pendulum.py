@@ -34,7 +34,7 @@ from scipy.integrate import odeint
 from scipy.optimize import least_squares
 
 import vision
-from dynamics import MassSpringNetwork
+from dynamics import build_network
 from estimators import coverage, normalised_error_squared
 from experiments.arrays import Floats
 from experiments.errors import InputError
@@ -172,17 +172,16 @@ def _strikes(u: Floats) -> list[int]:
 def pendulum_scene(swing: Swing, size_px: tuple[int, int]) -> Scene:
     """One anchor at the origin, one mass, one stiff spring; the rest angle is a tilt of gravity in the picture."""
     down = np.array([np.sin(swing.rest_angle), -np.cos(swing.rest_angle)])
-    network = MassSpringNetwork(
-        names=(HOOK, BALL),
-        positions=np.array([[0.0, 0.0], swing.length_m * down]),
-        masses=np.array([MASS_KG, MASS_KG]),
-        fixed=np.array([True, False]),
-        drag=np.array([0.0, 2.0 * swing.damping * MASS_KG]),
-        friction=np.zeros(2),
-        springs=np.array([[0, 1]]),
-        stiffness=np.array([STIFFNESS_N_M]),
-        rest_lengths=np.array([swing.length_m - MASS_KG * GRAVITY / STIFFNESS_N_M]),
-        damping=np.array([DAMPING_N_S_M]),
+    network = build_network(
+        [HOOK, BALL],
+        np.array([[0.0, 0.0], swing.length_m * down]),
+        [(HOOK, BALL)],
+        stiffness=STIFFNESS_N_M,
+        damping=DAMPING_N_S_M,
+        masses=MASS_KG,
+        drag=[0.0, 2.0 * swing.damping * MASS_KG],
+        fixed=[HOOK],
+        rest_lengths=swing.length_m - MASS_KG * GRAVITY / STIFFNESS_N_M,
         gravity=GRAVITY * down,
     )
     camera = vision.PlaneCamera("film", size_px, swing.plane.to_px(1e3 / swing.mm_per_px), CALIBRATION_SD_PX)

@@ -25,10 +25,10 @@ from dynamics.elements import continuum_network
 from dynamics.phantoms import TISSUES, breast_mesh, breast_points
 from estimators import MarkMeasurement, TissueFilter
 from experiments.formats.outputs import write_whole
-from experiments.formats.page import rewrite_page
+from experiments.formats.page import markdown_table, rewrite_page
 from experiments.plots.style import COLUMN_MM, GREY, OURS, new_figure, saved, styled
 from experiments.studies.bench_recording import FRAME_S, median_ms, seconds_of
-from experiments.studies.grid import DOCS, markdown_table
+from experiments.studies.grid import DOCS
 
 CELLS = ((10, 7), (16, 10), (24, 15), (28, 16))
 """Numbers of cells of the meshes, across and in depth."""

@@ -37,23 +37,23 @@ def sweep(
     from experiments.pipeline.sweep import cells, run_sweep
 
     read = read_sweep(study)
-    done = run_sweep(read, out, Workers(processes, scheduler), run.stage("sweep"), force=force)
-    failed = done.study.failures
+    done, summary = run_sweep(read, out, Workers(processes, scheduler), run.stage("sweep"), force=force)
+    failed = done.failures
     for line in failed[:MOST_SHOWN]:
         LOG.warning("%s", line)
     if failed:
-        LOG.warning("%d of %d runs failed", len(failed), done.study.n_runs)
+        LOG.warning("%d of %d runs failed", len(failed), done.n_runs)
     run.finish(out, out, [study, read.scenario, read.scene])
 
     def show() -> None:
-        print_table(sweep_table(cells(done.summary)))
-        print(f"{counted(done.study.n_runs, 'run')}, {done.study.n_done} of them new; tables in {out}")
+        print_table(sweep_table(cells(summary)))
+        print(f"{counted(done.n_runs, 'run')}, {done.n_done} of them new; tables in {out}")
 
     record = {
         "out": out,
-        "runs": done.study.n_runs,
-        "done_now": done.study.n_done,
+        "runs": done.n_runs,
+        "done_now": done.n_done,
         "failures": list(failed),
-        "summary": json.loads(done.summary.to_json(orient="records")),
+        "summary": json.loads(summary.to_json(orient="records")),
     }
     return Answer(record, show, typer.Exit(1) if failed else None)

@@ -52,7 +52,7 @@ def identify(
         frames = marks_in(opened, run.stage("marks"))
         found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"), workers)
     report = identification_report(found, found_scene.mesh)
-    kept = [one.name for one in constants(found, found_scene.mesh) if one.kept]
+    kept = [one["name"] for one in constants(found, found_scene.mesh) if one["kept"]]
     run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene], kept=kept)
 
     def show() -> None:

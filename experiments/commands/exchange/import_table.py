@@ -51,7 +51,7 @@ def import_table(
 ) -> Answer:
     """Convert positions of DeepLabCut or SLEAP into a recording, with the scene's camera."""
     from experiments.errors import InputError
-    from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, write_imported
+    from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
 
     times = fps if frames is None else frames
@@ -59,7 +59,7 @@ def import_table(
         raise InputError("import: expected --fps or --frames, found " + ("neither" if times is None else "both"))
     if (mm_per_px is None) != (origin_px is None):
         raise InputError("import: expected --mm-per-px and --origin-px, found one of them")
-    scale = None if mm_per_px is None or origin_px is None else PlaneScale(mm_per_px, _place_px(origin_px))
+    scale = None if mm_per_px is None or origin_px is None else plane_scale(mm_per_px, _place_px(origin_px))
     settings = ImportSettings(least, sd_px)
     with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
         done = imported(

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.arrays import Floats
 from experiments.errors import InputError, shown
-from experiments.formats.tables import Table
+from experiments.formats.tables import Table, read_rows
 
 MISSING = ("", "nan", "NaN")
 """Entries that represent a missing number."""
@@ -18,28 +18,32 @@ MISSING = ("", "nan", "NaN")
 def open_table(
     path: Path, header: Sequence[str], rows: Sequence[Sequence[str]], words: Collection[str], *, first_row: int = 2
 ) -> Table:
-    """The table of these rows, each as long as the header; all columns except `words` are numbers.
+    """The table of these rows, each as long as the header; all columns except `words` are numbers, NaN if missing.
 
-    Missing and infinite numbers are NaN. Raises InputError with row and column.
+    Raises InputError with row and column.
     """
     columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
-    numbers = {n: numbers_of(path, n, entries, first_row) for n, entries in columns.items() if n not in words}
-    for values in numbers.values():
-        values[np.isinf(values)] = np.nan
+    numbers = {n: _numbers(path, n, entries, first_row) for n, entries in columns.items() if n not in words}
     texts = {name: list(entries) for name, entries in columns.items() if name in words}
     return Table(path, numbers, texts, len(rows), first_row)
 
 
-def check_columns(path: Path, header: Sequence[str], needed: Sequence[str]) -> None:
-    """Raise InputError unless each needed column is there, and no column is repeated."""
+def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
+    """The table of a run in a file, with at least these columns, `time_s` among them, and the names of all in order.
+
+    Each column is there once. The last line may be incomplete after a killed run. Raises InputError.
+    """
+    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):
         if header.count(column) != 1:
             found = f"{header.count(column) or 'none'} in {shown(','.join(header))}"
             raise InputError.at(f"{path}: row 1", f"one column {column}", found)
+    table = open_table(path, header, rows, words)
+    table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
+    return table, header
 
 
-def numbers_of(path: Path, column: str, entries: Sequence[str], first_row: int = 2) -> Floats:
-    """Entries of a column as numbers, (n_rows,), NaN for missing ones; InputError names row and column."""
+def _numbers(path: Path, column: str, entries: Sequence[str], first_row: int) -> Floats:
     values = np.full(len(entries), np.nan)
     for k, entry in enumerate(entries):
         if entry not in MISSING:

@@ -141,4 +141,5 @@ def _poses(
     table.check(frame, np.isin(np.arange(table.n_rows), first), "each frame once: a table of one animal")
     places = np.stack([np.stack([table.numbers[f"{name}.{axis}"] for name in names], axis=1) for axis in "xy"], axis=2)
     likelihood = np.stack([table.numbers[f"{name}.score"] for name in names], axis=1)
+    likelihood[np.isinf(likelihood)] = np.nan
     return PoseTable(path, frames[first], tuple(names), places[first], likelihood[first])

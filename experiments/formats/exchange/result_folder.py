@@ -13,9 +13,9 @@ import pandas as pd
 
 from estimators import Status
 from experiments.errors import InputError, read_text, shown
-from experiments.formats.exchange.open_table import check_columns, numbers_of
+from experiments.formats.exchange.open_table import read_open
 from experiments.formats.exchange.results import ESTIMATES, FLAGS
-from experiments.formats.tables import read_rows
+from experiments.formats.tables import Table
 from vision import FilePath
 
 OPEN_LOOP, MARKS, SUMMARY = "estimates.open-loop.csv", "marks.csv", "summary.json"
@@ -51,36 +51,26 @@ def read_result(folder: FilePath) -> Result:
     return Result(
         _estimates(place / ESTIMATES),
         _estimates(open_loop) if open_loop.exists() else None,
-        _frame(marks, [TIME, "node", "x_mm", "y_mm"], ["node"]) if marks.exists() else None,
+        _frame(*read_open(marks, [TIME, "node", "x_mm", "y_mm"], ["node"])) if marks.exists() else None,
         _figures(figures) if figures.exists() else {},
     )
 
 
 def _estimates(path: Path) -> pd.DataFrame:
     """A table of estimates: `status` as text, `model_only` as booleans, `marks_used` as integers."""
-    frame = _frame(path, [TIME, "status", "x_mm", "y_mm", "marks_used", "model_only"], ["status", "model_only"])
-    _check(path, frame["status"], frame["status"].isin(list(Status)), f"one of {', '.join(Status)}")
-    _check(path, frame["model_only"], frame["model_only"].isin(list(FLAGS)), " or ".join(FLAGS))
-    _check(path, frame["marks_used"], frame["marks_used"] % 1 == 0, "a whole number")
+    needed = [TIME, "status", "x_mm", "y_mm", "marks_used", "model_only"]
+    table, header = read_open(path, needed, ["status", "model_only"])
+    used = table.numbers["marks_used"]
+    table.check("status", np.isin(table.texts["status"], list(Status)), f"one of {', '.join(Status)}")
+    table.check("model_only", np.isin(table.texts["model_only"], list(FLAGS)), " or ".join(FLAGS))
+    table.check("marks_used", np.isfinite(used) & (used == np.round(used)), "a whole number")
+    frame = _frame(table, header)
     return frame.assign(model_only=frame["model_only"] == "True").astype({"marks_used": np.int64})
 
 
-def _frame(path: Path, needed: Sequence[str], words: Sequence[str]) -> pd.DataFrame:
-    """A table with at least these columns, all numbers except `words`; an unfinished last line is omitted."""
-    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
-    check_columns(path, header, needed)
-    columns = dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
-    read = {name: list(c) if name in words else numbers_of(path, name, c) for name, c in columns.items()}
-    frame = pd.DataFrame(read)
-    _check(path, frame[TIME], np.isfinite(frame[TIME]), "a finite number")
-    return frame.set_index(TIME)
-
-
-def _check(path: Path, column: pd.Series, good: pd.Series, expected: str) -> None:
-    """Raise InputError for the first invalid row."""
-    if not good.all():
-        row = int(np.argmin(good))
-        raise InputError.at(f"{path}: row {row + 2}: {column.name}", expected, shown(column.tolist()[row]))
+def _frame(table: Table, header: Sequence[str]) -> pd.DataFrame:
+    columns = table.texts | table.numbers
+    return pd.DataFrame({name: columns[name] for name in header}).set_index(TIME)
 
 
 def _figures(path: Path) -> dict[str, Any]:

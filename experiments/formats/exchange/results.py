@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from estimators import Status
 from experiments.arrays import Floats
 from experiments.errors import InputError
-from experiments.formats.exchange.open_table import check_columns, open_table
+from experiments.formats.exchange.open_table import read_open
 from experiments.formats.marks.rows import AXES, cov_names, cov_of
 from experiments.formats.recording import SAME_TIME_S, nearest_frames
-from experiments.formats.tables import Table, read_rows
+from experiments.formats.tables import Table
 
 ESTIMATES, ADVICE = "estimates.csv", "advice.csv"
 WORDS = ("status", "model_only", "advice", "reason")
@@ -38,7 +38,7 @@ class Results:
     """
 
     table: Table
-    columns: tuple[str, ...]
+    columns: list[str]
     times_s: Floats
     frames: NDArray[np.int64]
 
@@ -51,7 +51,7 @@ class Results:
             word = self.table.texts[column][row]
             return FLAGS.get(word, word)
         value = float(self.table.numbers[column][row])
-        return None if np.isnan(value) else value
+        return value if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ def read_estimates(folder: Path, dim: int, exposures_s: Floats) -> Estimates:
     path = folder / ESTIMATES
     if not folder.is_dir():
         raise InputError.at(folder, f"a folder with {ESTIMATES}", "a file" if folder.exists() else "none")
-    table, columns = _read(path, ["time_s", "status", *AXES[:dim], *cov_names(dim)])
+    table, columns = read_open(path, ["time_s", "status", *AXES[:dim], *cov_names(dim)], WORDS)
     if dim == 2 and "z_mm" in table.numbers:
         raise InputError.at(f"{path}: row 1", "estimates of a flat scene, as the recording's is", "column z_mm")
     table.check("status", np.isin(table.texts["status"], list(Status)), f"one of {', '.join(Status)}")
@@ -94,17 +94,8 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
     path = folder / ADVICE
     if not path.exists():
         return None
-    table, columns = _read(path, ["time_s", "advice", "reason"])
+    table, columns = read_open(path, ["time_s", "advice", "reason"], WORDS)
     return Results(table, columns, *_frames_of(table.numbers["time_s"], exposures_s))
-
-
-def _read(path: Path, needed: list[str]) -> tuple[Table, tuple[str, ...]]:
-    """A table with at least these columns; the last line may be incomplete after a killed live run."""
-    header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
-    check_columns(path, header, needed)
-    table = open_table(path, header, rows, WORDS)
-    table.check("time_s", np.isfinite(table.numbers["time_s"]), "a finite number")
-    return table, tuple(header)
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:

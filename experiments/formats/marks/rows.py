@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,8 +73,3 @@ def are_definite(covs: Floats) -> NDArray[np.bool_]:
     variances = np.linalg.eigvalsh(covs)
     found: NDArray[np.bool_] = (variances[:, -1] > 0.0) & (variances[:, 0] > LEAST_SHARE * variances[:, -1])
     return found
-
-
-def are_round(rows: Sequence[MarkRow]) -> bool:
-    """Whether one standard deviation for all axes describes each of these marks' covariances."""
-    return all(row.full_cov is None for row in rows)

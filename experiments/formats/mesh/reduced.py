@@ -6,8 +6,8 @@ import hashlib
 import io
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Callable, Mapping
+from dataclasses import fields
 from functools import cache
 from pathlib import Path
 
@@ -15,7 +15,6 @@ import numpy as np
 
 import dynamics.mesh
 from dynamics import MassSpringNetwork
-from dynamics.mesh import Tissue
 from dynamics.network import Continuum
 from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
@@ -88,8 +87,3 @@ def _read(path: Path) -> MassSpringNetwork | None:
         }
     )
     return MassSpringNetwork(**{**own, "names": tuple(own["names"].tolist()), "continuum": continuum})
-
-
-def tissue_key(tissues: Sequence[Tissue]) -> list[dict[str, object]]:
-    """Tissues as part of a cache key."""
-    return [asdict(tissue) for tissue in tissues]

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from experiments.arrays import Floats
 from experiments.errors import shown
 from experiments.formats.camera_file import TO_MM, checked_lens, checked_pose, head_lines, read_camera_toml
 from experiments.formats.camera_yaml import LensFile, read_lens_file
 from experiments.formats.scene.schema import CameraTable
 from experiments.formats.toml_file import exactly, key_lines
-from vision import Lens, PlaneCamera, Pose, SpaceCamera, posed_camera
+from vision import PlaneCamera, SpaceCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
 """Matrix from homogeneous points of the plane in metres to the millimetres of a scene file's homography."""
@@ -48,8 +47,7 @@ def _of_file(table: CameraTable, folder: Path, dim: int) -> Camera:
         return _placed(table, lens, dim)
     if table.rotation is not None:
         raise ValueError(f"rotation: expected no such key beside {table.file}, which has the camera's pose, found one")
-    c = read_camera_toml(path)
-    return _posed(c.name, c.size_px, c.lens, c.pose, c.uncertainty, dim)
+    return _in(dim, read_camera_toml(path))
 
 
 def _of_keys(table: CameraTable, dim: int) -> Camera:
@@ -76,41 +74,33 @@ def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
     calibration = np.reshape(table.uncertainty or [], (-1, 15)) / TO_MM
     pose = checked_pose(table.rotation, table.translation_mm)
     try:
-        return _posed(lens.name or "camera", lens.size_px, lens.lens, pose, calibration, dim)
+        camera = SpaceCamera(lens.name or "camera", lens.size_px, lens.lens, pose, calibration=calibration)
+        return _in(dim, camera)
     except ValueError:
         raise ValueError(
             f"translation_mm: expected a pose before the plane z = 0, found {shown(table.translation_mm)}"
         ) from None
 
 
-def _posed(
-    name: str, size_px: tuple[int, int], lens: Lens, pose: Pose, calibration: Floats, dim: int
-) -> PlaneCamera | SpaceCamera:
+def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
+    """The camera in a scene of this dimension."""
     if dim == 3:
-        return SpaceCamera(name, size_px, lens, pose, calibration=calibration)
-    return posed_camera(name, size_px, lens, pose, calibration=calibration)
+        return camera
+    return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)
 
 
-def lens_lines(lens: LensFile) -> list[str]:
-    """`[[camera]]` of a lens without a pose, line by line."""
-    head = head_lines(lens.name or "camera", lens.size_px)
-    return ["", "[[camera]]", *head, *key_lines(_lens_keys(lens.lens), exactly)]
-
-
-def camera_lines(camera: PlaneCamera | SpaceCamera) -> list[str]:
+def camera_lines(camera: Camera) -> list[str]:
     """`[[camera]]` of a scene file, line by line."""
     keys: dict[str, Any] = {}
     if camera.lens is None:
         keys["plane_to_px"] = camera.plane_to_px @ np.linalg.inv(METRES_TO_MM)
     else:
-        pose = camera.pose
-        keys = {**_lens_keys(camera.lens), "rotation": pose.rotation, "translation_mm": 1e3 * pose.translation_m}
-        keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
-    if isinstance(camera, PlaneCamera):
-        keys["scale_sd"] = camera.scale_sd
-    keys["calibration_sd_px"] = float(camera.calibration_sd_px)
-    return ["", "[[camera]]", *head_lines(camera.name, camera.size_px), *key_lines(keys, exactly)]
-
-
-def _lens_keys(lens: Lens) -> dict[str, Floats]:
-    return {"matrix": lens.matrix, "distortion": lens.distortion}
+        keys |= {"matrix": camera.lens.matrix, "distortion": camera.lens.distortion}
+    if not isinstance(camera, LensFile):
+        if camera.lens is not None:
+            keys |= {"rotation": camera.pose.rotation, "translation_mm": 1e3 * camera.pose.translation_m}
+            keys["uncertainty"] = camera.calibration * TO_MM if len(camera.calibration) else None
+        if isinstance(camera, PlaneCamera):
+            keys["scale_sd"] = camera.scale_sd
+        keys["calibration_sd_px"] = float(camera.calibration_sd_px)
+    return ["", "[[camera]]", *head_lines(camera.name or "camera", camera.size_px), *key_lines(keys, exactly)]

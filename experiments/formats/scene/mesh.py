@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path, PurePath
 
@@ -18,7 +18,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, shown
 from experiments.formats.mesh.held import held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_of
-from experiments.formats.mesh.reduced import reduced, tissue_key
+from experiments.formats.mesh.reduced import reduced
 from experiments.formats.scene.network import check_name
 from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTissueTable, SceneError, check_own_names
 from experiments.formats.toml_file import key_lines
@@ -110,7 +110,7 @@ def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMes
         "fixed": table.fixed,
         "driven": table.driven,
         "regions": [one.region for one in table.tissue],
-        "tissues": tissue_key(tissues),
+        "tissues": [asdict(tissue) for tissue in tissues],
         "points": [[point.name, point.position_mm] for point in table.point],
     }
     network = reduced(key, lambda: _made(mesh_of(content, path), table, tissues, points))

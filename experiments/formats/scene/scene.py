@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 from experiments.errors import InputError, no_node, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_together
-from experiments.formats.scene.cameras import Camera, camera_lines, camera_of, lens_lines
+from experiments.formats.scene.cameras import Camera, camera_lines, camera_of
 from experiments.formats.scene.filter import filter_table, settings_of, uncertainty_of
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
@@ -283,10 +283,7 @@ def _content(scene: Scene) -> list[str]:
         lines += long_list("directions", scene.uncertainty.directions)
     if keys := filter_table(scene.settings):
         lines += ["", "[filter]", *key_lines(keys)]
-    for camera in scene.cameras:
+    cameras: tuple[Camera, ...] = (*scene.cameras, *scene.space_cameras, *scene.lenses)
+    for camera in cameras:
         lines += camera_lines(camera)
-    for in_space in scene.space_cameras:
-        lines += camera_lines(in_space)
-    for lens in scene.lenses:
-        lines += lens_lines(lens)
     return lines

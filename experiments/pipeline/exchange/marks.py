@@ -36,18 +36,10 @@ class ImportSettings:
 DEFAULTS = ImportSettings()
 
 
-@dataclass(frozen=True, slots=True)
-class PlaneScale:
-    """A camera perpendicular to the plane: millimetres per pixel, and the pixel of the plane's origin."""
-
-    mm_per_px: float
-    origin_px: tuple[float, float]
-
-    def camera(self) -> PlaneCamera:
-        """A camera with this view; its picture size is not used."""
-        u, v = self.origin_px
-        first_m = (-1e-3 * self.mm_per_px * u, 1e-3 * self.mm_per_px * v)
-        return fronto_parallel_camera("scale", (1, 1), (self.mm_per_px, self.mm_per_px), first_m)
+def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera:
+    """A camera perpendicular to the plane, whose picture size is not used; origin_px: pixel of the plane's origin."""
+    first_m = (-1e-3 * mm_per_px * origin_px[0], 1e-3 * mm_per_px * origin_px[1])
+    return fronto_parallel_camera("scale", (1, 1), (mm_per_px, mm_per_px), first_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +71,7 @@ def import_table(
     *,
     settings: ImportSettings = DEFAULTS,
     renamed: Sequence[str] = (),
-    scale: PlaneScale | None = None,
+    scale: PlaneCamera | None = None,
     individual: str | None = None,
 ) -> Imported:
     """Read the marks of a table; raises InputError.
@@ -98,8 +90,10 @@ def import_table(
     exposures_s = _exposures_s(poses, times)
     taken = np.isfinite(poses.places_px).all(axis=2) & np.array([node is not None for node in nodes])
     likely = taken & ~(poses.likelihood < settings.least)
-    camera = scene.cameras[0] if scale is None else scale.camera()
-    seen = likely & _inside(poses.places_px, camera.size_px) if scale is None else likely
+    camera = scene.cameras[0] if scale is None else scale
+    last_px = np.array(camera.size_px) - 0.5
+    inside = ((poses.places_px >= -0.5) & (poses.places_px <= last_px)).all(axis=2) | (scale is not None)
+    seen = likely & inside
     if not seen.any():
         raise InputError.at(table, f"marks with a likelihood of {settings.least:g} or more in the picture", "none")
     marks: list[list[MarkRow]] = [[] for _ in exposures_s]
@@ -147,11 +141,6 @@ def _exposures_s(poses: PoseTable, times: float | Path) -> Floats:
             raise InputError.at(times, f"a row for frame {last} of {poses.path}", f"{len(exposures_s)} rows")
         return exposures_s
     return np.arange(last + 1, dtype=np.float64) / times
-
-
-def _inside(places_px: Floats, size_px: tuple[int, int]) -> NDArray[np.bool_]:
-    """Whether each position is in the picture, (n_rows, n_parts)."""
-    return np.all((places_px >= -0.5) & (places_px <= np.array(size_px) - 0.5), axis=2)
 
 
 def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd_px: float) -> tuple[Floats, Floats]:

@@ -31,7 +31,7 @@ from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.events import report_distractors, report_event, report_move, report_swap
 from experiments.pipeline.frame_sources import check_size
-from experiments.pipeline.integrity import IntegrityMonitor
+from experiments.pipeline.integrity import IntegrityMonitor, shares_words, variance_shares
 from experiments.pipeline.line import FILTER, USUAL_BIAS, Line, Step, Watcher
 from experiments.pipeline.live.advice import LiveAdvice, own_time_s
 from experiments.pipeline.live.journal import Act, Done
@@ -135,8 +135,7 @@ class Session:
             return False
         estimate = step.estimates[FILTER]
         self._write(estimate)
-        used = [mark for mark in step.marks if mark.node not in step.refused]
-        untested = self.integrity.take(estimate, self.line.measured(used))
+        untested = self.integrity.take(estimate, self.line.used(step))
         fault = self._fault or untested
         advised = None if self.advice is None else self.advice.seen(self.line.filter, estimate, now_s, fault)
         ended = time.perf_counter()
@@ -213,7 +212,7 @@ class Session:
         plan = None if self.advice is None else self.advice.plan
         settings = AdviceSettings() if plan is None else plan.settings
         fault = self._fault or health_fault(estimate, now_s, self.line.filter.seen_s, settings)
-        errors, own = self.integrity.largest_errors(estimate), self._own(estimate)
+        errors, own = shares_words(variance_shares(self.integrity.budget, estimate)), self._own(estimate)
         shown = Shown(own, estimate.time_s, frame, step, advised, plan, fault, self.interval_s, self.counters, errors)
         self.publisher.publish(shown, self.line)
 

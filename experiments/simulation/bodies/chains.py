@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
 import numpy as np
 
-from dynamics import MassSpringNetwork
+from dynamics import build_network
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names
 from experiments.simulation.bodies.simulate import compiled, motion
@@ -50,22 +50,21 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     data.qvel[turning] = rng.normal(0.0, SPEED_RAD_S / scale.swing, n_links)
     mujoco.mj_forward(model, data)
     times = np.arange(round(100 * seconds)) / 100.0
-    places = motion(model, data, lambda d: d.geom_xpos[:, [0, 2]], times_s=times, longest_s=_step_s(scale, 5e-4))
+    longest_s = 5e-4 * min(1.0, scale.oscillation, scale.swing)
+    places = motion(model, data, lambda d: d.geom_xpos[:, [0, 2]], times_s=times, longest_s=longest_s)
     anchored = np.concatenate([np.zeros((len(times), 1, 2)), places], axis=1)
     drawn = np.zeros((n_links + 1, 2))
     drawn[1:, 1] = -np.cumsum(lengths)
-    network = MassSpringNetwork(
-        names=node_names(n_links + 1),
-        positions=drawn,
+    network = build_network(
+        node_names(n_links + 1),
+        drawn,
+        [(i, i + 1) for i in range(n_links)],
+        stiffness=LINK_N_M * scale.k,
+        damping=LINK_N_S_M * scale.c,
         masses=np.r_[scale.m, masses],
-        fixed=np.arange(n_links + 1) == 0,
-        drag=np.zeros(n_links + 1),
-        friction=np.zeros(n_links + 1),
-        springs=np.array([(i, i + 1) for i in range(n_links)]),
-        stiffness=np.full(n_links, LINK_N_M * scale.k),
+        fixed=["n0"],
         rest_lengths=lengths,
-        damping=np.full(n_links, LINK_N_S_M * scale.c),
-        gravity=np.array([0.0, -GRAVITY_M_S2]),
+        gravity=[0.0, -GRAVITY_M_S2],
     )
     return Body(network, times, anchored, (f"n{n_links}",), MARK_SD_M * scale.size, in_line=True)
 
@@ -75,10 +74,6 @@ def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
-
-
-def _step_s(scale: Scale, longest_s: float) -> float:
-    return longest_s * min(1.0, scale.oscillation, scale.swing)
 
 
 def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> str:
@@ -113,12 +108,12 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
         for k, c, along in zip(stiffness[:n], damping[:n], [2.0, *[4.0] * (n - 2), 2.0], strict=True)
     ]
     model, data = compiled(_cable_xml(length, mass, (bend, slow), stretches))
-    hand = _HandPath(rng, n * length, speed / scale.swing, 1.5 * scale.swing)
+    hand = _hand_path(rng, n * length, speed / scale.swing, 1.5 * scale.swing)
     before = 2.0 * max(1.0, scale.swing)
     times = np.arange(round(before * 33) + round(33 * seconds)) / 33.0
 
     def led(time_s: float, data: Any) -> None:
-        data.mocap_pos[0] = hand.at(time_s)
+        data.mocap_pos[0] = hand(time_s)
 
     led(0.0, data)
     places = motion(
@@ -131,42 +126,40 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     )[round(before * 33) :]
     times = np.arange(len(places)) / 33.0
     pairs = [(i, i + 1) for i in range(n)] + [(i, i + 2) for i in range(n - 1)]
-    network = MassSpringNetwork(
-        names=node_names(n + 1),
-        positions=places[0],
-        masses=np.r_[1.0, np.full(n - 1, mass), 0.5 * mass],
-        fixed=np.arange(n + 1) == 0,
-        drag=np.full(n + 1, DRAG_N_S_M * scale.c),
-        friction=np.zeros(n + 1),
-        springs=np.array(pairs),
+    network = build_network(
+        node_names(n + 1),
+        places[0],
+        pairs,
         stiffness=stiffness,
-        rest_lengths=np.r_[np.full(n, length), np.full(n - 1, 2.0 * length)],
         damping=damping,
-        gravity=np.array([0.0, 0.0, -GRAVITY_M_S2]),
+        masses=np.r_[1.0, np.full(n - 1, mass), 0.5 * mass],
+        drag=DRAG_N_S_M * scale.c,
+        fixed=["n0"],
+        rest_lengths=np.r_[np.full(n, length), np.full(n - 1, 2.0 * length)],
+        gravity=[0.0, 0.0, -GRAVITY_M_S2],
     )
     marked = tuple(f"n{i}" for i in range(1, n + 1) if i not in HIDDEN_OF_CABLE)
     kinds = ("segment",) * n + ("bend",) * (n - 1)
     return Body(network, times, places, marked, MARK_SD_M * scale.size, in_line=True, led=(f"n{n}",), kinds=kinds)
 
 
-class _HandPath:
-    """A smooth random path about a place where the cable is slack, which it reaches from a straight cable in rise_s."""
+def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
+    """A smooth random path about a place where the cable is slack, which it reaches from a straight cable in rise_s.
 
-    def __init__(self, rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> None:
-        n_waves = 6
-        self.w = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, (n_waves, 3))
-        self.phase = rng.uniform(0.0, 2.0 * np.pi, (n_waves, 3))
-        self.amplitude = length_m / 1.2 * rng.uniform(0.03, 0.12, (n_waves, 3)) * 2.0 / np.sqrt(n_waves)
-        self.straight = np.array([length_m, 0.0, 0.0])
-        self.home = length_m * np.array([0.8, 0.0, -0.1 / 1.2])
-        self.rise_s = rise_s
+    The function gives the position of the led end [m], (3,).
+    """
+    waves = (6, 3)
+    w, phase = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, waves), rng.uniform(0.0, 2.0 * np.pi, waves)
+    amplitude = length_m / 1.2 * rng.uniform(0.03, 0.12, waves) * 2.0 / np.sqrt(waves[0])
+    straight, home = np.array([length_m, 0.0, 0.0]), length_m * np.array([0.8, 0.0, -0.1 / 1.2])
 
-    def at(self, time_s: float) -> Floats:
-        """Position of the led end [m], (3,)."""
-        rise = min(1.0, time_s / self.rise_s)
+    def at(time_s: float) -> Floats:
+        rise = min(1.0, time_s / rise_s)
         rise = rise * rise * (3.0 - 2.0 * rise)
-        swaying = self.home + (self.amplitude * np.sin(self.w * time_s + self.phase)).sum(axis=0)
-        return np.asarray((1.0 - rise) * self.straight + rise * swaying)
+        swaying = home + (amplitude * np.sin(w * time_s + phase)).sum(axis=0)
+        return np.asarray((1.0 - rise) * straight + rise * swaying)
+
+    return at
 
 
 def _cable_xml(length: float, mass: float, bend: tuple[float, float], stretches: Sequence[str]) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dynamics import MassSpringNetwork, fit_rest_lengths, spring_lengths
+from dynamics import MassSpringNetwork, build_network, fit_rest_lengths, spring_lengths
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import GRAVITY_M_S2, MARK_SD_M, Body, Scale, node_names
 from experiments.simulation.bodies.simulate import compiled, motion, settled
@@ -33,13 +33,8 @@ PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Push:
-    """Constant forces [N] on nodes, (n_nodes, 3), between two times [s]."""
-
-    start_s: float
-    end_s: float
-    forces: Floats
+Push = tuple[float, float, Floats]
+"""Start and end [s] of constant forces on nodes, and these forces [N], (n_nodes, 3)."""
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
@@ -50,7 +45,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: f
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
     spacing = side / (per_side - 1)
-    model, data = compiled(_block_xml(per_side, spacing, mass, _Material(young, RAYLEIGH_S * scale.oscillation)))
+    model, data = compiled(_block_xml(per_side, spacing, mass, _material(young, scale)))
     grid = data.flexvert_xpos.copy()
     _settle(model, data, scale)
     drawn = data.flexvert_xpos.copy()
@@ -82,14 +77,13 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA / 3.0 * scale.k / scale.size
     spacing = side / (per_side - 1)
-    material = _Material(young, RAYLEIGH_S * scale.oscillation)
-    model, data = compiled(_block_xml(per_side, spacing, mass, material, afloat=True))
+    model, data = compiled(_block_xml(per_side, spacing, mass, _material(young, scale), afloat=True))
     grid = data.flexvert_xpos.copy()
     rng = np.random.default_rng([seed, 0])
     off_center = np.abs(np.round((grid - grid.mean(axis=0)) / spacing)).sum(axis=1)
     faces, seen = np.flatnonzero(off_center == 1), np.isin(off_center, (1, 3))
-    leading = _Leading(rng, grid, faces, stiffness=0.5 * young * side, damping=0.05 * scale.oscillation)
-    times, places = _moved(model, data, seconds, scale, leading.act(model))
+    act = _leading(rng, model, grid, faces, stiffness=0.5 * young * side, damping_s=0.05 * scale.oscillation)
+    times, places = _moved(model, data, seconds, scale, act)
     springs, shared = _lattice(grid, spacing)
     network = _network(
         grid,
@@ -112,8 +106,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     stretch = SHEET_N_M * scale.k
     spacing = sides[0] / (SHEET_NODES[0] - 1)
     thickness = THICKNESS_M * scale.size
-    material = _Material(stretch / thickness, RAYLEIGH_S * scale.oscillation)
-    model, data = compiled(_sheet_xml(spacing, mass, thickness, material))
+    model, data = compiled(_sheet_xml(spacing, mass, thickness, _material(stretch / thickness, scale)))
     grid = data.flexvert_xpos.copy()
     _settle(model, data, scale)
     drawn = data.flexvert_xpos.copy()
@@ -140,43 +133,32 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
     return Body(network, times, places, marked, MARK_SD_M * scale.size, kinds=_kinds(grid, springs, spacing))
 
 
-@dataclass(frozen=True, slots=True)
-class _Material:
-    """Young's modulus [Pa] and damping divided by stiffness [s]."""
-
-    young: float
-    rayleigh_s: float
-
-    @property
-    def xml(self) -> str:
-        return f'young="{self.young}" poisson="{POISSON}" damping="{self.rayleigh_s}"'
+def _material(young: float, scale: Scale) -> str:
+    """Attributes of a material with this Young's modulus [Pa]."""
+    return f'young="{young}" poisson="{POISSON}" damping="{RAYLEIGH_S * scale.oscillation}"'
 
 
 OPTION = '<option integrator="discrete" solver="CG" {gravity}/>'
 CONTACT = '<contact selfcollide="none" contype="0" conaffinity="0"/>'
 
 
-def _block_xml(n: int, spacing: float, mass: float, material: _Material, *, afloat: bool = False) -> str:
+def _block_xml(n: int, spacing: float, mass: float, material: str, *, afloat: bool = False) -> str:
     pin = "" if afloat else f'<pin gridrange="0 0 {n - 1} {n - 1} {n - 1} {n - 1}"/>'
     option = OPTION.format(gravity='gravity="0 0 0"' if afloat else "")
     return f"""<mujoco>{option}<worldbody>
         <flexcomp name="b" type="grid" count="{n} {n} {n}" spacing="{spacing} {spacing} {spacing}" dim="3"
-         radius="{0.01 * spacing}" mass="{mass}"><edge equality="false"/><elasticity {material.xml}/>{CONTACT}{pin}
+         radius="{0.01 * spacing}" mass="{mass}"><edge equality="false"/><elasticity {material}/>{CONTACT}{pin}
         </flexcomp></worldbody></mujoco>"""
 
 
-def _sheet_xml(spacing: float, mass: float, thickness: float, material: _Material) -> str:
+def _sheet_xml(spacing: float, mass: float, thickness: float, material: str) -> str:
     across, down = SHEET_NODES
     top = " ".join(f"{i} {down - 1}" for i in range(across))
     return f"""<mujoco>{OPTION.format(gravity="")}<worldbody>
         <flexcomp name="b" type="grid" count="{across} {down} 1" spacing="{spacing} {spacing} {spacing}" dim="2"
          radius="{0.5 * thickness}" mass="{mass}" euler="90 0 0"><edge equality="false"/>
-        <elasticity {material.xml} thickness="{thickness}" elastic2d="both"/>{CONTACT}<pin grid="{top}"/>
+        <elasticity {material} thickness="{thickness}" elastic2d="both"/>{CONTACT}<pin grid="{top}"/>
         </flexcomp></worldbody></mujoco>"""
-
-
-def _step_s(scale: Scale) -> float:
-    return 1e-3 * min(1.0, scale.oscillation)
 
 
 def _settle(model: Any, data: Any, scale: Scale) -> None:
@@ -186,7 +168,8 @@ def _settle(model: Any, data: Any, scale: Scale) -> None:
 
 def _moved(model: Any, data: Any, seconds: float, scale: Scale, act: Callable[[float, Any], None]) -> Any:
     times = np.arange(round(FRAMES_PER_S * seconds)) / FRAMES_PER_S
-    places = motion(model, data, lambda d: d.flexvert_xpos, times_s=times, longest_s=_step_s(scale), act=act)
+    longest_s = 1e-3 * min(1.0, scale.oscillation)
+    places = motion(model, data, lambda d: d.flexvert_xpos, times_s=times, longest_s=longest_s, act=act)
     return times, places
 
 
@@ -195,7 +178,7 @@ def _pushes(rng: np.random.Generator, seconds: float, forces: Callable[[], Float
     found, start = [], float(rng.uniform(0.2, 0.5))
     while start < seconds:
         lasts = float(rng.uniform(0.2, 0.8))
-        found.append(Push(start, start + lasts, forces()))
+        found.append((start, start + lasts, forces()))
         start += lasts + float(rng.uniform(0.2, 0.8))
     return found
 
@@ -206,40 +189,30 @@ def _pushing(model: Any, pushes: Sequence[Push]) -> Callable[[float, Any], None]
 
     def act(time_s: float, data: Any) -> None:
         data.xfrc_applied[:] = 0.0
-        for push in pushes:
-            if push.start_s <= time_s < push.end_s:
-                data.xfrc_applied[bodies, :3] += push.forces[own]
+        for start_s, end_s, forces in pushes:
+            if start_s <= time_s < end_s:
+                data.xfrc_applied[bodies, :3] += forces[own]
 
     return act
 
 
-class _Leading:
+def _leading(
+    rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
+) -> Callable[[float, Any], None]:
     """Springs and dashpots that lead nodes along smooth random paths about their drawn positions."""
+    amplitude = 0.12 * float(np.ptp(grid[:, 0]))
+    w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
+    together = amplitude * rng.normal(size=3)
+    bodies = model.flex_vertbodyid[nodes]
+    at = np.array([model.body_dofadr[b] for b in bodies])[:, None] + np.arange(3)
 
-    def __init__(
-        self, rng: np.random.Generator, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping: float
-    ) -> None:
-        self.nodes, self.home = nodes, grid[nodes]
-        side = float(np.ptp(grid[:, 0]))
-        self.w = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3)
-        self.phase = rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
-        self.amplitude = 0.12 * side
-        self.together = self.amplitude * rng.normal(size=3)
-        self.stiffness, self.damping = stiffness, stiffness * damping
+    def act(time_s: float, data: Any) -> None:
+        own = amplitude * (np.sin(w * time_s + phase) - np.sin(phase))
+        wanted = grid[nodes] + min(1.0, time_s) * (own + together * np.sin(w * time_s))
+        away = wanted - data.flexvert_xpos[nodes]
+        data.xfrc_applied[bodies, :3] = stiffness * away - stiffness * damping_s * data.qvel[at]
 
-    def act(self, model: Any) -> Callable[[float, Any], None]:
-        """The function that sets these forces, for `motion`."""
-        bodies = model.flex_vertbodyid[self.nodes]
-        at = np.array([model.body_dofadr[b] for b in bodies])[:, None] + np.arange(3)
-
-        def act(time_s: float, data: Any) -> None:
-            rise = min(1.0, time_s)
-            own = self.amplitude * (np.sin(self.w * time_s + self.phase) - np.sin(self.phase))
-            wanted = self.home + rise * (own + self.together * np.sin(self.w * time_s))
-            away = wanted - data.flexvert_xpos[self.nodes]
-            data.xfrc_applied[bodies, :3] = self.stiffness * away - self.damping * data.qvel[at]
-
-        return act
+    return act
 
 
 def _mostly_up(rng: np.random.Generator) -> Floats:
@@ -294,17 +267,14 @@ def _network(
     fixed: NDArray[np.bool_],
     gravity: float = GRAVITY_M_S2,
 ) -> MassSpringNetwork:
-    n = len(drawn)
-    return MassSpringNetwork(
-        names=node_names(n),
-        positions=drawn,
-        masses=masses,
-        fixed=fixed,
-        drag=np.zeros(n),
-        friction=np.zeros(n),
-        springs=springs,
+    return build_network(
+        node_names(len(drawn)),
+        drawn,
+        springs.tolist(),
         stiffness=stiffness,
-        rest_lengths=spring_lengths(drawn, springs),
         damping=damping_s * stiffness,
-        gravity=np.array([0.0, 0.0, -gravity]),
+        masses=masses,
+        fixed=[f"n{i}" for i in np.flatnonzero(fixed)],
+        rest_lengths="as drawn",
+        gravity=[0.0, 0.0, -gravity],
     )

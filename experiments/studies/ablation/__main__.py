@@ -20,9 +20,10 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
+from experiments.formats.page import markdown_table
 from experiments.studies.ablation.recordings import BODIES, LUNG, recording
 from experiments.studies.ablation.switches import SWITCHES, WHOLE
-from experiments.studies.grid import chosen, command, grid, kept_runs, markdown_table, publish, study_options
+from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs, publish, seeds_of, study_options
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
@@ -100,12 +101,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = study_options(__doc__, page="ablation.md")
     parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")
-    parser.add_argument("--seeds", type=int, default=1, help=f"runs of each body, from {FIRST_SEED} on: %(default)s")
+    add_seeds(parser, 1, FIRST_SEED)
     parser.add_argument("--lungs", type=Path, help="folder with case1.csv and so on; default: no lungs")
     given = parser.parse_args(arguments)
     bodies = chosen("--bodies", given.bodies, [*BODIES] if given.lungs is None else [*BODIES, LUNG])
     off = dict.fromkeys([WHOLE, *chosen("--only", given.only, SWITCHES)])
-    seeds = range(FIRST_SEED, FIRST_SEED + given.seeds)
+    seeds = seeds_of(given)
     cases = [
         {**case, "lungs": str(given.lungs)}
         for body in bodies

@@ -5,16 +5,16 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty, independent_uncertainty, parameters
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, ParameterUncertainty
 from estimators import FilterSettings, MarkMeasurement
 from estimators.process.target import TargetPoint
 from experiments.arrays import Floats
-from experiments.studies.estimation.study import CONSTANT_SDS, perturbed
+from experiments.studies.estimation.study import perturbed
 from experiments.studies.estimation.trials import Model, Trial, seen
 from experiments.studies.honesty.run import recorded
 from experiments.studies.lungs.estimate import lung_frames
@@ -56,8 +56,7 @@ def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording
         body, model = case.motion, assumed(case.motion, case)
         frames = measured(body, body.marked, seed)
         truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
-        settings = FilterSettings(led_nodes=body.led)
-        return Recording(model.network, body.marked, body.hidden, frames, truth, settings, model.uncertainty)
+        return Recording(model.network, body.marked, body.hidden, frames, truth, model.settings, model.uncertainty)
 
     return made
 
@@ -82,11 +81,6 @@ def _four_masses(outliers: float, model: Callable[[int], Model], seconds: float)
     return made
 
 
-def _wrong(seed: int) -> Model:
-    which = parameters(Model().network)
-    return perturbed(seed, CONSTANT_SDS, independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which]))
-
-
 def lung(folder: Path) -> Recording:
     """The first lung of the folder, with ten visible landmarks of its hull."""
     one, constants = read_lungs(folder)[0], LungConstants()
@@ -100,7 +94,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "phantom": _zoo("phantom", "true", 3.0),
     "phantom, constants wrong": _zoo("phantom", "wrong", 3.0),
     "four masses, outliers": _four_masses(0.03, lambda _seed: Model(), 5.0),
-    "four masses, known to 10 %": _four_masses(0.0, _wrong, 5.0),
+    "four masses, known to 10 %": _four_masses(0.0, partial(perturbed, known=True), 5.0),
     "four masses, marks to 10 mm": _honest("four masses", 10.0, 5.0),
     "breast, marks to 1 mm": _honest("breast", 1.0, 2.0),
     "cable, slow": _zoo("cable-slow", "true", 2.0),

@@ -165,8 +165,7 @@ def by_open_loop(task: Task) -> Found:
 
 def by_thin_plate(task: Task) -> Found:
     """Estimate by a thin-plate spline of the displacement."""
-    weights = thin_plate_weights(task.before, task.wanted)
-    return Found(task.wanted + weights @ (task.after - task.before))
+    return Found(task.wanted + thin_plate_weights(task.before, task.wanted) @ (task.after - task.before))
 
 
 def by_linear(task: Task) -> Found:

@@ -11,8 +11,8 @@ import pandas as pd
 
 from estimators import coverage
 from experiments.arrays import Floats
+from experiments.formats.page import markdown_table
 from experiments.studies.dense_lungs.data import WHERE
-from experiments.studies.grid import markdown_table
 
 COUNTS = (10, 20, 40, 80)
 """Numbers of marks per lung."""

@@ -1,7 +1,7 @@
 """Validity of the standard errors of identified constants: the table "Standard errors" of docs/identification.md.
 
     python -m experiments.studies.estimation.identification --out study             # 20 fits of either phantom
-    python -m experiments.studies.estimation.identification --out study --runs 4 --seeds 0
+    python -m experiments.studies.estimation.identification --out study --runs 4 --first-seed 0
     python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
 A fit takes about 15 s of one core.
@@ -33,13 +33,13 @@ from dynamics import (
     scale_parameters,
 )
 from estimators import IdentificationSettings, identify_constants
-from experiments.arrays import Floats
 from experiments.engine.runs import Case
 from experiments.engine.workers import chosen_workers
+from experiments.formats.page import markdown_table
 from experiments.formats.scenario import read_scenario
 from experiments.simulation.simulate import true_motion
 from experiments.studies.estimation.trials import Frames, frames_of
-from experiments.studies.grid import command, grid, kept_runs, markdown_table, publish, study_options
+from experiments.studies.grid import add_seeds, command, grid, kept_runs, publish, seeds_of, study_options
 
 PRIOR_SD: Mapping[str, float] = {
     "stiffness": 0.1,
@@ -51,8 +51,6 @@ PRIOR_SD: Mapping[str, float] = {
 """Relative standard deviations of the errors of the scene's constants, equal to those of the prior."""
 
 FRAMES_PER_S, MARK_SD_M, LONG_S = 30, 1e-3, 12.0
-
-FIRST_SEED, N_RUNS = 1000, 20
 
 BOUNDS = {"mean": (-0.3, 0.3), "spread": (0.8, 1.2)}
 """Permitted ranges of the pulls' mean and standard deviation."""
@@ -104,8 +102,8 @@ def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
     return five_mass_phantom(), ("P1", "P2", "P3", "P4"), "T"
 
 
-def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> tuple[Frames, Floats]:
-    """Frames with the marks of all free nodes, and the nodes' true positions [m], (n_frames, n_free, dim)."""
+def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, duration_s: float) -> Frames:
+    """Frames with the marks of all free nodes."""
     scenario = read_scenario("poked")
     if scenario.pokes is None:
         raise ValueError("scenario poked: expected pokes, found none")
@@ -119,13 +117,13 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
     truth = true_motion(network, scenario.model_copy(update=change), rng)
     noisy = truth.positions + rng.normal(0.0, MARK_SD_M, truth.positions.shape)
     names = [network.names[i] for i in network.free]
-    return frames_of(truth.times_s, noisy, names, MARK_SD_M), truth.positions
+    return frames_of(truth.times_s, noisy, names, MARK_SD_M)
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
     """One fit: a row for each constant, its error and its standard error, in logarithms."""
     network, marked, target = phantom(case["phantom"])
-    frames, _ = recorded(network, marked, case["seed"], case["duration_s"])
+    frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
     prior = np.array([PRIOR_SD[one.kind] for one in which])
     off = prior * np.random.default_rng([case["seed"], 1]).normal(size=len(which))
@@ -155,25 +153,20 @@ def page_table(found: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
     heads = ["phantom", "constants", "fits", "pull: mean, SD", "error: before, after", "standard error"]
     rows = []
     for (name, kind), row in found.items():
-        pull = ", ".join(_marked(row[key], *BOUNDS[key]) for key in ("mean", "spread"))
+        bold = {key: "" if low <= row[key] <= high else "**" for key, (low, high) in BOUNDS.items()}
+        pull = ", ".join(f"{mark}{row[key]:.2f}{mark}" for key, mark in bold.items())
         before, after, stated = (f"{100.0 * row[key]:.3g}%" for key in ("before", "error", "sd"))
         rows.append([name, kind.replace("_", " "), f"{row['fits']:.0f}", pull, f"{before}, {after}", stated])
     return markdown_table(heads, rows, left=(0, 1))
-
-
-def _marked(value: float, low: float, high: float) -> str:
-    return f"{value:.2f}" if low <= value <= high else f"**{value:.2f}**"
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
     """Do the fits, print the table, and write it to the page."""
     parser = study_options(__doc__, page="identification.md")
-    parser.add_argument("--runs", type=int, default=N_RUNS)
-    parser.add_argument("--seeds", type=int, default=FIRST_SEED, help="first seed")
+    add_seeds(parser, 20, 1000, runs="--runs")
     given = parser.parse_args(arguments)
-    seeds = range(given.seeds, given.seeds + given.runs)
-    cases = grid(duration_s=[LONG_S], seed=seeds, phantom=["built-in", "five-mass"])
+    cases = grid(duration_s=[LONG_S], seed=seeds_of(given), phantom=["built-in", "five-mass"])
     table = kept_runs(identified, cases, given.out, chosen_workers(given))
     made = page_table(pulls(table.sort_values("phantom", kind="stable")))
     publish(given, made, {"pulls": made})

@@ -2,7 +2,7 @@
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
     python -m experiments.studies.estimation.study hard --runs 10 --out study
-    python -m experiments.studies.estimation.page study                    # rewrite the page from what is there
+    python -m experiments.studies.estimation.study --out study --page      # rewrite the tables of the page, too
 
 Parts are stored as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
 continues where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes are half sines (`poked`: one mass
@@ -27,7 +27,6 @@ from dynamics import (
     HIDDEN,
     KINDS,
     OUTER,
-    ParameterUncertainty,
     four_mass_phantom,
     independent_uncertainty,
     parameter_value,
@@ -39,8 +38,9 @@ from experiments.engine.runs import Case
 from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
 from experiments.formats.outputs import write_whole
 from experiments.studies.estimation.limits import bound_row, hard_trial, longest
+from experiments.studies.estimation.page import TABLES
 from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, run, seen
-from experiments.studies.grid import command, kept_runs, print_figures, study_options
+from experiments.studies.grid import command, kept_runs, print_figures, publish, study_options
 from experiments.studies.grid import grid as cases_of
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
@@ -138,11 +138,13 @@ def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
     return {f"{label}all": figures(runs)} | each
 
 
-def perturbed(seed: int, sds: dict[str, float], uncertainty: ParameterUncertainty | None = None) -> Model:
-    """The phantom whose constants have random errors with these relative standard deviations."""
+def perturbed(seed: int, *, known: bool = False) -> Model:
+    """The phantom with errors of its constants by `CONSTANT_SDS`; known: whether their uncertainty is considered."""
     network = four_mass_phantom()
-    which = parameters(network, tuple(sds))
-    change = np.random.default_rng([seed, 1]).normal(size=len(which)) * [sds[one.kind] for one in which]
+    which = parameters(network)
+    sds = np.array([CONSTANT_SDS[one.kind] for one in which])
+    change = sds * np.random.default_rng([seed, 1]).normal(size=len(which))
+    uncertainty = independent_uncertainty(which, sds) if known else None
     return Model(scale_parameters(network, which, change), uncertainty, FilterSettings())
 
 
@@ -162,7 +164,7 @@ def identified(study: Study) -> dict[str, Row]:
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
     """Rows of one phantom: its wrong constants are identified from a calibration, then all scenarios are tracked."""
     seed = case["seed"]
-    model = perturbed(seed, CONSTANT_SDS)
+    model = perturbed(seed)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
     known = replace(model, network=found.network, uncertainty=found.uncertainty)
     network = four_mass_phantom()
@@ -185,9 +187,7 @@ def unidentified(study: Study) -> dict[str, Row]:
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
     """One run with wrong constants, whose uncertainty is considered or ignored."""
-    which = parameters(four_mass_phantom())
-    known = independent_uncertainty(which, [CONSTANT_SDS[one.kind] for one in which])
-    model = perturbed(case["seed"], CONSTANT_SDS, known if case["uncertainty"] == "considered" else None)
+    model = perturbed(case["seed"], known=case["uncertainty"] == "considered")
     return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
@@ -221,17 +221,20 @@ PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the named parts, or all, and store their figures."""
-    parser = study_options(__doc__)
+    parser = study_options(__doc__, page="estimation-study.md")
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts of the study; default: all")
     parser.add_argument("--runs", type=int, default=100)
     chosen = parser.parse_args(arguments)
     study = Study(chosen.out, chosen.runs, chosen_workers(chosen))
     study.cache.mkdir(parents=True, exist_ok=True)
+    tables = {}
     for name in chosen.parts or PARTS:
         rows = PARTS[name](study)
+        tables[name] = TABLES[name](rows)
         write_whole(study.folder / f"{name}.json", json.dumps(rows, indent=1) + "\n")
         for label, row in rows.items():
             print_figures(f"{label}: ", row)
+    publish(chosen, "", tables)
 
 
 if __name__ == "__main__":

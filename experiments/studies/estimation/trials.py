@@ -5,7 +5,6 @@ Truth is by SciPy's RK45 (`experiments.simulation.simulate`); it is stored in a 
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,17 +21,14 @@ from estimators import (
     normalised_error_squared,
 )
 from experiments.arrays import Floats
-from experiments.formats.outputs import write_whole
 from experiments.formats.scenario import read_scenario
-from experiments.simulation.simulate import EXACT, true_motion
+from experiments.simulation.seen_marks import outliers
+from experiments.simulation.simulate import EXACT, kept_motion
 
 Frames = list[tuple[float, list[MarkMeasurement]]]
 
 KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
-MISPLACED_M = (0.03, 0.15)
-"""Distance of an outlier from the true position [m]."""
-
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
 """Filter settings for the true model: the discrepancy is that of scenes of simulated phantoms."""
@@ -91,9 +87,6 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 def truth(trial: Trial, cache: Path) -> Floats:
     """Positions of the free nodes at KNOTS_PER_S [m], (n, n_free, dim), computed once and kept in the cache."""
-    path = cache / f"{trial.scenario}_{trial.seed}_{trial.duration_s:g}_{trial.strength:g}.npy"
-    if path.exists():
-        return np.asarray(np.load(path))
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,
@@ -104,11 +97,8 @@ def truth(trial: Trial, cache: Path) -> Floats:
         pokes = {"acceleration_m_s2": trial.strength * scenario.pokes.acceleration_m_s2}
         change["pokes"] = scenario.pokes.model_copy(update=pokes)
     scenario = scenario.model_copy(update=change)
-    positions = true_motion(four_mass_phantom(), scenario, np.random.default_rng(trial.seed)).positions
-    buffer = io.BytesIO()
-    np.save(buffer, positions)
-    write_whole(path, buffer.getvalue())
-    return positions
+    path = cache / f"{trial.scenario}_{trial.seed}_{trial.duration_s:g}_{trial.strength:g}.npy"
+    return kept_motion(path, four_mass_phantom(), scenario, np.random.default_rng(trial.seed)).positions
 
 
 def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[str] = OUTER) -> tuple[Frames, Floats]:
@@ -123,19 +113,12 @@ def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[st
         noisy = now + rng.normal(0.0, trial.mark_sd_m, now.shape)
         kept = rng.random(len(nodes)) >= trial.lost
         if trial.outliers:
-            noisy = noisy + _misplaced(noisy.shape, trial.outliers, rng)
+            noisy = noisy + outliers(noisy.shape, trial.outliers, rng)
         marks = [
             MarkMeasurement(node, noisy[places[node]], cov) for node, there in zip(nodes, kept, strict=True) if there
         ]
         frames.append((k * step / KNOTS_PER_S, marks))
     return frames, positions[::step, places[HIDDEN]]
-
-
-def _misplaced(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of positions [m], (n, dim): for this share of them 30 to 150 mm in any direction, zero for the others."""
-    ways = rng.normal(size=shape)
-    ways *= rng.uniform(*MISPLACED_M, (len(ways), 1)) / np.linalg.norm(ways, axis=1, keepdims=True)
-    return np.where(rng.random((len(ways), 1)) < share, ways, 0.0)
 
 
 def passed(tissue: TissueFilter, frames: Frames) -> list[TargetEstimate]:

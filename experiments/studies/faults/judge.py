@@ -90,8 +90,6 @@ class Judged:
     they are unreadable, None if there are none
     """
 
-    fault: str
-    seed: int
     noticed_ms: float | None
     covered: bool
     shown: str
@@ -146,7 +144,7 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
     return bool(off @ np.linalg.solve(cov, off) > chi2.ppf(WRONG, len(off)))
 
 
-def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> Judged:
+def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
     """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
 
     A run that displayed nothing more has ended before the last moment.
@@ -161,8 +159,6 @@ def verdict(fault: Fault, seed: int, moments: list[Moment], lasts_s: float) -> J
     faulty = [one for one in after if ONSET_S + fault.within_s <= one.time_s < over_s]
     go = [one for one in after if one.advice == "GO"]
     return Judged(
-        fault.name,
-        seed,
         None if noticed_s is None else 1e3 * (noticed_s - ONSET_S),
         not any(one.wrong for one in faulty),
         _most_shown(during),

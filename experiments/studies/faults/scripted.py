@@ -98,7 +98,7 @@ class ScriptedFault(Fault):
 
     def judged(self, seed: int, folder: Path, duration_s: float = DURATION_S) -> Judged:
         """The fault's result in a run; folder: an existing folder for the run's tables."""
-        return verdict(self, seed, _moments(self, seed, folder, duration_s), self.lasts_s)
+        return verdict(self, _moments(self, seed, folder, duration_s), self.lasts_s)
 
 
 class Watching(Publisher):

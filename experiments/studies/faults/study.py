@@ -37,7 +37,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """One fault with one seed, as a row of the study; NaN for values that do not exist."""
     with quiet_folder() as folder:
         row = asdict(FAULTS[case["fault"]].judged(case["seed"], folder))
-    return {key: NEVER if value is None else value for key, value in row.items() if key not in case}
+    return {key: NEVER if value is None else value for key, value in row.items()}
 
 
 def faults_study(

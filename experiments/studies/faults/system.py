@@ -70,13 +70,13 @@ class SystemFault(Fault):
             self.before(run)
             began_s = time.monotonic()
             if run.start():
-                return self._watched(run, seed, onset_s)
+                return self._watched(run, onset_s)
             how = run.ended()
             lines = run.terminal.text.strip().splitlines()
             said = Moment(ONSET_S + time.monotonic() - began_s, 0.0, "ENDED", None, "; ".join(lines), 0.0, False, False)
-            return replace(verdict(self, seed, [said], FOREVER), ended=how)
+            return replace(verdict(self, [said], FOREVER), ended=how)
 
-    def _watched(self, run: LiveRun, seed: int, onset_s: float) -> Judged:
+    def _watched(self, run: LiveRun, onset_s: float) -> Judged:
         viewer = run.viewer
         _until(run, -np.inf)
         _until(run, viewer.now_s + onset_s)
@@ -90,7 +90,7 @@ class SystemFault(Fault):
         _until(run, min(onset_s + lasts_s + AFTER_S, run.film.ends_s))
         until_s = run.stop()
         how = run.ended()
-        found = verdict(self, seed, _moments(viewer, onset_s, until_s), self.lasts_s)
+        found = verdict(self, _moments(viewer, onset_s, until_s), self.lasts_s)
         others = sum(one.faulty_go for each in run.others for one in _moments(each, onset_s, until_s))
         return replace(
             found,

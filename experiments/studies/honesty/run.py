@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.faults.judge import is_wrong
-from experiments.studies.faults.world import INTERVAL_S, Motion
+from experiments.studies.faults.world import INTERVAL_S
 from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
 from experiments.studies.faults.wrong_worlds.run import REGION
 from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
@@ -32,12 +31,6 @@ PUSHES = {
 
 AFTER_S = 1.0
 """Time from which frames count [s]: the start has its own tests."""
-
-
-@lru_cache(maxsize=16)
-def body_motion(body: str, pushes: str, seed: int, duration_s: float) -> Motion:
-    """True motion of a body in the runs of a seed, independent of its marks."""
-    return motion_of(scene_of_body(body), Truth(pushes=PUSHES[pushes]), seed, duration_s)
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
@@ -70,12 +63,11 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 def recorded(case: Mapping[str, Any]) -> tuple[Scene, Frames, list[Floats]]:
     """The scene of a case, its frames, and the true target in each frame [m]; case: as in `run`."""
-    duration_s, dt = float(case["duration_s"]), INTERVAL_S
-    motion = body_motion(case["body"], case["pushes"], case["seed"], duration_s)
-    scene = scene_of_body(case["body"])
+    duration_s, scene = float(case["duration_s"]), scene_of_body(case["body"])
+    motion = motion_of(scene, Truth(pushes=PUSHES[case["pushes"]]), case["seed"], duration_s)
     scene = replace(scene, cameras=(), target=replace(scene.target, position_sd_m=0.0))
     network, rng = scene.network, np.random.default_rng([case["seed"], 7])
-    times = np.arange(0.0, duration_s, dt)
+    times = np.arange(0.0, duration_s, INTERVAL_S)
     places = np.array([motion.at(float(time_s)) for time_s in times])
     seen = places[:, [network.index(node) for node in scene.measured_nodes]]
     seen = seen + case["sd_m"] * rng.normal(size=seen.shape)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from dynamics.lattices import STRUCTURES
-from experiments.studies.grid import markdown_table
+from experiments.formats.page import markdown_table
 from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES
 
 WORDS = {

@@ -46,7 +46,7 @@ def by_spline(lung: Lung, seen: str) -> Inner:
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
     moved = lung.positions[1:, marked] - start[marked]
-    spline = start[lung.inner] + np.einsum("ik,pkd->pid", thin_plate_weights(start[marked], start[lung.inner]), moved)
+    spline = start[lung.inner] + thin_plate_weights(start[marked], start[lung.inner]) @ moved
     nothing = np.linalg.norm(start[lung.inner] - truth, axis=2)
     return Inner(lung.name, seen, lung.inner, nothing, np.linalg.norm(spline - truth, axis=2))
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import Delaunay
 
-from dynamics import MassSpringNetwork
+from dynamics import MassSpringNetwork, build_network
 from experiments.arrays import Floats
 
 
@@ -47,16 +47,13 @@ def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)
     stiffness = constants.strand_n / lengths
-    return MassSpringNetwork(
-        names=tuple(map(node_name, range(n))),
-        positions=points,
-        masses=np.full(n, constants.mass_kg / n),
-        fixed=np.zeros(n, dtype=bool),
-        drag=np.zeros(n),
-        friction=np.zeros(n),
-        springs=springs,
+    return build_network(
+        list(map(node_name, range(n))),
+        points,
+        springs.tolist(),
         stiffness=stiffness,
-        rest_lengths=lengths,
         damping=constants.damping_s * stiffness,
+        masses=constants.mass_kg / n,
+        rest_lengths=lengths,
         gravity=np.zeros(3),
     )

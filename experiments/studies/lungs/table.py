@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pandas as pd
 
 from estimators import coverage
-from experiments.studies.grid import markdown_table
+from experiments.formats.page import markdown_table
 from experiments.studies.lungs.estimate import SEEN, Inner
 
 HEAD = (

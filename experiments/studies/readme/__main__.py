@@ -11,11 +11,10 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from experiments.formats.page import rewrite_page
+from experiments.formats.page import markdown_table, rewrite_page
 from experiments.pipeline.line import FILTER, OPEN_LOOP
 from experiments.pipeline.track import figures as figures_of
 from experiments.studies.demo import PAPER_MM, SCENARIOS, Figures, demo, heads, tracked
-from experiments.studies.grid import markdown_table
 from experiments.studies.hidden_error import N_RUNS, SEEDS, study
 from experiments.studies.readme.moving_picture import PICTURE, write_moving_picture
 

@@ -18,16 +18,8 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.grid import (
-    add_seeds,
-    command,
-    grid,
-    kept_runs,
-    markdown_table,
-    publish,
-    seeds_of,
-    study_options,
-)
+from experiments.formats.page import markdown_table
+from experiments.studies.grid import add_seeds, command, grid, kept_runs, publish, seeds_of, study_options
 from experiments.studies.soft_bodies.bodies import BODIES
 from experiments.studies.soft_bodies.run import run
 

@@ -53,7 +53,7 @@ def _spline(case: Recording, seen: Floats) -> Floats:
     drawn, network = case.positions[0], case.network
     wall = network.positions[network.fixed & network.is_held]
     weights = thin_plate_weights(np.vstack([drawn[:-1], wall]), drawn[-1:])[0]
-    return np.asarray(drawn[-1] + np.einsum("k,tkd->td", weights[: len(case.marked)], seen - drawn[:-1]))
+    return np.asarray(drawn[-1] + weights[: len(case.marked)] @ (seen - drawn[:-1]))
 
 
 def _rms_mm(errors: Floats) -> float:

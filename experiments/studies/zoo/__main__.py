@@ -1,7 +1,7 @@
 """Zoo of bodies: accuracy of the filter, with the same settings for all, on bodies with other physics.
 
     python -m experiments.studies.zoo --out FOLDER                       # all cells, seeds 1000 to 1019
-    python -m experiments.studies.zoo --seeds 0-1 --bodies chain2,sheet --out FOLDER
+    python -m experiments.studies.zoo --seeds 2 --first-seed 0 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
 writes runs/runs.parquet, runs.csv, cells.csv and table.md, on all cores or with `--scheduler ADDRESS`. Truths
@@ -20,10 +20,9 @@ import pandas as pd
 from experiments.engine.progress import run_bar
 from experiments.engine.study import run_study
 from experiments.engine.workers import chosen_workers
-from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.simulation.bodies.zoo import BODIES
-from experiments.studies.grid import chosen, command, publish, study_options
+from experiments.studies.grid import add_seeds, chosen, command, publish, seeds_of, study_options
 from experiments.studies.zoo.case import REPORT_SEEDS, cases, quick_cases
 from experiments.studies.zoo.run import record_of
 from experiments.studies.zoo.table import cells_of, markdown, page_tables
@@ -39,23 +38,16 @@ def write_results(table: pd.DataFrame, folder: Path) -> str:
     return page
 
 
-def _seeds(text: str) -> range:
-    first, _, last = text.partition("-")
-    if not first.isdecimal() or not (last or first).isdecimal():
-        raise InputError.at("--seeds", "A or A-B", text)
-    return range(int(first), int(last or first) + 1)
-
-
 @command
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the cases that the arguments choose; returns 1 if some of them failed."""
     parser = study_options(__doc__, page="zoo.md")
     parser.add_argument("--quick", action="store_true", help="run only a few seconds of three bodies")
-    parser.add_argument("--seeds", default=f"{REPORT_SEEDS[0]}-{REPORT_SEEDS[-1]}", help="seeds A-B, both included")
+    add_seeds(parser, len(REPORT_SEEDS), REPORT_SEEDS[0])
     parser.add_argument("--bodies", default=",".join(BODIES), help="names of bodies, separated by commas")
     given = parser.parse_args(arguments)
-    bodies, seeds = chosen("--bodies", given.bodies.split(","), BODIES), _seeds(given.seeds)
-    tables = [asdict(case) for case in (quick_cases() if given.quick else cases(bodies, seeds))]
+    bodies = chosen("--bodies", given.bodies.split(","), BODIES)
+    tables = [asdict(case) for case in (quick_cases() if given.quick else cases(bodies, seeds_of(given)))]
     with run_bar("zoo") as advance:
         done = run_study(record_of, tables, given.out / "runs", chosen_workers(given), advance)
     page = write_results(done.table, given.out)

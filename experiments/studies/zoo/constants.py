@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, fit_rest_lengths
+from dynamics import MassSpringNetwork, NetworkError, fit_rest_lengths
 from estimators import CovarianceError, FilterSettings, IdentificationError, identify_constants
 from estimators.identification.budget import Budget
 from experiments.arrays import Floats
 from experiments.simulation.bodies.body import Body
-from experiments.studies.estimation.trials import Frames, frames_of
+from experiments.studies.estimation.trials import Frames, Model, frames_of
 from experiments.studies.zoo.case import Case
 
 WRONG = float(np.log(1.2))
@@ -29,20 +29,13 @@ class NotIdentifiedError(Exception):
     """Error for constants that could not be identified; the message gives the reason."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Assumed:
-    """What a run assumes about the body: its network, and the uncertainty of its constants, if known."""
-
-    network: MassSpringNetwork
-    uncertainty: ParameterUncertainty | None = None
-
-
-def assumed(body: Body, case: Case) -> Assumed:
-    """The body's network with the constants of the case; raises NotIdentifiedError."""
+def assumed(body: Body, case: Case) -> Model:
+    """What a run assumes about the body, with the constants of the case; raises NotIdentifiedError."""
+    settings = FilterSettings(led_nodes=body.led)
     if case.constants == "true":
-        return Assumed(body.network)
+        return Model(body.network, settings=settings)
     rng = np.random.default_rng([case.seed, 2])
-    return Assumed(wrong_network(body, rng)) if case.constants == "wrong" else identified(body, case, rng)
+    return identified(body, case, rng) if case.constants != "wrong" else Model(wrong_network(body, rng), None, settings)
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
@@ -65,7 +58,7 @@ def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
     return fit_rest_lengths(wrong, network.positions) if body.at_rest else wrong
 
 
-def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Assumed:
+def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: float = BUDGET_S) -> Model:
     """Constants fitted to another recording of the same body that shows every node; raises NotIdentifiedError.
 
     seconds: limit of its processor time [s]
@@ -83,6 +76,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
         start = fit_rest_lengths(start, body.network.positions)
     other = replace(case, seed=case.seed + OTHER_RECORDING).motion
     frames = measured(other, other.marked + other.hidden, case.seed + OTHER_RECORDING)
+    settings = FilterSettings(led_nodes=body.led)
     try:
         found = identify_constants(
             start,
@@ -90,12 +84,12 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
             body.marked,
             body.hidden[0],
             spring_groups=body.kinds,
-            settings=FilterSettings(led_nodes=body.led),
+            settings=settings,
             budget=Budget(seconds, time.process_time),
         )
     except (IdentificationError, NetworkError, CovarianceError, np.linalg.LinAlgError) as error:
         raise NotIdentifiedError(f"not identified: {error}") from error
-    return Assumed(found.network, found.uncertainty)
+    return Model(found.network, found.uncertainty, settings)
 
 
 def _kinds(body: Body) -> tuple[str, ...]:

@@ -49,8 +49,7 @@ def spline(body: Body, frames: Frames) -> Floats:
         order = np.argsort(along[known])
         line = CubicSpline(along[known][order], places[:, order], axis=1)
         return np.asarray(line(along[hidden]))
-    weights = thin_plate_weights(drawn[known], drawn[hidden])
-    return drawn[hidden] + np.einsum("hk,tkd->thd", weights, places - drawn[known])
+    return drawn[hidden] + thin_plate_weights(drawn[known], drawn[hidden]) @ (places - drawn[known])
 
 
 def thin_plate_weights(known: Floats, wanted: Floats) -> Floats:

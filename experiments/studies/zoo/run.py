@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from dynamics import NetworkError
-from estimators import FilterSettings, TissueFilter
+from estimators import TissueFilter
 from experiments.simulation.bodies.body import Body
+from experiments.studies.estimation.trials import Model
 from experiments.studies.zoo.case import Case
-from experiments.studies.zoo.constants import Assumed, NotIdentifiedError, assumed, identified, measured
+from experiments.studies.zoo.constants import NotIdentifiedError, assumed, identified, measured
 from experiments.studies.zoo.references import open_loop, spline
 from experiments.studies.zoo.scores import Followed, followed, hidden_scores, mean_distance
 
@@ -72,8 +73,9 @@ def compile_kernels() -> None:
         filtered(model, case.motion, 0, np.inf)
 
 
-def filtered(model: Assumed, body: Body, seed: int, limit_s: float) -> Followed:
-    """One run of the filter with its default settings."""
-    settings = FilterSettings(led_nodes=body.led)
-    begun = partial(TissueFilter, model.network, body.hidden[0], body.marked, settings, uncertainty=model.uncertainty)
+def filtered(model: Model, body: Body, seed: int, limit_s: float) -> Followed:
+    """One run of the filter."""
+    begun = partial(
+        TissueFilter, model.network, body.hidden[0], body.marked, model.settings, uncertainty=model.uncertainty
+    )
     return followed(begun, model.network, body.hidden, measured(body, body.marked, seed), limit_s)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import gmean
 
-from experiments.studies.grid import markdown_table
+from experiments.formats.page import markdown_table
 from experiments.studies.zoo.case import Case
 
 

@@ -65,8 +65,7 @@ def test_camera_toml_is_read_back(calibration: Calibration, tmp_path: Path) -> N
     np.testing.assert_array_equal(back.lens.distortion, calibration.distortion)
     np.testing.assert_array_equal(back.pose.rotation, calibration.pose.rotation)
     np.testing.assert_allclose(back.pose.translation_m, calibration.pose.translation_m, rtol=1e-14)
-    np.testing.assert_allclose(back.uncertainty.T @ back.uncertainty, calibration.joint_cov, rtol=1e-12)
-    np.testing.assert_array_equal(back.mm_per_px, calibration.mm_per_px)
+    np.testing.assert_allclose(back.calibration.T @ back.calibration, calibration.joint_cov, rtol=1e-12)
 
 
 def test_camera_toml_has_millimetres_and_sums_to_the_covariance(calibration: Calibration, tmp_path: Path) -> None:
@@ -78,6 +77,7 @@ def test_camera_toml_has_millimetres_and_sums_to_the_covariance(calibration: Cal
     np.testing.assert_allclose(np.sqrt(np.diag(cov))[4:9], data["distortion_sd"], rtol=1e-12)
     np.testing.assert_allclose(np.diag(cov)[12:], 1e6 * np.diag(calibration.joint_cov)[12:], rtol=1e-12)
     np.testing.assert_allclose(data["translation_mm"], 1e3 * calibration.pose.translation_m, rtol=1e-12)
+    np.testing.assert_array_equal(data["mm_per_px"], calibration.mm_per_px)
     assert data["images_used"] == [f"{k:02d}.png" for k in range(6)]
     assert data["images_left_out"] == ['a"b.png: board not found']
     assert len(data["reprojection_rms_px_each"]) == 6

@@ -10,7 +10,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.outputs import check_new, write_together
-from experiments.formats.provenance import Input, Provenance, beside, content_digest, provenance_text
+from experiments.formats.provenance import Provenance, beside, content_digest, provenance_text
 from experiments.formats.scene.scene import read_scene, scene_digest, scene_text, with_step
 
 GOOD = Path(__file__).parents[1] / "good_scene.toml"
@@ -34,7 +34,7 @@ def test_times_are_utc_and_the_scene_is_there_with_its_steps():
     noon = datetime(2026, 1, 2, 12, 0, 0, 500, tzinfo=timezone(timedelta(hours=2)))
     scene = with_step(read_scene(GOOD), "tune", "9.9", "ab")
     ended = datetime(2026, 1, 2, 10, 0, 3, tzinfo=UTC)
-    of = Provenance("track", ("track", "ü"), "cd", noon, ended, (Input(Path("x"), "ef"),), scene)
+    of = Provenance("track", ("track", "ü"), "cd", noon, ended, {Path("x"): "ef"}, scene)
     found = json.loads(provenance_text(of))
     assert (found["began"], found["ended"]) == ("2026-01-02T10:00:00.000Z", "2026-01-02T10:00:03.000Z")
     assert found["arguments"] == ["track", "ü"]

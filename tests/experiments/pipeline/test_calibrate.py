@@ -107,7 +107,7 @@ def test_two_cameras_get_one_world(pictures: Path, tmp_path: Path) -> None:
     turn = cv2.Rodrigues(between.rotation @ TO_RIGHT.rotation.T)[0]
     assert np.linalg.norm(turn) < 0.01
     assert np.linalg.norm(between.translation_m - TO_RIGHT.translation_m) < 2e-3
-    assert left.uncertainty.shape == right.uncertainty.shape == (30, 15)
+    assert left.calibration.shape == right.calibration.shape == (30, 15)
 
 
 BAD = [

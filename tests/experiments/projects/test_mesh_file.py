@@ -55,29 +55,29 @@ def mesh_of(folder: Path, nodes: str, springs: str | None = None, young: float =
 
 
 def test_a_flat_mesh_with_its_own_springs(tmp_path) -> None:
-    mesh = mesh_of(tmp_path, PLANE, SPRINGS)
-    network = mesh.phantom.network
+    phantom, hues = mesh_of(tmp_path, PLANE, SPRINGS)
+    network = phantom.network
     assert network.names == ("A", "B", "C", "D", "E")
     assert network.fixed.tolist() == [True, True, False, False, False]
     np.testing.assert_allclose(network.masses[2:], [0.005, 0.005, 0.008])
     np.testing.assert_allclose(network.stiffness, [150, 150, 120, 120, 120, 120, 100])
     np.testing.assert_allclose(network.damping, [0.3, 0.3, 0.2, 0.2, 0.2, 0.2, 0.2])
-    assert mesh.phantom.groups == ("side", "side", "inner", "inner", "inner", "inner", "side")
-    assert (mesh.phantom.target, mesh.phantom.outer, mesh.hues) == ("E", ("C", "D"), {"C": 0.0, "D": 120.0})
+    assert phantom.groups == ("side", "side", "inner", "inner", "inner", "inner", "side")
+    assert (phantom.target, phantom.outer, hues) == ("E", ("C", "D"), {"C": 0.0, "D": 120.0})
     np.testing.assert_allclose(rest_shape(network), network.positions, atol=1e-9)
 
 
 def test_a_mesh_in_space_is_joined_marked_and_aimed_at_by_the_program(tmp_path) -> None:
     """Without springs, hues and target: triangulated, marks on corners of the hull, the node in the middle meant."""
-    mesh = mesh_of(tmp_path, SPACE)
-    assert mesh.phantom.target == "I"
-    assert mesh.phantom.outer == ("E", "F", "G", "H")
-    assert mesh.hues == {}
-    pairs = {tuple(pair) for pair in mesh.phantom.network.springs.tolist()}
+    phantom, hues = mesh_of(tmp_path, SPACE)
+    assert phantom.target == "I"
+    assert phantom.outer == ("E", "F", "G", "H")
+    assert hues == {}
+    pairs = {tuple(pair) for pair in phantom.network.springs.tolist()}
     assert (4, 8) in pairs
     assert not any(j < 4 for _, j in pairs)
-    stiffer = mesh_of(tmp_path, SPACE, young=1e4).phantom.network
-    np.testing.assert_allclose(stiffer.stiffness, 2.0 * mesh.phantom.network.stiffness)
+    stiffer = mesh_of(tmp_path, SPACE, young=1e4)[0].network
+    np.testing.assert_allclose(stiffer.stiffness, 2.0 * phantom.network.stiffness)
 
 
 def test_a_project_of_a_mesh(tmp_path) -> None:

@@ -12,7 +12,7 @@ from experiments.formats.scenario import read_scenario
 from experiments.simulation.cases import case_of, settings_for
 from experiments.simulation.closed_loop import Tried
 from experiments.simulation.insert import figures, insert, one_run
-from experiments.simulation.policies import Ahead, force_error_cov, predicted_parts, predicted_push, warmed
+from experiments.simulation.policies import Ahead, force_error_cov, predicted_parts, warmed
 from experiments.simulation.world import needle_with, world_of
 
 FRAME_S = 1.0 / 30.0
@@ -135,7 +135,7 @@ def test_a_needle_drawn_back_cuts_nothing():
     depths = 0.02 + 0.05 * np.array([0.5, 1.5, 2.5]) / 30.0
     tips = world.entry + depths[:, None] * axis
     whole = sliding_friction(world.network, needle_with(world.network, world.entry, STATED), tips, axis, depths)
-    assert predicted_push(world, axis, 0.02, np.zeros(1), 0.05, 3, FRAME_S) == pytest.approx(whole)
+    assert predicted_parts(world, axis, 0.02, np.zeros(1), 0.05, 3, FRAME_S).sum(axis=0) == pytest.approx(whole)
     cutting, friction = predicted_parts(world, axis, 0.02, np.zeros(1), -0.05, 3, FRAME_S)
     assert not cutting.any()
     assert np.all(friction @ axis < 0.0)

@@ -5,18 +5,10 @@ import pytest
 
 from experiments.engine.workers import OWN_PROCESS
 from experiments.errors import InputError
+from experiments.formats.page import markdown_table
 from experiments.studies.ablation.__main__ import main as ablation
 from experiments.studies.faults.wrong_worlds.__main__ import main as wrong_worlds
-from experiments.studies.grid import (
-    add_seeds,
-    command,
-    grid,
-    kept_runs,
-    markdown_table,
-    runs_of,
-    seeds_of,
-    study_options,
-)
+from experiments.studies.grid import add_seeds, command, grid, kept_runs, runs_of, seeds_of, study_options
 from experiments.studies.zoo.__main__ import main as zoo
 
 
@@ -71,7 +63,6 @@ def test_what_a_command_returns_is_its_exit_code_and_wrong_input_is_two(capsys):
         (ablation, "--only", "magic", "one of whole filter, "),
         (ablation, "--bodies", "magic", "one of phantom, "),
         (zoo, "--bodies", "chain2,magic", "one of chain2, "),
-        (zoo, "--seeds", "3-magic", "A or A-B"),
         (wrong_worlds, "--only", "magic", "one of nothing, "),
         (wrong_worlds, "--bodies", "magic", "one of four masses, "),
     ],

@@ -97,7 +97,7 @@ def _late(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 def _halved(seen: Seen, rng: np.random.Generator) -> Seen:
     kept = rng.random(len(seen.exposed_s)) < 0.5
-    of_frames = {key: getattr(seen, key)[kept] for key in ("exposed_s", "stated_s", "arrive_s", "places", "shown")}
+    of_frames = {key: getattr(seen, key)[kept] for key in ("exposed_s", "stated_s", "arrive_s", "places")}
     return replace(seen, **of_frames)
 
 

@@ -27,7 +27,7 @@ class Seen:
     """Frames of a tracker.
 
     exposed_s: exposure times [s], (n,); stated_s: by the tracker's clock; arrive_s: arrival of the lines
-    nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim); shown: whether visible, (n, n_marks)
+    nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim)
     middle: centre of the body as drawn [m], (dim,)
     """
 
@@ -36,7 +36,6 @@ class Seen:
     arrive_s: Floats
     nodes: tuple[str, ...]
     places: Floats
-    shown: NDArray[np.bool_]
     middle: Floats
 
     def since(self, begins_s: float = ONSET_S, lasts_s: float = np.inf) -> NDArray[np.bool_]:
@@ -54,7 +53,7 @@ def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> 
     places = np.array([motion.at(float(t))[columns] for t in times])
     noise = MARK_SD_M * np.random.default_rng([seed, 7]).normal(size=places.shape)
     middle = 0.5 * (scene.network.positions.min(axis=0) + scene.network.positions.max(axis=0))
-    return Seen(times, times, times, nodes, places + noise, np.ones(places.shape[:2], bool), middle)
+    return Seen(times, times, times, nodes, places + noise, middle)
 
 
 def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
@@ -65,7 +64,6 @@ def lines_of(seen: Seen, sd_m: float) -> list[tuple[float, bytes]]:
         marks = [
             {"node": node, **dict(zip(axes, (1e3 * seen.places[k, m]).tolist(), strict=True)), "sd_mm": 1e3 * sd_m}
             for m, node in enumerate(seen.nodes)
-            if seen.shown[k, m]
         ]
         line = json.dumps({"time_s": BEGAN_S + float(seen.stated_s[k]), "marks": marks})
         lines.append((BEGAN_S + float(arrives_s), line.encode()))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
+from experiments.formats.page import markdown_table
 from experiments.studies.faults.wrong_worlds.rows import WORLDS
 from experiments.studies.faults.wrong_worlds.run import REFUSED
-from experiments.studies.grid import markdown_table
 
 MOST = 0.005
 """Largest permitted share of the moments of GO with a wrong estimate; a requirement."""

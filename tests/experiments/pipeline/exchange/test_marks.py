@@ -11,7 +11,7 @@ import pytest
 from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene, write_scene
-from experiments.pipeline.exchange.marks import ImportSettings, PlaneScale, import_table
+from experiments.pipeline.exchange.marks import ImportSettings, import_table, plane_scale
 from tests.experiments.command import softaim
 from tests.experiments.commands.good_files import SIZE_PX, write_good_files
 from vision import Lens, Pose, posed_camera
@@ -96,7 +96,7 @@ def test_a_scale_takes_the_place_of_a_camera() -> None:
     """The pixel (10, 20) shows the origin, 0.5 mm a pixel: (18.25, 10.5) is 8.25 px right of it and 9.5 above."""
     scene = read_scene(Path("scene.toml"))
     write_scene(replace(scene, cameras=()), Path("scene.toml"))
-    done = import_table(Path("sleap.csv"), Path("scene.toml"), 10.0, scale=PlaneScale(0.5, (10.0, 20.0)))
+    done = import_table(Path("sleap.csv"), Path("scene.toml"), 10.0, scale=plane_scale(0.5, (10.0, 20.0)))
     np.testing.assert_allclose(done.marks[0][0].position_m, [0.5e-3 * 8.25, 0.5e-3 * 9.5])
     assert done.marks[0][0].sd_m == pytest.approx(0.5e-3)
 

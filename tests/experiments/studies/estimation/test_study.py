@@ -1,6 +1,5 @@
 """A quick form of the study: a few runs of some of its parts, with figures that the whole one has to keep."""
 
-import json
 import re
 from functools import partial
 
@@ -10,10 +9,9 @@ import pytest
 
 from estimators import IdentificationSettings
 from experiments.engine.workers import OWN_PROCESS
-from experiments.studies.estimation import page as estimation_page
 from experiments.studies.estimation import study as module
 from experiments.studies.estimation.limits import hard_trial
-from experiments.studies.estimation.page import PAGE, TABLES
+from experiments.studies.estimation.page import TABLES
 from experiments.studies.estimation.study import (
     PARTS,
     Study,
@@ -26,6 +24,7 @@ from experiments.studies.estimation.study import (
     row_of,
 )
 from experiments.studies.estimation.trials import Model, Outcome, Trial
+from experiments.studies.grid import DOCS
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +77,7 @@ def test_the_bound_lies_below_and_not_far(study, monkeypatch):
 
 def test_constants_that_are_off_are_off():
     """10 % of every stiffness, one draw a seed."""
-    off, again = perturbed(3, {"stiffness": 0.1}), perturbed(3, {"stiffness": 0.1})
+    off, again = perturbed(3), perturbed(3)
     usual = Model()
     ratio = np.log(off.network.stiffness / usual.network.stiffness)
     assert 0.05 < ratio.std() < 0.2
@@ -96,7 +95,7 @@ def test_hard_trials_are_as_hard_as_is_said():
 
 
 def test_the_page_has_room_for_every_table_and_its_tables_are_whole():
-    page = PAGE.read_text(encoding="utf-8")
+    page = (DOCS / "estimation-study.md").read_text(encoding="utf-8")
     assert set(TABLES) == set(PARTS)
     for name in TABLES:
         inside = re.search(f"<!-- {name} -->\n(.*)\n<!-- end of {name} -->", page, flags=re.DOTALL)
@@ -106,14 +105,13 @@ def test_the_page_has_room_for_every_table_and_its_tables_are_whole():
         assert len(lines) >= 3
 
 
-def test_the_command_puts_the_tables_that_are_there_into_the_page(tmp_path, monkeypatch):
+def test_the_command_puts_the_tables_of_its_parts_into_the_page(tmp_path, monkeypatch):
     rows = by_scenario(pd.DataFrame([{"scenario": "quiet", **row_of(outcome([1.0, 3.0], ("TRACKING",) * 2))}]))
-    page = tmp_path / "page.md"
+    page = tmp_path / "estimation-study.md"
     page.write_text("a\n<!-- identified -->\nold\n<!-- end of identified -->\nz", encoding="utf-8")
-    (tmp_path / "identified.json").write_text(json.dumps(rows), encoding="utf-8")
-    monkeypatch.setattr(estimation_page, "PAGE", page)
-    monkeypatch.setattr("sys.argv", ["page", str(tmp_path)])
-    estimation_page.main()
+    monkeypatch.setattr("experiments.studies.grid.DOCS", tmp_path)
+    monkeypatch.setitem(PARTS, "identified", lambda _study: rows)
+    assert module.main(["identified", "--out", str(tmp_path / "study"), "--page"]) == 0
     new = page.read_text(encoding="utf-8")
     assert new.startswith("a\n<!-- identified -->\n|  | filter [mm] |")
     assert "| quiet | 2.00 | 0.500 | 100.0% | 2.00 |" in new

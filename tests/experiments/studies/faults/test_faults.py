@@ -52,7 +52,7 @@ def test_a_moment_of_go_counts_where_estimate_or_needle_are_wrong_or_old_and_the
         "neither": [moment(t) for t in times],
         "not GO": [moment(t, wrong=0.0 <= t - ONSET_S < 2.0, advice="WAIT") for t in times],
     }
-    counted = {name: verdict(fault, 0, moments, 2.0).go_shown_while_faulty for name, moments in cases.items()}
+    counted = {name: verdict(fault, moments, 2.0).go_shown_while_faulty for name, moments in cases.items()}
     # from 0.2 s after the onset to its end, a moment each 0.1 s
     assert counted == {"wrong": 18, "old": 18, "astray": 18, "neither": 0, "not GO": 0}
 
@@ -62,21 +62,21 @@ def test_noticing_and_recovering_are_timed():
     tenths = np.arange(-5, 60)
     times = np.round(ONSET_S + 0.1 * tenths, 6)
     ill = [moment(t, well=not 3 <= k < 24) for k, t in zip(tenths, times, strict=True)]
-    found = verdict(fault, 0, ill, 2.0)
+    found = verdict(fault, ill, 2.0)
     assert found.noticed_ms == pytest.approx(300.0)
     assert found.recovered_ms == pytest.approx(400.0)
-    never = verdict(fault, 0, [moment(t, well=t < ONSET_S) for t in times], 2.0)
+    never = verdict(fault, [moment(t, well=t < ONSET_S) for t in times], 2.0)
     assert never.recovered_ms is None
 
 
 def test_what_is_reported_is_noticed_though_all_goes_well_and_shown_words_count_whatever_their_figures():
     fault = ScriptedFault("made up", "for the test")
     times = np.round(ONSET_S + 0.1 * np.arange(30), 6)
-    reported = verdict(fault, 0, [moment(t, reported="CLOCK" if k == 1 else "") for k, t in enumerate(times)], np.inf)
+    reported = verdict(fault, [moment(t, reported="CLOCK" if k == 1 else "") for k, t in enumerate(times)], np.inf)
     assert (reported.noticed_ms, reported.shown) == (pytest.approx(100.0), "CLOCK")
     reasons = ["now 7 %", "now 8 %", "now 9 %", "lost", "lost", *[""] * 25]
     moments = [moment(t, advice="ABORT", why=why, well=not why) for t, why in zip(times, reasons, strict=True)]
-    assert verdict(fault, 0, moments, 2.0).shown == "ABORT: now 7 %"
+    assert verdict(fault, moments, 2.0).shown == "ABORT: now 7 %"
 
 
 def test_an_estimate_is_wrong_outside_of_its_region_and_not_by_a_hair():
@@ -225,11 +225,11 @@ def test_a_run_is_a_row_of_the_study(monkeypatch):
 
     def judged(fault, seed, folder):
         assert folder.is_dir()
-        return Judged(fault.name, seed, 90.0, True, "LOST", None, 1.0, 2.0, 0, 9)
+        return Judged(90.0, True, "LOST", None, 1.0, 2.0, 0, 9)
 
     monkeypatch.setattr(ScriptedFault, "judged", judged)
     row = run({"fault": "black", "seed": SEED})
-    assert row.keys() == {field.name for field in fields(Judged)} - {"fault", "seed"}
+    assert row.keys() == {field.name for field in fields(Judged)}
     assert (row["noticed_ms"], row["shown"], row["go"]) == (90.0, "LOST", 9)
     assert np.isnan(row["recovered_ms"])
 
