@@ -5,11 +5,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from dynamics import MassSpringNetwork
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.target import Target
 from experiments.projects.project import Kind, project
+from tests.networks import build_network
 from tests.vision.cameras.test_space_camera import camera_at
 from vision import Lens, SpaceCamera
 
@@ -41,18 +41,7 @@ def dome(n_marks: int = 60, radius_m: float = 0.07) -> Scene:
     turn, r = np.pi * (3.0 - np.sqrt(5.0)) * k, np.sqrt(1.0 - z**2)
     skin = radius_m * np.column_stack([r * np.cos(turn), r * np.sin(turn), z])
     names = tuple(f"S{i}" for i in k)
-    network = MassSpringNetwork(
-        names=(*names, "A"),
-        positions=np.vstack([skin, np.zeros(3)]),
-        masses=np.full(n_marks + 1, 0.01),
-        fixed=np.array([False] * n_marks + [True]),
-        drag=np.zeros(n_marks + 1),
-        friction=np.zeros(n_marks + 1),
-        springs=np.column_stack([k, np.full(n_marks, n_marks)]),
-        stiffness=np.full(n_marks, 100.0),
-        rest_lengths=np.full(n_marks, radius_m),
-        damping=np.full(n_marks, 0.1),
-        gravity=np.zeros(3),
-    )
+    springs, constants = [(i, n_marks) for i in k], {"masses": 0.01, "stiffness": 100.0, "damping": 0.1}
+    network = build_network(np.vstack([skin, np.zeros(3)]), springs, [n_marks], (*names, "A"), **constants)
     marks = tuple(Mark(name, HUES_DEG[i % 3], 0.005) for i, name in enumerate(names))
     return Scene(network, marks, Target("S0", 0.005), (), space_cameras=two_cameras())

@@ -134,28 +134,6 @@ def test_marks_of_another_tracker_without_truth(recording, tmp_path, capfd):
     assert "3 INITIALISING, 32 TRACKING, 10 COASTING; marks refused: 0" in reported
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("without_pictures")
-def test_a_film_of_another_program_scored_by_the_targets_own_mark(recording, tmp_path):
-    """Frames drawn by OpenCV alone at the truth's places; without truth.csv M2's own mark tells the error."""
-    folder = tmp_path / "theirs"
-    folder.mkdir()
-    (folder / "scene.toml").write_text((recording / "scene.toml").read_text())
-    (folder / "frames.csv").write_text((recording / "frames.csv").read_text())
-    film = cv2.VideoWriter(str(folder / "video.avi"), cv2.VideoWriter.fourcc(*"FFV1"), 30.0, (320, 240))
-    for _, nodes in pd.read_csv(recording / "truth.csv").groupby("time_s"):
-        image = np.full((240, 320, 3), 215, np.uint8)
-        for x_mm, y_mm in nodes[["x_mm", "y_mm"]].to_numpy():
-            u, v = 159.5 + x_mm / 2.5, 119.5 - (y_mm - 190.0) / 2.5
-            cv2.circle(image, (round(u * 16), round(v * 16)), 6 * 16, (40, 40, 200), -1, cv2.LINE_AA, 4)
-        film.write(image)
-    film.release()
-    assert softaim("track", folder, "--out", tmp_path / "out") == 0
-    theirs = json.loads((tmp_path / "out" / "summary.json").read_text())[FILTER]
-    assert theirs["frames_lost"] == 0
-    assert theirs["mae_mm"] < 1.0  # marks found to a fifth of a pixel, tremor that moves M2 by 0.2 mm
-
-
 def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert softaim("live", "--source", "phantom", "--duration", 1, "--no-page", "--out", tmp_path / "out") == 0
     reported = capfd.readouterr().out

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import pytest
 
 from experiments.threads import AHEAD, ahead
-
-SOON_S = 60.0
+from tests.experiments.waiting import SOON_S
 
 
 def threads() -> set[threading.Thread]:

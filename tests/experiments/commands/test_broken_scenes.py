@@ -95,10 +95,3 @@ def test_a_broken_scene_is_one_line_that_names_file_and_key(here, capfd, change,
         assert "found" in shown.err or "no " in shown.err
         assert (code, shown.out) == (2, "")
         assert tree(here) == before
-
-
-def test_a_scene_that_is_no_text_is_one_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "scene.toml"
-    path.write_bytes(bytes(range(256)))
-    assert softaim("check", path) == 2
-    assert capfd.readouterr().err == f"softaim: {path}: line 2: expected UTF-8 text, found byte 0x80\n"

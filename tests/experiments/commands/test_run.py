@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import shutil
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -49,19 +48,6 @@ def test_an_output_folder_says_where_it_comes_from() -> None:
     assert "advise: " in log.splitlines()[-1]
 
 
-def test_the_digest_of_a_scene_is_of_what_it_says_not_of_how() -> None:
-    text = Path("marks/scene.toml").read_text(encoding="utf-8")
-    for name, scene in {
-        "same": "# a remark\n" + text.replace(" = ", "=").replace("0.2", "0.20"),
-        "other": text.replace("mass_kg = 0.2", "mass_kg = 0.25", 1),
-        "plain": text,
-    }.items():
-        Path("marks/scene.toml").write_text(scene, encoding="utf-8")
-        assert softaim("track", "marks", "--out", name) == 0
-    digests = {name: provenance(f"{name}/provenance.json")["scene"]["sha256"] for name in ("plain", "same", "other")}
-    assert digests["same"] == digests["plain"] != digests["other"]
-
-
 def test_steps_follow_the_scene_from_file_to_file(capfd: pytest.CaptureFixture[str]) -> None:
     """At rest, tuned, tracked: the track's provenance has both steps, and only identify is said to be left out."""
     with Path("marks/marks.csv").open("a", encoding="utf-8") as marks:
@@ -97,21 +83,6 @@ def test_a_simulated_scene_knows_that_its_constants_are_the_truths_and_stays_the
         assert softaim("smooth", name, "--out", f"{name}-smooth") == 0
     inputs = [provenance(f"{name}-smooth/provenance.json")["inputs"][0]["sha256"] for name in ("a", "b")]
     assert inputs[0] == inputs[1]
-
-
-def test_a_file_is_replaced_with_force() -> None:
-    Path("tuned.toml").write_text("mine", encoding="utf-8")
-    assert softaim("tune", "marks", "--out", "tuned.toml", "--force") == 0
-    assert [step.name for step in read_scene(Path("tuned.toml")).steps] == ["tune"]
-
-
-def test_a_recording_is_replaced_with_force_and_what_else_is_there_stays() -> None:
-    shutil.copytree("film", "rec")
-    Path("rec/notes.txt").write_text("mine", encoding="utf-8")
-    assert softaim("record", "film/video.avi", "--out", "rec", "--force") == 0
-    names = {path.name for path in Path("rec").iterdir()}
-    assert names == {"frames.csv", "notes.txt", "provenance.json", "scene.toml", "softaim.log", "video.mkv"}
-    assert Path("rec/notes.txt").read_text(encoding="utf-8") == "mine"
 
 
 @pytest.mark.parametrize(
@@ -163,16 +134,6 @@ def test_every_command_has_what_all_have(command, capfd: pytest.CaptureFixture[s
 def test_the_version_is_that_of_the_package(capfd: pytest.CaptureFixture[str]) -> None:
     assert softaim("--version") == 0
     assert capfd.readouterr().out == f"softaim {version('softaim')}\n"
-
-
-def test_an_interrupt_is_one_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    def interrupted(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr("experiments.formats.scenario.read_scenario", interrupted)
-    assert softaim("simulate", "quiet", "--out", "out") == 130
-    assert capfd.readouterr().err == "softaim: interrupted\n"
-    assert not Path("out").exists()
 
 
 def test_passwords_of_streams_are_not_kept() -> None:

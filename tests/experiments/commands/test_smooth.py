@@ -10,32 +10,18 @@ import pytest
 
 from estimators import TissueFilter, fixed_interval
 from experiments.formats.recording import read_recording
+from experiments.formats.scenario import read_scenario
 from experiments.pipeline.compare import SMOOTHER, compare
 from experiments.pipeline.track import measurement
+from experiments.simulation.simulate import simulate
 from tests.experiments.command import softaim
-
-SCENARIO = """version = 1
-phantom = "four-mass"
-seed = 4
-duration_s = 1.0
-frame_interval_s = 0.05
-[pokes]
-nodes = ["M1", "M3"]
-acceleration_m_s2 = 20.0
-shortest_s = 0.1
-longest_s = 0.3
-pause_s = 0.2
-[camera]
-size_px = [64, 64]
-mm_per_px = [10.0, 10.0]
-"""
 
 
 @pytest.fixture(scope="module")
 def smoothed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("smooth")
-    (folder / "short.toml").write_text(SCENARIO, encoding="utf-8")
-    assert softaim("simulate", folder / "short.toml", "--no-film", "--out", folder / "rec") == 0
+    short = read_scenario("poked").model_copy(update={"duration_s": 1.0, "frame_interval_s": 0.05})
+    simulate(short, folder / "rec", filmed=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("experiments.plots.style.saved", lambda *_: b"a picture")
         assert softaim("smooth", folder / "rec", "--out", folder / "out") == 0

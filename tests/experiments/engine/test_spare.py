@@ -7,9 +7,7 @@ import time
 import pytest
 
 from experiments.engine.spare import WORTH_S, spare_cores
-
-SOON_S = 60.0
-"""For what comes at once; a busy machine takes long."""
+from tests.experiments.waiting import SOON_S
 
 
 @pytest.fixture(autouse=True)

@@ -14,46 +14,31 @@ from experiments.film.overlay import Fate
 from experiments.film.views import ground_camera, overlay_of
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
+from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.pipeline.track import each_frame
+from experiments.simulation.simulate import simulate
 from tests.experiments.command import softaim
 from tests.experiments.in_space import breast
+from tests.experiments.pipeline.sight.test_space import recorded
 from tests.experiments.plots.tracks import block
-from vision import Pose, Reason
+from vision import Pose, Reason, VideoFileFrames
 
-SCENARIO = """
-version = 1
-title = "short"
-phantom = "four-mass"
-seed = 4
-duration_s = 0.5
-frame_interval_s = 0.03333333333333333
-[tremor]
-acceleration_m_s2_sqrt_hz = 0.05
-[camera]
-size_px = [640, 480]
-mm_per_px = [1.25, 1.25]
-"""
 pytestmark = pytest.mark.usefixtures("without_pictures")
 NEEDLE = "version = 1\nentry_mm = [0.0, 300.0]\ndirection = [0.0, -1.0]\nspeed_mm_s = 100.0\n"
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("recordings")
-    (folder / "short.toml").write_text(SCENARIO)
-    assert softaim("simulate", folder / "short.toml", "--out", folder / "rec") == 0
-    return folder / "rec"
+    folder = tmp_path_factory.mktemp("recordings") / "rec"
+    simulate(read_scenario("webcam").model_copy(update={"duration_s": 0.5, "pokes": None}), folder)
+    return folder
 
 
 def frames_of(film: Path) -> list[np.ndarray]:
-    capture, frames = cv2.VideoCapture(str(film)), []
-    while True:
-        read, image = capture.read()
-        if not read:
-            return frames
-        frames.append(image)
+    with VideoFileFrames(film) as frames:
+        return [frame.image for frame in frames]
 
 
 def test_what_is_drawn_is_what_was_estimated_seen_and_expected(recording) -> None:
@@ -149,22 +134,9 @@ def test_there_is_no_film_of_given_marks_in_space(tmp_path, capsys) -> None:
     assert not (tmp_path / "out").exists()
 
 
-SPACE_SCENARIO = """
-version = 1
-scene = "scene.toml"
-seed = 3
-duration_s = 0.2
-frame_interval_s = 0.03333333333333333
-"""
-
-
 @pytest.fixture(scope="module")
 def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("space")
-    write_scene(breast(), folder / "scene.toml")
-    (folder / "film.toml").write_text(SPACE_SCENARIO)
-    assert softaim("simulate", folder / "film.toml", "--out", folder / "rec") == 0
-    return folder / "rec"
+    return recorded(tmp_path_factory.mktemp("space"), breast(), duration_s=0.19)
 
 
 def test_in_space_each_camera_has_a_film(in_space, tmp_path) -> None:
@@ -176,19 +148,6 @@ def test_in_space_each_camera_has_a_film(in_space, tmp_path) -> None:
         assert len(frames) == len(plain) == 6
         assert np.abs(frames[-1].astype(int) - plain[-1]).max() > 100
     assert (tmp_path / "out" / "worst.png").exists()
-
-
-def test_in_space_marks_of_another_tracker_are_drawn_as_each_camera_would_see_them(in_space, tmp_path) -> None:
-    assert softaim("simulate", in_space.parent / "film.toml", "--out", tmp_path / "rec", "--no-film") == 0
-    assert softaim("track", tmp_path / "rec", "--out", tmp_path / "out", "--film") == 0
-    truth = read_recording(in_space).truth
-    for camera in breast().space_cameras:
-        frames = frames_of(tmp_path / "out" / f"film.{camera.name}.avi")
-        assert len(frames) == 6
-        assert abs(int(np.median(frames[-1])) - 60) < 3
-        u, v = camera.project(truth.at(np.array([0.16666]), "S1")[1][0])[0].round().astype(int)
-        around = frames[-1][v - 12 : v + 13, u - 12 : u + 13].astype(int)
-        assert (around[:, :, 2] - around[:, :, 0] > 100).any()  # its red circle
 
 
 def test_in_space_each_camera_shows_what_it_can_see(in_space) -> None:

@@ -14,7 +14,7 @@ from experiments.film.live_film import WAITING, LiveFilm
 from experiments.formats.scene.scene import write_scene
 from experiments.pipeline.line import Line
 from experiments.pipeline.live.session import Session
-from experiments.pipeline.recorder import PIECE_S, Recorder, join
+from experiments.pipeline.recorder import PIECE_S, Recorder
 from experiments.simulation.plane_film import film
 from experiments.simulation.simulate import scene_of, true_motion
 from experiments.simulation.space_film import draw_in_space
@@ -22,7 +22,7 @@ from tests.experiments.command import softaim
 from tests.experiments.in_space import breast
 from tests.experiments.rows import complaint
 from tests.experiments.webcam import coarse_webcam
-from vision import Exposure, Frame, Lighting, SpaceCamera
+from vision import Exposure, Frame, Lighting, SpaceCamera, count_frames
 
 
 @pytest.fixture(scope="module")
@@ -48,37 +48,6 @@ def taken(one: LiveFilm, frames: list[Frame]) -> None:
             threading.Event().wait(1e-3)
 
 
-def count(path: Path) -> int:
-    capture, n = cv2.VideoCapture(str(path)), 0
-    while capture.read()[0]:
-        n += 1
-    return n
-
-
-def test_the_film_is_joined_at_the_end_and_nothing_else_is_left(frames, tmp_path) -> None:
-    out = tmp_path / "out"
-    out.mkdir()
-    one = LiveFilm(line().scene, tmp_path / "out-film")
-    taken(one, frames[:35])
-    one.finish(out)
-    assert one.fault is None
-    assert (one.n_written, one.n_dropped) == (35, 0)
-    assert count(out / "film.avi") == 35
-    assert cv2.VideoCapture(str(out / "film.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(30.0, rel=0.01)
-    assert (out / "worst.png").exists()
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
-def test_what_a_kill_leaves_is_joined_but_for_the_last_second(frames, tmp_path) -> None:
-    """The thread is left where it stands, as SIGKILL would; where it is slow, pieces are shorter than a second."""
-    growing = tmp_path / "out-film"
-    taken(LiveFilm(line().scene, growing), frames)
-    assert len(list((growing / "segments").glob("0*.avi"))) >= 2
-    n_frames = join(growing)
-    assert frames[-1].exposure_s - frames[n_frames - 1].exposure_s < PIECE_S + 1.0 / 30.0
-    assert count(growing / "video.avi") == n_frames
-
-
 def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeypatch) -> None:
     held = threading.Event()
     draw = experiments.film.live_film.drawn
@@ -101,7 +70,7 @@ def test_the_loop_never_waits_and_the_oldest_frames_go(frames, tmp_path, monkeyp
     held.set()
     one.finish(out)
     assert one.n_written == 1 + WAITING
-    assert count(out / "film.avi") == 1 + WAITING
+    assert count_frames(out / "film.avi") == 1 + WAITING
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), cv2.error("No space left")])
@@ -175,7 +144,7 @@ def test_in_space_each_camera_has_a_live_film_also_after_a_kill(exposures, tmp_p
     assert (out / "worst.png").exists()
     assert not one.growing.exists()
     for camera in scene.space_cameras:
-        assert count(out / f"film.{camera.name}.avi") == n_pictures[camera.name]
+        assert count_frames(out / f"film.{camera.name}.avi") == n_pictures[camera.name]
         film = cv2.VideoCapture(str(out / f"film.{camera.name}.avi"))
         film.set(cv2.CAP_PROP_POS_FRAMES, n_pictures[camera.name] - 1)
         frame, plain = film.read()[1].astype(int), exposures[-2].images[camera.name].astype(int)
@@ -187,10 +156,11 @@ def test_in_space_each_camera_has_a_live_film_also_after_a_kill(exposures, tmp_p
         )
         ringed = [b > a + 20 for a, b in zip(before, after, strict=True) if a > 10]
         assert ringed == [True] * 5
+    assert cv2.VideoCapture(str(out / "film.left.avi")).get(cv2.CAP_PROP_FPS) == pytest.approx(10.0, rel=0.01)
     assert softaim("record", "--recover", tmp_path / "killed") == 0
     for name in n_pictures:
         times_s = [one.exposure_s for one in exposures if name in one.images]
-        n_kept = count(tmp_path / "killed" / f"video.{name}.avi")
+        n_kept = count_frames(tmp_path / "killed" / f"video.{name}.avi")
         assert times_s[-1] - times_s[n_kept - 1] < PIECE_S + 0.2
 
 
@@ -209,7 +179,7 @@ def test_a_fault_in_the_film_of_one_camera_does_not_end_the_other(exposures, tmp
     one.finish(out)
     assert "No space left" in str(one.fault)
     assert [path.name for path in out.glob("film*")] == ["film.right.avi"]
-    assert count(out / "film.right.avi") == 10
+    assert count_frames(out / "film.right.avi") == 10
 
 
 @pytest.mark.slow
@@ -223,6 +193,6 @@ def test_a_live_run_over_marks_writes_a_film_on_plain_ground(tmp_path, capsys) -
     assert softaim("live", "--source", folder / "marks.csv", "--scene", scene, "--out", out, "--film") == 0
     said = re.search(r"film\.avi: (\d+) frames?, \d+ dropped", capsys.readouterr().out)
     assert said is not None
-    assert count(out / "film.avi") == int(said[1]) > 0  # how many is a matter of the machine's speed
+    assert count_frames(out / "film.avi") == int(said[1]) > 0  # how many is a matter of the machine's speed
     assert abs(np.median(cv2.VideoCapture(str(out / "film.avi")).read()[1]) - 60.0) < 3.0
     assert not (tmp_path / "out-film").exists()

@@ -1,5 +1,6 @@
 """The sheet of the worst frames: which frame of a kind is kept, which kinds stand on it and in which order."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -7,26 +8,14 @@ import pytest
 
 from experiments.film.overlay import Fate, MarkDrawn, Overlay
 from experiments.film.worst import MOST_TILES, TILE_PX, WorstFrames
+from tests.experiments.film.test_overlay import overlay as plain
 
 HEIGHT, WIDTH = 60, 80
 
 
 def overlay(status: str, *missed: MarkDrawn, sd_px: float = 1.0) -> Overlay:
     found = MarkDrawn("M1", 0.0, Fate.FOUND, np.eye(2))
-    return Overlay(
-        status=status,
-        status_colour=(0, 0, 0),
-        facts="",
-        nodes_px=np.zeros((0, 2)),
-        names=(),
-        fixed=np.zeros(0, dtype=bool),
-        springs=np.zeros((0, 2), dtype=int),
-        marks=(found, *missed),
-        target_px=np.zeros(2),
-        target_cov_px2=sd_px**2 / 2.0 * np.eye(2),
-        target_shape_px=np.eye(2),
-        trusted=True,
-    )
+    return plain(status=status, marks=(found, *missed), target_cov_px2=sd_px**2 / 2.0 * np.eye(2))
 
 
 def lost(name: str, why: str, *, measured: bool = True) -> MarkDrawn:
@@ -35,6 +24,15 @@ def lost(name: str, why: str, *, measured: bool = True) -> MarkDrawn:
 
 def picture(grey: int, width: int = WIDTH) -> np.ndarray:
     return np.full((HEIGHT * width // WIDTH, width, 3), grey, dtype=np.uint8)
+
+
+def sheet_of(frames: Iterable[tuple[Overlay, np.ndarray]]) -> np.ndarray:
+    worst = WorstFrames()
+    for one, image in frames:
+        worst.take(one, image)
+    sheet = worst.sheet()
+    assert sheet is not None
+    return sheet
 
 
 def greys(sheet: np.ndarray, n: int, width: int = WIDTH) -> list[int]:
@@ -46,24 +44,19 @@ def greys(sheet: np.ndarray, n: int, width: int = WIDTH) -> list[int]:
 
 def test_of_a_kind_the_frame_with_most_marks_missing_is_kept_then_the_least_certain() -> None:
     """Reasons that differ in their numbers alone are one kind; a mark for scoring only is none of the missing."""
-    worst = WorstFrames()
     frames = [
         (overlay("TRACKING", lost("M3", "too few pixels (9 px)"), sd_px=9.0), 10),
         (overlay("TRACKING", lost("M3", "too few pixels (8 px)"), lost("M4", "too few pixels (7 px)")), 20),
         (overlay("TRACKING", lost("M3", "too few pixels"), lost("M4", "wrong shape"), sd_px=5.0), 30),
         (overlay("TRACKING", lost("M3", "too few pixels"), lost("M2", "wrong shape", measured=False), sd_px=99.0), 40),
     ]
-    for one, grey in frames:
-        worst.take(one, picture(grey))
-    sheet = worst.sheet()
-    assert sheet is not None
+    sheet = sheet_of((one, picture(grey)) for one, grey in frames)
     assert sheet.shape[1] == WIDTH
     assert greys(sheet, 1) == [30]
 
 
 def test_the_worst_status_comes_first_then_the_most_frequent_kind() -> None:
     """Frames in which nothing was amiss, and those of a start, are not on the sheet."""
-    worst = WorstFrames()
     kinds = [
         (overlay("TRACKING"), 10, 9),
         (overlay("INITIALISING", lost("M3", "too few pixels")), 20, 9),
@@ -72,51 +65,31 @@ def test_the_worst_status_comes_first_then_the_most_frequent_kind() -> None:
         (overlay("COASTING", lost("M4", "wrong shape")), 50, 1),
         (overlay("LOST"), 60, 1),
     ]
-    for one, grey, n in kinds:
-        for _ in range(n):
-            worst.take(one, picture(grey))
-    sheet = worst.sheet()
-    assert sheet is not None
+    sheet = sheet_of((one, picture(grey)) for one, grey, n in kinds for _ in range(n))
     assert greys(sheet, 4) == [60, 50, 40, 30]
 
 
 def test_where_nothing_was_amiss_the_least_certain_frame_is_shown() -> None:
-    worst = WorstFrames()
-    assert worst.sheet() is None
-    for sd_px, grey in ((1.0, 10), (3.0, 20), (2.0, 30)):
-        worst.take(overlay("TRACKING", sd_px=sd_px), picture(grey))
-    sheet = worst.sheet()
-    assert sheet is not None
-    assert greys(sheet, 1) == [20]
+    assert WorstFrames().sheet() is None
+    frames = ((1.0, 10), (3.0, 20), (2.0, 30))
+    assert greys(sheet_of((overlay("TRACKING", sd_px=sd_px), picture(grey)) for sd_px, grey in frames), 1) == [20]
 
 
 @pytest.mark.parametrize("n", [3, MOST_TILES + 3])
 def test_a_sheet_has_two_stills_a_row_no_wider_than_a_tile_and_no_more_than_can_be_read(n: int) -> None:
-    worst = WorstFrames()
-    for k in range(n):
-        worst.take(overlay("LOST", lost("M3", f"reason {chr(97 + k)}")), picture(100 + k, 2 * TILE_PX))
-    sheet = worst.sheet()
-    assert sheet is not None
+    reasons = [overlay("LOST", lost("M3", f"reason {chr(97 + k)}")) for k in range(n)]
+    sheet = sheet_of((one, picture(100 + k, 2 * TILE_PX)) for k, one in enumerate(reasons))
     assert sheet.shape[1] == 2 * TILE_PX
     n_rows = -(-min(n, MOST_TILES) // 2)
     assert HEIGHT * TILE_PX // WIDTH < sheet.shape[0] / n_rows < HEIGHT * TILE_PX // WIDTH + 60
 
 
 def test_pictures_of_cameras_of_different_sizes_stand_on_one_sheet() -> None:
-    worst = WorstFrames()
-    for status, grey, width in (("LOST", 40, WIDTH), ("COASTING", 50, WIDTH // 2)):
-        worst.take(overlay(status), picture(grey, width))
-    sheet = worst.sheet()
-    assert sheet is not None
+    sheet = sheet_of([(overlay("LOST"), picture(40)), (overlay("COASTING"), picture(50, WIDTH // 2))])
     assert sheet.shape[1] == 2 * WIDTH
     assert [int(sheet[-1, column, 0]) for column in (0, WIDTH, 2 * WIDTH - 1)] == [40, 50, 0]
 
 
 def test_a_camera_that_does_not_see_the_target_is_not_the_least_certain() -> None:
-    worst = WorstFrames()
-    worst.take(overlay("TRACKING"), picture(10))
     outside = replace(overlay("TRACKING"), target_px=np.full(2, np.nan), target_cov_px2=None)
-    worst.take(outside, picture(20))
-    sheet = worst.sheet()
-    assert sheet is not None
-    assert greys(sheet, 1) == [10]
+    assert greys(sheet_of([(overlay("TRACKING"), picture(10)), (outside, picture(20))]), 1) == [10]

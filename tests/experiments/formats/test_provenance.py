@@ -1,6 +1,5 @@
 """Digests of what was read, the file's form, and files that are written together or not at all."""
 
-import hashlib
 import json
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
@@ -9,25 +8,11 @@ from pathlib import Path
 import pytest
 
 from experiments.errors import InputError
-from experiments.formats.outputs import check_new, write_together
+from experiments.formats.outputs import write_together
 from experiments.formats.provenance import Provenance, beside, content_digest, provenance_text
 from experiments.formats.scene.scene import read_scene, scene_digest, scene_text, with_step
 
 GOOD = Path(__file__).parents[1] / "good_scene.toml"
-
-
-def test_a_folders_digest_is_of_names_and_contents_and_not_of_when_it_was_written(tmp_path: Path):
-    (tmp_path / "frames").mkdir()
-    (tmp_path / "frames" / "0.png").write_bytes(b"zero")
-    (tmp_path / "scene.toml").write_bytes(b"scene")
-    zero, scene = (hashlib.sha256(content).hexdigest() for content in (b"zero", b"scene"))
-    expected = hashlib.sha256(f"{zero}  frames/0.png\n{scene}  scene.toml\n".encode()).hexdigest()
-    assert content_digest(tmp_path) == expected
-    (tmp_path / "provenance.json").write_text("{}")
-    (tmp_path / "softaim.log").write_text("a line")
-    assert content_digest(tmp_path) == expected
-    (tmp_path / "frames" / "0.png").rename(tmp_path / "frames" / "1.png")
-    assert content_digest(tmp_path) != expected
 
 
 def test_times_are_utc_and_the_scene_is_there_with_its_steps():
@@ -75,26 +60,6 @@ def test_a_files_provenance_stands_beside_it():
     assert beside(Path("a/my.toml")) == Path("a/my.provenance.json")
 
 
-def test_files_are_written_together_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """The second of three cannot be put in its place: the first has its old content, and no part is left."""
-    (tmp_path / "one").write_text("old")
-    replaced = Path.replace
-
-    def full(self: Path, target: Path) -> Path:
-        if Path(target).name == "two":
-            raise OSError(28, "No space left on device")
-        return replaced(self, target)
-
-    files = {tmp_path / name: f"new {name}" for name in ("zero", "one", "two")}
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", full)
-        with pytest.raises(InputError, match="two: expected a file that can be written, found no space left"):
-            write_together(files)
-    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"one": "old"}
-    write_together(files)
-    assert {path: path.read_text() for path in tmp_path.iterdir()} == files
-
-
 def test_an_interrupt_leaves_all_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Ctrl-C just after the second was put in its place."""
     files = {tmp_path / name: f"new {name}" for name in ("one", "two", "three")}
@@ -129,14 +94,3 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(Path, "open", refused)
     with pytest.raises(InputError, match=r"notes\.txt: expected a file that can be read, found permission denied"):
         content_digest(tmp_path)
-
-
-def test_a_file_that_is_there_is_refused_before_any_work(tmp_path: Path):
-    check_new(tmp_path / "new.toml", force=False)
-    (tmp_path / "old.toml").touch()
-    check_new(tmp_path / "old.toml", force=True)
-    with pytest.raises(InputError, match="expected a new file, found an existing one; --force replaces it"):
-        check_new(tmp_path / "old.toml", force=False)
-    with pytest.raises(InputError, match="expected a file in an existing folder, found none"):
-        check_new(tmp_path / "none" / "new.toml", force=True)
-    assert [path.name for path in tmp_path.iterdir()] == ["old.toml"]

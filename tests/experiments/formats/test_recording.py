@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -44,7 +43,7 @@ def picture(k: int) -> np.ndarray:
 
 
 @pytest.fixture
-def tracked(tmp_path: Path) -> Path:
+def folder(tmp_path: Path) -> Path:
     """A folder with a scene, for a marks.csv."""
     folder = tmp_path / "rec"
     folder.mkdir()
@@ -53,13 +52,13 @@ def tracked(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def filmed(tracked: Path) -> Path:
+def filmed(folder: Path) -> Path:
     """A recording of five frames, with a scene and nothing else."""
-    with VideoWriter(tracked / "video.avi", SIZE_PX, 30.0) as video:
+    with VideoWriter(folder / "video.avi", SIZE_PX, 30.0) as video:
         for k in range(5):
             video.write(picture(k))
-    write_frames_csv(tracked / "frames.csv", np.arange(5) / 30.0)
-    return tracked
+    write_frames_csv(folder / "frames.csv", np.arange(5) / 30.0)
+    return folder
 
 
 def test_a_film_is_read_with_its_times(filmed: Path):
@@ -75,15 +74,6 @@ def test_a_film_is_read_with_its_times(filmed: Path):
     np.testing.assert_allclose([grey for _, _, grey in seen], 20.0 * np.arange(5), atol=2.0)  # JPEG
 
 
-def test_a_folder_of_pictures_is_read(filmed: Path):
-    (filmed / "video.avi").unlink()
-    (filmed / "frames").mkdir()
-    for k in range(5):
-        cv2.imwrite(str(filmed / "frames" / f"{k:06d}.png"), picture(k))
-    with read_recording(filmed).open_frames() as frames:
-        assert [int(frame.image[0, 0, 0]) for frame in frames] == [0, 20, 40, 60, 80]
-
-
 def test_another_scene_may_take_the_place_of_the_recording_s_own(filmed: Path, tmp_path: Path):
     (filmed / "scene.toml").rename(tmp_path / "other.toml")
     assert read_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
@@ -91,11 +81,11 @@ def test_another_scene_may_take_the_place_of_the_recording_s_own(filmed: Path, t
     assert read_recording(filmed, tmp_path / "other.toml").scene.measured_nodes == ("M1", "M3")
 
 
-def test_marks_take_the_place_of_a_film(tracked: Path):
-    (tracked / "marks.csv").write_text(
+def test_marks_take_the_place_of_a_film(folder: Path):
+    (folder / "marks.csv").write_text(
         "time_s,node,x_mm,y_mm,sd_mm\n0.1,M1,1,2,0.5\n0.1,M2,3,4,0.5\n0.3,M1,-5,6.25,4.14\n", encoding="utf-8"
     )
-    recording = read_recording(tracked)
+    recording = read_recording(folder)
     np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.3])
     assert recording.source is None
     assert recording.marks is not None
@@ -107,30 +97,19 @@ def test_marks_take_the_place_of_a_film(tracked: Path):
         recording.open_frames()
 
 
-def test_with_marks_frames_csv_says_when_an_estimate_is_due(tracked: Path):
-    (tracked / "marks.csv").write_text(
-        "time_s,node,x_mm,y_mm,sd_mm\n0.2,M1,1,2,0.5\n0.4,M1,1,2,0.5\n0.4,M3,1,2,0.5\n", encoding="utf-8"
-    )
-    write_frames_csv(tracked / "frames.csv", np.array([0.1, 0.2, 0.3, 0.4, 0.5]))
-    recording = read_recording(tracked)
-    np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.2, 0.3, 0.4, 0.5])
-    assert recording.marks is not None
-    assert [[row.node for row in rows] for rows in recording.marks] == [[], ["M1"], [], ["M1", "M3"], []]
-
-
 @pytest.mark.parametrize("n_frames", [1, 2])
-def test_marks_may_be_seen_in_no_frame(tracked: Path, n_frames: int):
-    write_marks_csv(tracked / "marks.csv", np.empty(0), [], dim=2)
-    write_frames_csv(tracked / "frames.csv", np.arange(n_frames, dtype=float))
-    assert read_recording(tracked).marks == ((),) * n_frames
+def test_marks_may_be_seen_in_no_frame(folder: Path, n_frames: int):
+    write_marks_csv(folder / "marks.csv", np.empty(0), [], dim=2)
+    write_frames_csv(folder / "frames.csv", np.arange(n_frames, dtype=float))
+    assert read_recording(folder).marks == ((),) * n_frames
 
 
-def test_truth_is_straight_between_its_times_and_unknown_outside(tracked: Path):
-    write_marks_csv(tracked / "marks.csv", np.array([0.0]), [[MarkRow("M1", np.zeros(2), 0.001)]], dim=2)
-    (tracked / "truth.csv").write_text(
+def test_truth_is_straight_between_its_times_and_unknown_outside(folder: Path):
+    write_marks_csv(folder / "marks.csv", np.array([0.0]), [[MarkRow("M1", np.zeros(2), 0.001)]], dim=2)
+    (folder / "truth.csv").write_text(
         "time_s,node,x_mm,y_mm\n0.1,M2,10,0\n0.2,In1,7,7\n0.2,M2,20,-4\n0.4,M2,0,-4\n", encoding="utf-8"
     )
-    truth = read_recording(tracked).truth
+    truth = read_recording(folder).truth
     assert truth is not None
     assert set(truth.nodes) == {"M2", "In1"}
     inside, positions = truth.at(np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5]), "M2")
@@ -155,34 +134,21 @@ def test_fixes_are_read(filmed: Path):
     np.testing.assert_allclose([first.position_m, second.position_m], [[0.001, 0.002], [0.003, 0.004]], rtol=1e-15)
 
 
-def test_a_recording_in_space_has_z_everywhere(tmp_path: Path):
-    write_scene(scene_in_space(), tmp_path / "scene.toml")
-    write_marks_csv(tmp_path / "marks.csv", np.array([0.5]), [[MarkRow("B", np.array([1, 2, 3.0]), 0.1)]], dim=3)
-    write_truth_csv(tmp_path / "truth.csv", np.array([0.5]), {"B": np.array([[4.0, 5.0, 6.0]])})
-    (tmp_path / "fixes.csv").write_text("time_s,x_mm,y_mm,z_mm,sd_mm\n0.5,7000,8000,9000,1\n", encoding="utf-8")
-    recording = read_recording(tmp_path)
-    assert recording.marks is not None
-    assert recording.truth is not None
-    np.testing.assert_array_equal(recording.marks[0][0].position_m, [1, 2, 3])
-    np.testing.assert_array_equal(recording.truth.positions["B"], [[4, 5, 6]])
-    np.testing.assert_array_equal(recording.fixes[0].position_m, [7, 8, 9])
-
-
 places = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=2).map(np.array)
 seen = st.dictionaries(st.sampled_from(MARKED), st.tuples(places, st.floats(1e-6, 1.0)), max_size=3)
 
 
 @given(st.lists(st.tuples(st.integers(10**6, 5 * 10**9), seen), min_size=1, max_size=6))
 @settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_what_is_written_is_read_again(tracked: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
+def test_what_is_written_is_read_again(folder: Path, frames: list[tuple[int, dict[str, tuple[np.ndarray, float]]]]):
     """Times to 1e-9 s, positions to half of 1e-4 mm, deviations to nine digits."""
     times_s = 1e-9 * np.cumsum([step_ns for step_ns, _ in frames])
     marks = [[MarkRow(node, place, sd) for node, (place, sd) in rows.items()] for _, rows in frames]
     paths = {node: np.array([rows[node][0] if node in rows else [0.0, 0.0] for _, rows in frames]) for node in MARKED}
-    write_frames_csv(tracked / "frames.csv", times_s)
-    write_marks_csv(tracked / "marks.csv", times_s, marks, dim=2)
-    write_truth_csv(tracked / "truth.csv", times_s, paths)
-    again = read_recording(tracked)
+    write_frames_csv(folder / "frames.csv", times_s)
+    write_marks_csv(folder / "marks.csv", times_s, marks, dim=2)
+    write_truth_csv(folder / "truth.csv", times_s, paths)
+    again = read_recording(folder)
     np.testing.assert_allclose(again.exposures_s, times_s, rtol=0, atol=0.51e-9)
     assert again.marks is not None
     for rows, written in zip(again.marks, marks, strict=True):

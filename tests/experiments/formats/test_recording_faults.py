@@ -4,37 +4,25 @@ from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
-from dynamics import four_mass_phantom
 from experiments.formats.recording import read_recording
-from experiments.formats.scene.scene import Mark, Scene, Target, write_scene
+from tests.experiments.formats.test_recording import SIZE_PX, folder, picture
 from tests.experiments.rows import complaint, rows
-from vision import VideoWriter, fronto_parallel_camera
+from vision import VideoWriter
 
-SIZE_PX = (32, 24)
+__all__ = ["folder"]
+
 FRAMES = "frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n"
 TRUTH = "time_s,node,x_mm,y_mm\n0.0,M1,1,2\n0.0,M2,3,4\n0.1,M1,1,2\n"
 MARKS = "time_s,node,x_mm,y_mm,sd_mm\n0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n"
 FIXES = "time_s,x_mm,y_mm,sd_mm\n0.0,1,2,0.5\n0.1,1,2,0.5\n"
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    """A folder with a scene; M1 and M2 carry marks, M2's for scoring only."""
-    folder = tmp_path / "rec"
-    folder.mkdir()
-    marks = (Mark("M1", 0.0, 0.03), Mark("M2", 0.0, 0.03, measured=False))
-    camera = fronto_parallel_camera("front", SIZE_PX, (20.0, 20.0))
-    write_scene(Scene(four_mass_phantom(), marks, Target("M2", 0.005), (camera,)), folder / "scene.toml")
-    return folder
-
-
 def write_video(path: Path, n_frames: int) -> None:
     with VideoWriter(path, SIZE_PX, 30.0) as video:
         for _ in range(n_frames):
-            video.write(np.zeros((SIZE_PX[1], SIZE_PX[0], 3), dtype=np.uint8))
+            video.write(picture(0))
 
 
 def fault_of(folder: Path) -> str:
@@ -93,7 +81,7 @@ def pictures(*names: str) -> Callable[[Path], None]:
     def write(folder: Path) -> None:
         (folder / "frames").mkdir()
         for name in names:
-            cv2.imwrite(str(folder / "frames" / name), np.zeros((SIZE_PX[1], SIZE_PX[0], 3), dtype=np.uint8))
+            cv2.imwrite(str(folder / "frames" / name), picture(0))
 
     return write
 

@@ -49,16 +49,6 @@ def test_the_shipped_scenarios():
     assert paper.frame_interval_s == 1.09
 
 
-def test_a_file_is_read_with_its_defaults(path: Path):
-    path.write_text(GOOD)
-    read = read_scenario(str(path))
-    assert (read.seed, read.duration_s, read.camera.mm_per_px) == (4, 2.0, [1.25, 1.5])
-    assert read.tremor is not None
-    assert read.tremor.interval_s == 1 / 120
-    camera, video = read.camera, read.video
-    assert (camera.light, camera.distractors, video.codec, video.quality) == ("webcam", 0, "MJPG", 95)
-
-
 BARE = 'version = 1\nscene = "body.toml"\n'
 
 

@@ -26,12 +26,6 @@ def test_columns_are_found_by_name_in_any_order(path: Path):
     np.testing.assert_array_equal(table.numbers["b"], [0.001, 4.0])
 
 
-def test_a_header_alone_is_a_table_without_rows(path: Path):
-    path.write_text("a,node\n", encoding="utf-8")
-    table = read_table(path, ["a"], ["node"])
-    assert (table.n_rows, table.numbers["a"].shape, table.texts["node"]) == (0, (0,), [])
-
-
 BAD = {
     "empty": ("", ": expected columns a, b, node, found an empty file"),
     "blank": ("\n  \n", ": expected columns a, b, node, found an empty file"),
@@ -75,15 +69,6 @@ def test_rows_are_counted_through_chunks(path: Path, monkeypatch: pytest.MonkeyP
     table = read_table(path, ["a"], ["node"])
     np.testing.assert_array_equal(table.numbers["a"], np.arange(5.0))
     assert table.texts["node"] == ["n0", "n1", "n2", "n3", "n4"]
-
-
-def test_order_is_checked_with_the_row_before(path: Path):
-    path.write_text("t\n0.1\n0.3\n0.3\n0.2\n", encoding="utf-8")
-    table = read_table(path, ["t"])
-    with pytest.raises(InputError, match=r"row 4: t: expected more than 0\.3 \(the row before\), found 0\.3$"):
-        table.check_order("t", strictly=True)
-    with pytest.raises(InputError, match=r"row 5: t: expected 0\.3 \(the row before\) or more, found 0\.2$"):
-        table.check_order("t", strictly=False)
 
 
 def test_order_within_groups_names_the_first_late_row_and_the_one_before(path: Path):

@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -155,27 +154,3 @@ def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_p
     assert str(folder) in line
     assert list((folder / "segments").iterdir()) == []
     assert (folder / "frames.csv").read_bytes() == b"frame,exposure_s\n"
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path):
-    """A file system of 1 MB."""
-    folder = tmp_path / "disk"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "none", str(folder)]
-    if sys.platform != "linux" or subprocess.run(mount, capture_output=True, check=False).returncode:
-        pytest.skip("mounting is not allowed")
-    yield folder
-    subprocess.run(["umount", str(folder)], check=True)
-
-
-@pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
-def test_a_full_disk_keeps_the_pieces_before(small_disk: Path, codec: Codec) -> None:
-    """9 kB or 4 kB a frame: it is full in the third piece or later; all rows have their frames, whole."""
-    with pytest.raises(InputError, match="expected room"):
-        record(EveryFrame(Frames(*noise(900))), small_disk / "rec", codec=codec, clock=lambda: 0.0)
-    times = read_frames(small_disk / "rec" / "frames.csv", torn=True)
-    assert len(times) >= 60
-    assert len(times) % 30 == 0
-    with SegmentFrames(small_disk / "rec" / "segments", times) as frames:
-        assert len(list(frames)) == len(times)

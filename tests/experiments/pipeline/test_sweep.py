@@ -1,6 +1,5 @@
 """Sweeps of short runs: what a run is, what is written, what is not done again, and what cannot be run."""
 
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -10,15 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from dynamics import four_mass_phantom
-from estimators import FilterSettings
 from experiments.commands.app import app
 from experiments.errors import InputError
-from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import write_scene
 from experiments.formats.sweep_file import read_sweep
 from experiments.pipeline import sweep as module
 from experiments.pipeline.sweep import assumed_network, cases_of, swept_rows
-from experiments.simulation.simulate import scene_of
 
 HANGING = Path(__file__).parents[1] / "hanging.toml"
 TEXT = """
@@ -118,31 +113,6 @@ def test_run_again_it_does_what_is_new(tmp_path):
     file(tmp_path, small.replace("seeds = 2", "seeds = 3"))
     assert "3 runs, 1 of them new" in softaim_sweep(path, out).stdout
     assert list(pd.read_parquet(out / "runs.parquet")["seed"]) == [0, 0, 1, 1, 2, 2]
-
-
-def test_a_tissue_of_ones_own(tmp_path):
-    """The phantom with twice the mass, in a scene file beside the sweep; its filter table stands but for the grid."""
-    scene = replace(scene_of(read_scenario("poked")), cameras=(), settings=FilterSettings())
-    heavy = replace(scene, network=replace(scene.network, masses=2.0 * scene.network.masses))
-    write_scene(heavy, tmp_path / "body.toml")
-    with (tmp_path / "body.toml").open("a", encoding="utf-8") as body:
-        body.write("\n[filter]\npoke_m_s2 = 2.0\nstrain = 0.02\n")
-    text = TEXT.replace("[grid]", 'scene = "body.toml"\n[grid]\nfilter.poke_m_s2 = [3.0]')
-    case = cases_of(read_sweep(file(tmp_path, text)))[0]
-    given = []
-
-    def noted(recording, methods):
-        given.append(recording.scene)
-        return run(recording, methods)
-
-    run = module.compare
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "compare", noted)
-        rows = swept_rows(case)
-    np.testing.assert_array_equal(given[0].network.masses, heavy.network.masses)
-    assert (given[0].settings.poked.poke, given[0].settings.discrepancy) == (3.0, 0.02)
-    usual = swept_rows(cases_of(read_sweep(file(tmp_path)))[0])
-    assert rows[0]["mae_mm"] != usual[0]["mae_mm"]
 
 
 def test_the_scene_of_the_scenario_is_swept(tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dynamics import HIDDEN, MassSpringNetwork
+from dynamics import HIDDEN
 from estimators import MarkMeasurement, Status, TargetEstimate
 from experiments.formats.recording import Recording
 from experiments.formats.scenario import read_scenario
@@ -13,6 +13,7 @@ from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Step
 from experiments.pipeline.track import Track
 from experiments.simulation.simulate import scene_of
+from tests.networks import build_network
 
 
 def phantom() -> Scene:
@@ -25,21 +26,9 @@ def block() -> Scene:
     grid = 0.02 * np.array([(i, j, k) for i in range(4) for j in range(4) for k in range(3)], dtype=float)
     gaps = np.linalg.norm(grid[:, None] - grid, axis=2)
     springs = np.argwhere((gaps < 0.035) & np.triu(np.ones_like(gaps, dtype=bool), 1))
-    n, m = len(grid), len(springs)
-    names = tuple("M2" if i == 22 else f"N{i}" for i in range(n))
-    network = MassSpringNetwork(
-        names=names,
-        positions=grid,
-        masses=np.full(n, 0.01),
-        fixed=grid[:, 2] == 0.0,
-        drag=np.zeros(n),
-        friction=np.zeros(n),
-        springs=springs,
-        stiffness=np.full(m, 50.0),
-        rest_lengths=gaps[tuple(springs.T)],
-        damping=np.full(m, 0.1),
-        gravity=np.zeros(3),
-    )
+    names = ["M2" if i == 22 else f"N{i}" for i in range(len(grid))]
+    held, constants = np.flatnonzero(grid[:, 2] == 0.0), {"masses": 0.01, "stiffness": 50.0, "damping": 0.1}
+    network = build_network(grid, springs, held, names, **constants)
     scene = phantom()
     marks = tuple(replace(scene.marks[0], node=f"N{i}") for i in (2, 5, 47))
     return replace(scene, network=network, marks=marks, target=replace(scene.target, node=HIDDEN))

@@ -9,15 +9,9 @@ from dynamics import rest_shape
 from experiments.formats.scene.scene import read_scene
 from experiments.projects.mesh_file import read_mesh
 from tests.experiments.command import softaim
+from tests.experiments.commands.good_files import NODES as PLANE
 from tests.experiments.rows import complaint, rows
 
-PLANE = """name,x_mm,y_mm,mass_kg,fixed,hue_deg,target
-A,0,0,0,yes,,
-B,100,0,0,yes,,
-C,0,60,0.005,,0,
-D,100,60,0.005,,120,
-E,50,30,0.008,,,yes
-"""
 SPACE = """name,x_mm,y_mm,z_mm,fixed
 A,0,0,0,yes
 B,60,0,0,yes

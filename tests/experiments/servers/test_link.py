@@ -5,7 +5,7 @@ import os
 import signal
 import socket
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import cv2
@@ -18,19 +18,10 @@ from experiments.servers.faces import LOOPBACK, Faces, address_of, is_loopback, 
 from experiments.servers.link import Link, jpeg, text_of
 from experiments.servers.opening import served
 from tests.experiments.servers.openigtlink.states import SCENE, state
+from tests.experiments.waiting import until
 
 STARTS_S = 120.0
 """For a process that imports, or ends, on a busy machine."""
-
-
-def until(holds: Callable[[], object], seconds: float = STARTS_S) -> bool:
-    """Whether it came to hold in time."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if holds():
-            return True
-        time.sleep(0.01)
-    return False
 
 
 @contextmanager
@@ -65,10 +56,10 @@ def test_a_client_is_sent_what_the_loop_publishes_and_the_loop_gets_what_it_asks
                 except TimeoutError:
                     return False
 
-            assert until(came)
+            until(came, STARTS_S)
             client.sendall(PointMessage(positions=[(1.0, 2.0, 0.0)], names=["lesion"], device_name="F").pack())
             asked: list[object] = []
-            assert until(lambda: asked.extend(link.requests()) or asked)
+            until(lambda: asked.extend(link.requests()) or asked, STARTS_S)
     assert link._process.exitcode == 0
     assert asked[0]["command"] == "fix"  # type: ignore[index]
     assert asked[0]["place_mm"] == [1.0, 2.0]  # type: ignore[index]
@@ -80,11 +71,11 @@ def test_the_loop_goes_on_when_the_process_is_killed(capfd):
     """It is said once, and publishing costs as little as before: no picture is compressed."""
     with linked() as (link, port):
         link.begin(SCENE)
-        assert until(lambda: link._ready)
+        until(lambda: link._ready, STARTS_S)
         pid = link._process.pid
         assert pid is not None
         os.kill(pid, signal.SIGKILL)
-        assert until(lambda: link._ended)
+        until(lambda: link._ended, STARTS_S)
         began = time.process_time()
         for _ in range(1000):
             link.publish(state, np.zeros((480, 640, 3), np.uint8))

@@ -1,6 +1,5 @@
 """Recordings of scenes of one's own: a body in space as marks, a flat one as a film, several seeds at once."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,10 +14,10 @@ from experiments.errors import InputError
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scenario_forces import Release
-from experiments.formats.scene.scene import read_scene
 from experiments.simulation import simulate as module
 from experiments.simulation.simulate import scene_of, simulate, true_motion, true_network
 from tests.experiments.command import softaim
+from tests.networks import build_network
 
 HANGING = (Path(__file__).parents[1] / "hanging.toml").read_text()
 SCENARIO = """version = 1
@@ -128,34 +127,6 @@ def test_two_cameras_take_no_film_and_without_one_a_flat_scene_is_marks(flat: Pa
     assert not (tmp_path / "rec" / "video.avi").exists()
 
 
-def test_a_camera_in_a_file_of_its_own_is_written_out(flat: Path, tmp_path: Path):
-    """The recording stands by itself: its camera is that of the file."""
-    camera = """version = 1
-name = "lens"
-size_px = [320, 240]
-matrix = [[400.0, 0.0, 159.5], [0.0, 400.0, 119.5], [0.0, 0.0, 1.0]]
-distortion = [0.0, 0.0, 0.0, 0.0, 0.0]
-rotation = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
-translation_mm = [0.0, -60.0, 300.0]
-matrix_sd = [1.0, 1.0, 1.0, 1.0]
-distortion_sd = [0.0, 0.0, 0.0, 0.0, 0.0]
-reprojection_rms_px = 0.1
-reprojection_rms_px_each = [0.1]
-images_used = ["a.png"]
-images_left_out = []
-mm_per_px = [0.75, 0.75]
-plane_image = "a.png"
-uncertainty = [[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]]
-"""
-    (tmp_path / "camera.toml").write_text(camera)
-    scene = tmp_path / "hanging.toml"
-    scene.write_text(scene.read_text().replace(CAMERA, '\n[[camera]]\nfile = "camera.toml"\n'))
-    simulate(read_scenario(str(flat)), tmp_path / "rec")
-    written, read = read_scene(tmp_path / "rec" / "scene.toml"), read_scene(scene)
-    np.testing.assert_allclose(written.cameras[0].plane_to_px, read.cameras[0].plane_to_px, rtol=1e-12)
-    assert len(read_recording(tmp_path / "rec").exposures_s) == 30
-
-
 def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     """The second of a run from seed 8 on is that of seed 9 alone; the network's sag is reported."""
     assert softaim("simulate", scenario, "--out", tmp_path / "all", "--seed", "8", "--runs", "2") == 0
@@ -167,14 +138,6 @@ def test_several_recordings_are_of_successive_seeds(scenario: Path, tmp_path: Pa
         assert (tmp_path / "all" / "seed-9" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
     marks = [(tmp_path / "all" / f"seed-{k}" / "marks.csv").read_bytes() for k in (8, 9)]
     assert marks[0] != marks[1]
-
-
-def test_what_was_simulated_can_be_tracked(scenario: Path, tmp_path: Path, without_pictures: None):
-    """The hidden mass swings by 30 mm and more, and the filter of its scene has it to 4 mm on the mean."""
-    assert softaim("simulate", scenario, "--out", tmp_path / "rec") == 0
-    assert softaim("track", tmp_path / "rec", "--out", tmp_path / "track") == 0
-    figures = json.loads((tmp_path / "track" / "summary.json").read_text())
-    assert figures["filter"]["mae_mm"] < 4.0
 
 
 def test_a_scene_without_a_rest_is_reported_with_its_file(scenario: Path, tmp_path: Path):
@@ -198,20 +161,9 @@ def test_a_body_without_anchors_does_not_fall(scenario: Path):
 
 def chain(stiffness: float, dashpot: float, mass: float) -> MassSpringNetwork:
     """Three links that hang from an anchor in the plane."""
-    springs = np.array([(0, 1), (1, 2), (2, 3)])
-    return MassSpringNetwork(
-        names=("top", "a", "b", "c"),
-        positions=np.array([[0.0, -0.1 * k] for k in range(4)]),
-        masses=np.full(4, mass),
-        fixed=np.arange(4) == 0,
-        drag=np.full(4, 0.01),
-        friction=np.zeros(4),
-        springs=springs,
-        stiffness=np.full(3, stiffness),
-        rest_lengths=np.full(3, 0.1),
-        damping=np.full(3, dashpot),
-        gravity=np.array([0.0, -9.81]),
-    )
+    places, links = [[0.0, -0.1 * k] for k in range(4)], [(0, 1), (1, 2), (2, 3)]
+    constants = {"masses": mass, "drag": 0.01, "stiffness": stiffness, "damping": dashpot, "gravity": [0.0, -9.81]}
+    return build_network(places, links, [0], ["top", "a", "b", "c"], **constants)
 
 
 @pytest.mark.parametrize(("mass", "dashpot"), [(0.02, 0.5), (0.001, 50.0)])

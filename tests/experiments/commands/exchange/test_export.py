@@ -72,9 +72,3 @@ def test_on_a_full_disk_nothing_is_left_beside_it(here, monkeypatch, capfd, nth,
         capfd.readouterr().err.splitlines(keepends=True)[-1],
     )
     assert tree(here) == before
-
-
-def test_with_force_a_file_is_replaced() -> None:
-    Path("film.mcap").write_text("mine")
-    assert softaim(*CALL, "--force") == 0
-    assert Path("film.mcap").read_bytes().startswith(b"\x89MCAP0\r\n")

@@ -41,17 +41,6 @@ def test_estimates_as_a_live_run_writes_them(tmp_path: Path) -> None:
     assert said["z_mm"] == pytest.approx(-3.0)
 
 
-def test_times_of_nine_digits_are_those_of_the_frames(tmp_path: Path) -> None:
-    """`track` writes 33763.6097 for a frame at 33763.60965430567 s."""
-    lines = [f"{t:.9g},TRACKING,1,2,1,0,1,,3,0.1,,False" for t in EXPOSURES_S]
-    (tmp_path / "estimates.csv").write_text(
-        "\n".join(["time_s,status,x_mm,y_mm,xx,xy,yy,nis,marks_used,poked,gain,model_only", *lines, ""])
-    )
-    found = read_estimates(tmp_path, 2, EXPOSURES_S)
-    assert found.frames.tolist() == [0, 1, 2, 3]
-    assert (found.times_s == EXPOSURES_S).all()
-
-
 def test_times_since_1970_keep_their_frames(tmp_path: Path) -> None:
     """As `track` writes them, each row is of its own frame; of nine digits none is."""
     epoch_s = 1.7e9 + np.arange(4) / 30

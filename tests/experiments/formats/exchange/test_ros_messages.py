@@ -8,15 +8,12 @@ from hypothesis import strategies as st
 from mcap.records import Schema
 from mcap_ros2.decoder import DecoderFactory
 
-from experiments.formats.exchange.cdr import Cdr
 from experiments.formats.exchange.ros_messages import (
     DEFINITIONS,
     IMAGE,
-    POINT,
     POSE,
     TEXT,
     image_message,
-    point_message,
     pose_message,
     text_message,
 )
@@ -51,29 +48,9 @@ def test_a_pose_with_covariance() -> None:
     assert not whole[:, 3:].any()
 
 
-def test_what_is_flat_is_in_the_plane() -> None:
-    found = decoded(POSE, pose_message(0, np.array([1.0, 2.0]), np.array([[3.0, 0.5], [0.5, 4.0]])))
-    place = found.pose.pose.position
-    assert (place.x, place.y, place.z) == (1.0, 2.0, 0.0)
-    assert list(found.pose.covariance[:8]) == [3.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.5, 4.0]
-    assert not any(found.pose.covariance[8:])
-    point = decoded(POINT, point_message(0, np.array([1.0, 2.0]))).point
-    assert (point.x, point.y, point.z) == (1.0, 2.0, 0.0)
-
-
 @settings(max_examples=20)
 @given(st.text(max_size=20), st.binary(max_size=40))
 def test_pictures_and_texts_of_any_length_are_aligned(name: str, data: bytes) -> None:
     found = decoded(IMAGE, image_message(TIME_NS, name, data))
     assert (found.header.frame_id, found.format, bytes(found.data)) == (name, "jpeg", data)
     assert decoded(TEXT, text_message(name)).data == name
-
-
-@given(st.text(max_size=9))
-def test_numbers_after_a_text_stand_at_multiples_of_their_size(text: str) -> None:
-    """[ddsi-rtps]: counted from the end of the header of four bytes, which is not part of the message."""
-    data = Cdr().text(text).doubles([1.5]).content()
-    assert data[:4] == b"\x00\x01\x00\x00"
-    assert data.endswith(np.array(1.5).tobytes())
-    length = 4 + len(text.encode()) + 1
-    assert len(data) == 4 + -(-length // 8) * 8 + 8

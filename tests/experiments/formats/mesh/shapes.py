@@ -4,8 +4,6 @@ from itertools import permutations
 
 import numpy as np
 
-CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
-
 
 def box(cells: tuple[int, int, int], size: float) -> tuple[np.ndarray, np.ndarray]:
     """Nodes, (n, 3), and tetrahedra, (m, 4), of cubes with edges of this size, six tetrahedra each."""

@@ -11,7 +11,7 @@ from experiments.formats.camera_yaml import LensFile, opencv_text, ros_text
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.frame_sources import filmed_scene
 from tests.experiments.rows import complaint
-from vision import Lens, Pose, posed_camera
+from vision import Lens, Pose
 
 GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8")
 LENS = Lens(np.array([[800.0, 0, 320], [0, 790, 240], [0, 0, 1]]), np.array([-0.3, 0.1, 0.001, -0.002, 0.02]))
@@ -33,20 +33,6 @@ def scene_with(folder: Path, camera: str) -> Path:
     path = folder / "scene.toml"
     path.write_text(GOOD[: GOOD.index("[[camera]]")] + camera, encoding="utf-8")
     return path
-
-
-def test_a_lens_and_its_place_are_read_and_written(tmp_path: Path) -> None:
-    rows = [[*row[:12], *(1e3 * row[12:])] for row in DIRECTIONS.tolist() for row in [np.array(row)]]
-    uncertainty = "uncertainty = " + str([[float(x) for x in row] for row in rows])
-    path = scene_with(tmp_path, TABLE + uncertainty + "\ncalibration_sd_px = 0.3\n")
-    expected = posed_camera("front", (640, 480), LENS, POSE, calibration=DIRECTIONS)
-    write_scene(read_scene(path), tmp_path / "again.toml")
-    points = np.array([[0.1, 0.05], [-0.2, 0.1]])
-    for scene in (read_scene(path), read_scene(tmp_path / "again.toml")):
-        (camera,) = scene.cameras
-        np.testing.assert_allclose(camera.project(points), expected.project(points), atol=1e-9)
-        np.testing.assert_allclose(camera.calibration, DIRECTIONS, rtol=1e-12)
-        assert camera.calibration_sd_px == 0.3
 
 
 @pytest.mark.parametrize(

@@ -79,11 +79,6 @@ def test_what_is_read_is_written_and_read_again(path, level):
     np.testing.assert_allclose(again.uncertainty.directions, [[0.1, -0.2]], rtol=1e-14)
 
 
-def test_led_nodes_are_read_and_change_nothing_else(path):
-    scene = scene_with(path, '[filter]\nled_nodes = ["M4", "M1"]\n')
-    assert scene.settings == replace(FilterSettings(), led_nodes=("M4", "M1"))
-
-
 def test_led_nodes_are_written_and_read_again_whatever_their_names(path):
     """Beside usual levels and beside others; a name with quotes, a backslash and letters beyond ASCII."""
     scene = read_scene(path)

@@ -101,19 +101,6 @@ def test_points_are_the_free_nodes_and_the_wall_is_fixed(tmp_path: Path) -> None
     assert scene.target.position_sd_m == 0.002
 
 
-def test_it_is_written_with_its_mesh_and_means_the_same(tmp_path: Path) -> None:
-    scene = read_scene(folder(tmp_path))
-    (tmp_path / "other").mkdir()
-    write_scene(scene, tmp_path / "other" / "again.toml")
-    again = read_scene(tmp_path / "other" / "again.toml")
-    assert (tmp_path / "other" / "mesh.npz").read_bytes() == (tmp_path / "mesh.npz").read_bytes()
-    assert scene_digest(again) == scene_digest(scene)
-    np.testing.assert_array_equal(again.network.positions, scene.network.positions)
-    write_scene(again, tmp_path / "other" / "third.toml")
-    texts = [(tmp_path / "other" / f"{name}.toml").read_text(encoding="utf-8") for name in ("again", "third")]
-    assert texts[0] == texts[1]
-
-
 def test_a_driven_wall_is_read_and_written(tmp_path: Path) -> None:
     still = read_scene(folder(tmp_path))
     scene = read_scene(folder(tmp_path, SCENE.replace('"x < 5"', '"x < 5"\ndriven = true')))

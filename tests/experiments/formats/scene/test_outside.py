@@ -7,7 +7,7 @@ import pytest
 
 from dynamics.mesh import TetMesh
 from experiments.formats.scene import outside
-from experiments.formats.scene.outside import Outside, fewer, outside_of, wall_faces
+from experiments.formats.scene.outside import Outside, outside_of, wall_faces
 from experiments.formats.scene.scene import read_scene
 from tests.dynamics.blocks import block as solid
 from tests.experiments.formats.scene.test_mesh import folder
@@ -38,19 +38,6 @@ def test_the_wall_is_the_faces_whose_corners_are_held(tmp_path) -> None:
     assert (mesh.corners[mesh.faces[held]][..., 0] == 0.0).all()
     assert 0.5 * np.linalg.norm(mesh.normals[held], axis=1).sum() == pytest.approx(900e-6)
     assert not wall_faces(block(), outside_of(block(), 1000)).any()
-
-
-def test_of_fewer_faces_it_keeps_its_shape() -> None:
-    """A ball of radius 1 and of 3480 faces: within a tenth of its volume in at most a thousand."""
-    turn, up = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 60, endpoint=False), np.linspace(0.02, np.pi - 0.02, 30))
-    ball = np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), np.cos(up)], axis=-1).reshape(-1, 3)
-    i, j = np.meshgrid(np.arange(29), np.arange(60), indexing="ij")
-    a, b, c, d = (((i + p) * 60 + (j + q) % 60).ravel() for p, q in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    whole = Outside(ball, np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))
-    drawn = fewer(whole, 1000)
-    assert 300 < len(drawn.faces) <= 1000
-    assert volume(drawn) == pytest.approx(4.0 / 3.0 * np.pi, rel=0.1)
-    assert fewer(whole, 3480) is whole
 
 
 def test_nodes_inside_a_solid_do_not_shrink_it(tmp_path, monkeypatch) -> None:

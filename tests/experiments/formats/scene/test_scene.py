@@ -44,11 +44,6 @@ def test_reads_every_key_in_si_units(path: Path):
     np.testing.assert_allclose(camera.project([[-0.2, 0.2]]), [[159.5, 231.5]], rtol=0, atol=1e-9)
 
 
-def test_a_scene_without_cameras_is_read(path: Path):
-    path.write_text(GOOD[: GOOD.index("[[camera]]")], encoding="utf-8")
-    assert read_scene(path).cameras == ()
-
-
 def test_a_byte_order_mark_and_windows_line_ends_are_let_be(path: Path):
     path.write_bytes(b"\xef\xbb\xbf" + GOOD.replace("\n", "\r\n").encode())
     assert read_scene(path).network.n_nodes == 3
@@ -141,14 +136,3 @@ def test_nothing_is_written_where_the_folder_is_missing(tmp_path: Path):
     with pytest.raises(InputError, match="expected a file that can be written, found no such file or directory"):
         write_scene(scene, tmp_path / "none" / "scene.toml")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_groups_of_springs_are_read_and_written(path: Path, tmp_path: Path):
-    """The first spring of a group, the second of none; without any there are none at all."""
-    path.write_text(GOOD.replace("[[network.spring]]", '[[network.spring]]\ngroup = "skin"', 1), encoding="utf-8")
-    scene = read_scene(path)
-    assert scene.spring_groups == ("skin", "")
-    write_scene(scene, tmp_path / "again.toml")
-    assert read_scene(tmp_path / "again.toml").spring_groups == ("skin", "")
-    path.write_text(GOOD, encoding="utf-8")
-    assert read_scene(path).spring_groups == ()

@@ -43,13 +43,6 @@ def matrix(fields: dict[str, str], frame: int, name: str) -> np.ndarray:
     return np.array(fields[f"Seq_Frame{frame:04d}_{name}Transform"].split(), dtype=float).reshape(4, 4)
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
-    write_filmed(folder)
-    return folder
-
-
 def test_pixels_and_times_are_those_of_the_frames(tmp_path: Path) -> None:
     images = write_filmed(tmp_path)
     fields, pixels, _ = sequence(tmp_path, "filmed")

@@ -42,13 +42,6 @@ def messages(folder: Path, name: str, results: str | None, start: str | None = N
     return found
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("files")
-    write_filmed(folder)
-    return folder
-
-
 def test_pictures_are_those_of_the_recording(tmp_path: Path) -> None:
     images = write_filmed(tmp_path)
     found = messages(tmp_path, "filmed", None, START)["/camera/image/compressed"]

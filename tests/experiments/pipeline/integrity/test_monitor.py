@@ -26,10 +26,14 @@ def scene() -> Scene:
     return scene_of(read_scenario("webcam"))
 
 
-def faults(scene: Scene, positions: np.ndarray, *, frames: int = 60, seen_from: int = 0) -> list:
+def faults(
+    scene: Scene, positions: np.ndarray, *, frames: int = 60, seen_from: int = 0, restarts_at: int | None = None
+) -> list[str | None]:
     """What a monitor says of each frame in which marks stand here [m], (n_nodes, dim), the filter TRACKING."""
     monitor, found = IntegrityMonitor(scene, Line(scene, baseline=False).filter), []
     for frame in range(frames):
+        if frame == restarts_at:
+            monitor.restart()
         shown = frame >= seen_from
         marks = [
             MarkMeasurement(node, positions[scene.network.index(node)], 1e-6 * np.eye(2))
@@ -64,15 +68,7 @@ def test_a_spring_that_is_cut_from_the_start_never_guides(scene):
 
 
 def test_what_was_tested_is_tested_again_after_a_reset(scene):
-    monitor = IntegrityMonitor(scene, Line(scene, baseline=False).filter)
-    at, cov = dict(zip(scene.network.names, scene.network.positions, strict=True)), 1e-6 * np.eye(2)
-    marks = [MarkMeasurement(node, at[node], cov) for node in scene.measured_nodes]
-    found = []
-    for frame in range(140):
-        if frame == 70:
-            monitor.restart()
-        estimate = TargetEstimate(frame * FRAME_S, np.zeros(2), cov, Status.TRACKING, len(marks))
-        found.append(monitor.take(estimate, marks))
+    found = faults(scene, scene.network.positions, frames=140, restarts_at=70)
     assert (found[69], found[70], found[139]) == (None, UNTESTED, None)
 
 

@@ -9,17 +9,17 @@ import pandas as pd
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, independent_uncertainty, parameters
-from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, Status, TargetEstimate, TissueFilter, guide
+from estimators import Advice, Guidance, MarkMeasurement, NeedlePush, TissueFilter, guide
 from experiments.formats.needle_file import NeedleForces, NeedlePlan, read_needle
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.advise import advise, header, table
 from experiments.pipeline.integrity import UNTESTED
 from experiments.pipeline.live.advice import LiveAdvice, reach_s, words
-from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import Session
 from experiments.simulation.simulate import scene_of, simulate
 from tests.experiments.command import softaim
+from tests.experiments.pipeline.live import test_session
 from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked, frames_at, image
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
@@ -68,18 +68,7 @@ def run(
     attend: Callable[[Session], None] = lambda _session: None,
 ) -> tuple[Session, pd.DataFrame, list[tuple[float, str]]]:
     """The session, its forces tested, the rows of advice.csv, and what was shown when; attend: at each turn."""
-    shown: list[tuple[float, str]] = []
-
-    def clock() -> float:
-        return source.now
-
-    scene = known(scene_of(coarse_webcam()))
-    session = Session(
-        scene, folder / "estimates.csv", lambda text: shown.append((clock(), text)), needle=plan, clock=clock
-    )
-    session.integrity.tested_s = tested_s
-    follow(session, source, np.inf, clock=clock, attend=lambda: attend(session))
-    session.close()
+    session, _, shown = test_session.run(source, folder, attend, known(scene_of(coarse_webcam())), plan, tested_s)
     return session, pd.read_csv(folder / "advice.csv"), shown
 
 
@@ -158,37 +147,20 @@ def test_no_guidance_when_marks_vanish(tmp_path, plan, image):
     assert "NO GUIDANCE: " in shown[-1][1]
 
 
-def test_a_breathing_target_is_looked_for_where_its_breath_has_it(tmp_path, plan):
-    """Estimates of a 4 s breath of 10 mm for 12 s: aims at its place on arrival to 1 mm; before, the filter's path."""
-    network = four_mass_phantom()
-    tissue = TissueFilter(network, HIDDEN, OUTER)
-    advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
-    rest = network.positions[network.index(HIDDEN)]
-
-    def at(t: float) -> np.ndarray:
-        return rest + 0.01 * np.array([np.cos(np.pi / 2 * t), 0.3 * np.sin(np.pi / 2 * t)])
-
-    off = []
-    for k in range(180):
-        t = k / 15.0
-        tissue.predict(t)
-        tissue.health = replace(tissue.health, since_s=0.0, seen_s=t)
-        estimate = TargetEstimate(t, at(t), 1e-8 * np.eye(2), Status.TRACKING, 3)
-        said = advice.seen(tissue, estimate, t)
-        off.append(np.linalg.norm(said.aim - at(said.arrival_s)))
-    advice.table.close()
-    assert np.max(off[-30:]) < 1e-3
-    assert np.max(off[:30]) > 5e-3
+def at_rest(tissue):
+    """Six estimates of marks that stand still, 30 a second."""
+    network = tissue.network
+    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
+    for k in range(6):
+        tissue.predict(k / 30.0)
+        yield tissue.update(marks)
 
 
 def test_it_aims_at_where_the_target_is_once_the_needle_has_pushed_it(tmp_path, plan):
     """For a phantom at rest, the two aims differ by the push of this needle's forces, deeper along its line."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER)
-    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
-    for k in range(6):
-        tissue.predict(k / 30.0)
-        estimate = tissue.update(marks)
+    *_, estimate = at_rest(tissue)
     aims = []
     pushing = replace(plan, forces=NeedleForces())
     for k, one in enumerate((plan, pushing)):
@@ -205,11 +177,8 @@ def test_a_filter_with_unknown_constants_has_tables_too(tmp_path, plan):
     network = four_mass_phantom()
     unsure = independent_uncertainty(parameters(network, ("stiffness",))[:1], 0.1)
     tissue = TissueFilter(network, HIDDEN, OUTER, uncertainty=unsure)
-    marks = [MarkMeasurement(node, network.positions[network.index(node)], 1e-6 * np.eye(2)) for node in OUTER]
     advice = LiveAdvice(plan, tissue, tmp_path / "advice.csv")
-    for k in range(6):
-        tissue.predict(k / 30.0)
-        said = advice.seen(tissue, tissue.update(marks), k / 30.0)
+    *_, said = (advice.seen(tissue, estimate, estimate.time_s) for estimate in at_rest(tissue))
     advice.table.close()
     exact = guide(
         tissue, tissue.predict_at(5 / 30.0), plan.insertion, plan.lesion, needle=plan.needle, settings=plan.settings

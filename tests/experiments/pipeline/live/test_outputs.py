@@ -36,14 +36,6 @@ def test_rows_are_there_when_the_run_ends_in_the_middle(tmp_path):
     assert rows(tmp_path / "live" / "rows.csv") == [{"a": "1", "b": "2"}]
 
 
-def test_a_folder_that_was_made_and_got_nothing_goes_and_one_that_was_there_stays(tmp_path):
-    (tmp_path / "there").mkdir()
-    for name in ("made", "there"):
-        with pytest.raises(ZeroDivisionError), growing_folder(tmp_path / name):
-            raise ZeroDivisionError
-    assert [one.name for one in tmp_path.iterdir()] == ["there"]
-
-
 def test_a_table_that_cannot_be_written_is_said_once_and_the_rest_left_out(caplog):
     """/dev/full takes nothing, as a full disk."""
     full = LiveTable(Path("/dev/full"), ["a"])

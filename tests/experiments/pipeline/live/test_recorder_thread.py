@@ -43,18 +43,6 @@ class Slow:
         return shade(k)
 
 
-def test_no_more_waits_than_may(tmp_path) -> None:
-    slow = Slow()
-    one, faults = begun(tmp_path / "r", slow)
-    assert one.put(0)
-    assert slow.at.wait(60.0)
-    assert [one.put(k) for k in range(1, 7)] == [True] * 4 + [False] * 2
-    slow.may.set()
-    one.finish()
-    assert (one.n_recorded, faults) == (5, [])
-    assert recorded(tmp_path / "r") == [0, 1, 2, 3, 4]
-
-
 def test_room_is_made_where_there_is_none(tmp_path) -> None:
     slow = Slow()
     one, faults = begun(tmp_path / "r", slow)
@@ -88,13 +76,3 @@ def test_what_comes_just_before_the_end_is_recorded(tmp_path, monkeypatch) -> No
     assert one.put(7)
     one.finish()
     assert (one.n_recorded, faults) == (1, [])
-
-
-def test_a_fault_ends_it_and_is_reported_once(tmp_path) -> None:
-    """A frame of another size cannot follow; what came before is kept."""
-    one, faults = begun(tmp_path / "r", lambda k: shade(k) if k < 3 else Frame(k, 9.0, np.zeros((8, 8, 3), np.uint8)))
-    for k in range(4):
-        assert one.put(k)
-    one.finish()
-    assert one.n_recorded == 3
-    assert [str(fault) for fault in faults] == [f"{tmp_path / 'r'}: expected frames of 16 x 16 px, found 8 x 8"]

@@ -2,7 +2,6 @@
 
 import csv
 import shutil
-from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from experiments.errors import InputError
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
-from experiments.formats.scene.scene import read_scene, scene_text, write_scene
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.following import as_written, follow
 from experiments.pipeline.live.journal import HEADER, JOURNAL, Act, read_journal
@@ -25,44 +23,29 @@ from experiments.pipeline.live.replaying import Replayed, replay
 from experiments.pipeline.live.session import Session
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
+from tests.experiments.pipeline.live.test_session import INTERVAL, Clocked
 from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 NEEDLE = Path("tests/experiments/needle.toml")
-INTERVAL_S = 1.0 / 30.0
+SCENE = scene_of(coarse_webcam())
 
 
-class Swinging(vision.EveryFrame):
-    """A phantom that swings, drawn at each exposure; frames 20 ms later, with a gap; by a clock of the test's own."""
-
-    def __init__(self, n_frames: int, gap: range = range(0)) -> None:
-        self.scene = scene_of(coarse_webcam())
-        self.now = 100.0
-        self._rng = np.random.default_rng(5)
-        self._due = deque((k, 100.0 + k * INTERVAL_S) for k in range(n_frames) if k not in gap)
-
-    @property
-    def ended(self) -> bool:
-        return not self._due
-
-    def next(self, timeout_s: float = 0.0) -> Frame | None:
-        k, exposure_s = self._due[0]
-        if exposure_s + 0.02 > self.now + timeout_s:
-            self.now += timeout_s
-            return None
-        self._due.popleft()
-        self.now = max(self.now, exposure_s + 0.02)
-        places = self.scene.network.positions.copy()
-        places[self.scene.network.free] += [0.006 * np.sin(0.3 * k), 0.004 * np.cos(0.2 * k) - 0.004]
-        return Frame(k, exposure_s, draw(self.scene, places, vision.Lighting(), self._rng, strays=[]))
-
-    def take_events(self) -> tuple[vision.SourceEvent, ...]:
-        return ()
+def swinging(n_frames: int, gap: range = range(0)) -> Clocked:
+    """A phantom that swings, drawn at each exposure; frames 20 ms later, with a gap."""
+    frames, rng = [], np.random.default_rng(5)
+    for k in (k for k in range(n_frames) if k not in gap):
+        places = SCENE.network.positions.copy()
+        places[SCENE.network.free] += [0.006 * np.sin(0.3 * k), 0.004 * np.cos(0.2 * k) - 0.004]
+        exposure_s = 100.0 + k * INTERVAL
+        frame = Frame(k, exposure_s, draw(SCENE, places, vision.Lighting(), rng, strays=[]))
+        frames.append((exposure_s + 0.02, frame))
+    return Clocked(frames)
 
 
-def recorded(folder: Path, source: Swinging, asked: dict[int, object] | None = None, record_at: int = 0) -> Path:
+def recorded(folder: Path, source: Clocked, asked: dict[int, object] | None = None, record_at: int = 0) -> Path:
     """The folder of a recording of a run with advice, in which things were asked for at turns of the loop."""
-    scene = as_written(source.scene)
+    scene = as_written(SCENE)
     plan = read_needle(NEEDLE, scene.target.radius_m, scene.network.dim)
     session = Session(scene, folder / "estimates.csv", lambda _text: None, needle=plan, clock=lambda: source.now)
     control = Control(session, folder, source="a test", needle=NEEDLE.read_bytes())
@@ -96,9 +79,9 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
     """Through a gap, a sighting of the target, a new colour of a mark, a pause, a fresh start, a needle drawn out."""
-    source = Swinging(50, gap=range(11, 16))
-    mark = source.scene.marks[0]
-    at_px = source.scene.cameras[0].project(source.scene.network.positions[[source.scene.network.index(mark.node)]])[0]
+    source = swinging(50, gap=range(11, 16))
+    mark = SCENE.marks[0]
+    at_px = SCENE.cameras[0].project(SCENE.network.positions[[SCENE.network.index(mark.node)]])[0]
     asked = {
         5: lambda control: control.session.fix(np.array([0.0, 0.19]), 0.002),
         7: lambda control: control.colour_at(mark.node, at_px),
@@ -126,7 +109,7 @@ def test_a_replay_gives_the_same_estimates_and_advice_bit_for_bit(tmp_path):
 @pytest.fixture(scope="module")
 def twelve(tmp_path_factory):
     """A recording of twelve frames, to be read only."""
-    return recorded(tmp_path_factory.mktemp("twelve"), Swinging(12))
+    return recorded(tmp_path_factory.mktemp("twelve"), swinging(12))
 
 
 def test_a_replay_that_differs_says_where(twelve, tmp_path):
@@ -136,15 +119,6 @@ def test_a_replay_that_differs_says_where(twelve, tmp_path):
     lines[5] = lines[5].replace("0", "1", 1)
     table.write_text("".join(lines), encoding="utf-8")
     assert again(folder).different == {"estimates.csv": 5}
-
-
-def test_what_was_recorded_is_a_recording_whose_pictures_are_the_frames(twelve):
-    recording, source = read_recording(twelve), Swinging(12)
-    np.testing.assert_allclose(recording.exposures_s, 100.0 + INTERVAL_S * np.arange(12), atol=1e-9)
-    with recording.open_frames() as frames:
-        for k, frame in enumerate(frames):
-            source.now = 200.0
-            np.testing.assert_array_equal(frame.image, source.next().image, err_msg=f"frame {k}")
 
 
 def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(twelve, tmp_path):
@@ -158,7 +132,7 @@ def test_what_a_kill_leaves_is_replayed_up_to_its_last_picture(twelve, tmp_path)
 
 
 def test_a_recording_that_begins_in_the_middle_says_so(tmp_path):
-    folder = recorded(tmp_path, Swinging(20), record_at=8)
+    folder = recorded(tmp_path, swinging(20), record_at=8)
     done = again(folder)
     assert not done.begun
     assert done.frames == 12
@@ -198,15 +172,6 @@ def test_a_recording_that_ended_takes_nothing_more(tmp_path):
     assert one.n_frames == 1
     assert [done.act for done in read_journal(one.folder / JOURNAL)] == [Act.BEGIN, Act.MARKS]
     assert (one.folder / "frames.csv").read_text(encoding="utf-8").split() == ["frame,exposure_s", "0,1.000000000"]
-
-
-def test_the_written_scene_is_read_to_the_last_bit(tmp_path):
-    """What a run uses is what its folder says: read and written again, not a digit changes."""
-    scene = as_written(scene_of(read_scenario("webcam")))
-    write_scene(scene, tmp_path / "scene.toml")
-    read = read_scene(tmp_path / "scene.toml")
-    assert scene_text(read) == scene_text(scene)
-    np.testing.assert_array_equal(read.network.positions, scene.network.positions)
 
 
 def test_a_recording_that_cannot_keep_up_ends_and_the_run_goes_on(tmp_path, monkeypatch, capfd):

@@ -2,18 +2,18 @@
 
 import csv
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import count, pairwise
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 import vision
+from experiments.formats.needle_file import NeedlePlan
+from experiments.formats.scene.scene import Scene
 from experiments.pipeline.live.following import follow
 from experiments.pipeline.live.session import LIVE_DEFAULTS, Session
-from experiments.simulation.phantom_camera import PhantomCamera
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
 from tests.experiments.webcam import coarse_webcam
@@ -32,8 +32,9 @@ def image() -> np.ndarray:
 class Clocked(vision.EveryFrame):
     """A source that gives frames when the test's clock reaches their arrival, and moves that clock while it waits."""
 
-    def __init__(self, frames: list[tuple[float, Frame]], events: list[SourceEvent], end_s: float) -> None:
-        self.now, self.end_s = 100.0, end_s
+    def __init__(self, frames: list, events: Sequence[SourceEvent] = (), end_s: float | None = None) -> None:
+        """Frames, or exposures, by their arrivals; the source ends with the last, or at this time [s]."""
+        self.now, self.end_s = 100.0, frames[-1][0] if end_s is None else end_s
         self._arrivals, self._reported = deque(frames), deque(events)
 
     @property
@@ -61,55 +62,21 @@ def frames_at(times_s: np.ndarray, image: np.ndarray) -> list[tuple[float, Frame
 
 
 def run(
-    source: Clocked, folder: Path, seconds: float = np.inf, attend: Callable[[Session], None] = lambda _session: None
+    source: Clocked,
+    folder: Path,
+    attend: Callable[[Session], None] = lambda _session: None,
+    scene: Scene | None = None,
+    plan: NeedlePlan | None = None,
+    tested_s: float | None = None,
 ) -> tuple[Session, list[dict[str, str]], list[tuple[float, str]]]:
-    """The session, its rows, and what was shown when; attend: at each turn."""
+    """The session, its rows, and what was shown when; attend: at each turn; tested_s: when forces were tested."""
     shown: list[tuple[float, str]] = []
-    scene, rows = scene_of(coarse_webcam()), folder / "estimates.csv"
-    session = Session(scene, rows, lambda text: shown.append((source.now, text)), clock=lambda: source.now)
-    follow(session, source, seconds, clock=lambda: source.now, attend=lambda: attend(session))
+    scene, rows = scene or scene_of(coarse_webcam()), folder / "estimates.csv"
+    session = Session(scene, rows, lambda text: shown.append((source.now, text)), needle=plan, clock=lambda: source.now)
+    session.integrity.tested_s = tested_s
+    follow(session, source, np.inf, clock=lambda: source.now, attend=lambda: attend(session))
     session.close()
     return session, list(csv.DictReader(rows.read_text(encoding="utf-8").splitlines())) if rows.exists() else [], shown
-
-
-class PacedPhantom(vision.EveryFrame):
-    """The simulated phantom by the test's clock: frames when they are due, and drawing takes no time."""
-
-    def __init__(self) -> None:
-        self.now = 100.0
-        self.camera = PhantomCamera(coarse_webcam(), clock=lambda: self.now, sleep=self._sleep)
-        self.truth_m: list[np.ndarray] = []
-
-    ended = False
-
-    def _sleep(self, seconds: float) -> None:
-        self.now += seconds
-
-    def next(self, timeout_s: float = 0.0) -> Frame | None:
-        self.camera.grab()
-        image = self.camera.retrieve()[1]
-        scene = self.camera.scene
-        self.truth_m.append(self.camera.positions[scene.network.index(scene.target.node)])
-        return Frame(len(self.truth_m), 1e-3 * self.camera.get(cv2.CAP_PROP_POS_MSEC), image)
-
-    def take_events(self) -> tuple[SourceEvent, ...]:
-        return ()
-
-
-@pytest.mark.slow
-def test_the_phantom_is_followed_frame_by_frame(tmp_path):
-    """A second at 30 frames/s by the test's clock: every frame, none without; a third of the paper's error."""
-    source = PacedPhantom()
-    session, rows, _ = run(source, tmp_path, 1.0)
-    assert session.counters.frames == len(rows) == 30
-    assert session.counters.without_frame == session.counters.not_used == 0
-    np.testing.assert_allclose(np.diff([float(row["time_s"]) for row in rows]), INTERVAL, atol=1e-6)
-    status = [row["status"] for row in rows]
-    assert status[0] == "INITIALISING"
-    assert set(status[10:]) == {"TRACKING"}
-    assert session.counters.latencies.worst_ms < 1e-6
-    xy = 1e-3 * np.array([[float(row["x_mm"]), float(row["y_mm"])] for row in rows])
-    assert np.hypot(*(xy - source.truth_m)[10:].T).mean() < 0.003
 
 
 def test_frames_dropped_before_the_loop_began_are_no_deadlines_missed(tmp_path, image):

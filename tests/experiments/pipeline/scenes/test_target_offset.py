@@ -143,9 +143,3 @@ def test_the_truth_has_whatever_the_target_has_beside_its_node(tmp_path: Path, m
     after = track(read_recording(folder))
     np.testing.assert_allclose(after.truth - before.truth, np.tile([0.0, -0.02], (6, 1)), atol=1e-12)
     assert figures(after, FILTER)["mae_mm"] == pytest.approx(figures(before, FILTER)["mae_mm"], rel=1e-9)
-
-
-def test_a_scene_keeps_it_and_one_without_names_none(tmp_path: Path) -> None:
-    point = recording(tmp_path / "point", OFFSET_M)
-    assert read_scene(point / "scene.toml").target.offset_m == pytest.approx(OFFSET_M, abs=1e-15)
-    assert "offset_mm" not in (recording(tmp_path / "node", ()) / "scene.toml").read_text()

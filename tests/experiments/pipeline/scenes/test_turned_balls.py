@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dynamics import MassSpringNetwork
 from experiments.film.taken import kinds_of
 from experiments.formats.scene.scene import Mark, Scene, Target
 from experiments.pipeline.line import Line
 from experiments.simulation.plane_film import draw
+from tests.networks import build_network
 from vision import Disc, Lighting, PlaneCamera, draw_frame
 
 FOCAL_PX, AWAY_M, TURN_RAD, RADIUS_M = 800.0, 1.0, np.radians(45.0), 0.02
@@ -25,19 +25,8 @@ def turned() -> PlaneCamera:
 
 def hanging(ball: bool) -> Scene:
     """A ball, or a disc of the plane, of 16 px in the picture's middle, on a spring."""
-    network = MassSpringNetwork(
-        names=("hook", "ball"),
-        positions=np.array([[0.0, 0.0], PLACE_M]),
-        masses=np.array([0.05, 0.05]),
-        fixed=np.array([True, False]),
-        drag=np.zeros(2),
-        friction=np.zeros(2),
-        springs=np.array([[0, 1]]),
-        stiffness=np.array([60.0]),
-        rest_lengths=np.array([0.1 - 0.05 * 9.81 / 60.0]),
-        damping=np.array([0.5]),
-        gravity=np.array([0.0, -9.81]),
-    )
+    constants = {"masses": 0.05, "stiffness": 60.0, "rest_lengths": 0.1 - 0.05 * 9.81 / 60.0, "damping": 0.5}
+    network = build_network([[0.0, 0.0], PLACE_M], [[0, 1]], [0], ["hook", "ball"], gravity=[0.0, -9.81], **constants)
     mark = Mark("ball", 0.0, 2.0 * RADIUS_M, even=False, ball=ball)
     return Scene(network, (mark,), Target("ball", RADIUS_M), (turned(),))
 

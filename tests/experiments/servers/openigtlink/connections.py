@@ -12,9 +12,8 @@ from experiments.servers.feed import Feed
 from experiments.servers.openigtlink.codec import HEADER, Message, decode, decode_header
 from experiments.servers.openigtlink.server import serve
 from tests.experiments.servers.openigtlink.states import SCENE, state
+from tests.experiments.waiting import SOON_S
 
-SOON_S = 60.0
-"""For what comes at once; a busy machine takes long."""
 NEVER_STALE = 3_600_000
 """In place of 200 ms where staleness is not the point: a busy machine takes long."""
 
@@ -57,6 +56,15 @@ def feed_of(**scene: Any) -> tuple[Feed, list[dict[str, Any]]]:
     """A feed of the scene with these keys, and the list of commands that come back through it."""
     commands: list[dict[str, Any]] = []
     return Feed(SCENE | {"stale_ms": NEVER_STALE} | scene, commands.append), commands
+
+
+@contextlib.asynccontextmanager
+async def served_client(**scene: Any) -> AsyncIterator[tuple[Feed, list[dict[str, Any]], "Client"]]:
+    """A feed of the scene with these keys, commands that come back, and a client that has the body's message."""
+    feed, commands = feed_of(**scene)
+    async with serving(feed) as port, connected(port) as client:
+        await client.next()
+        yield feed, commands, client
 
 
 def publish(feed: Feed, **other: Any) -> None:

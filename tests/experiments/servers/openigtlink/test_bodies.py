@@ -5,7 +5,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pyigtl.messages import PolyDataMessage, StringMessage
 
 from experiments.servers.openigtlink.bodies import (
     PointBody,
@@ -65,13 +64,6 @@ def test_the_published_cube():
     assert ours[:36] == body[:36]
     assert ours[36:40] == bytes(4)
     assert ours[40:] == body[40 : 40 + 8 * 12 + 6 * 20]
-
-
-def test_strings_and_surfaces_are_those_of_pyigtl():
-    assert pack_string('{"a": 1}') == StringMessage('{"a": 1}')._pack_content()
-    points, polygons = unit_sphere()
-    cells = np.array([number for polygon in polygons for number in (len(polygon), *polygon)])
-    assert pack_surface(points, polygons) == PolyDataMessage(points=points, polygons=cells)._pack_content()
 
 
 def test_the_unit_sphere_is_one():

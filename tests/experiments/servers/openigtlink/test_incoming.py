@@ -42,12 +42,6 @@ def test_a_tracked_needle_is_a_command(dim: int, direction: list[float]):
     assert command["direction"] == pytest.approx(direction[:dim], abs=1e-6)
 
 
-def test_a_needle_across_the_plane_is_refused():
-    with pytest.raises(RefusedError, match="plane") as refused:
-        Incoming(2).commands(pose([0.3, 0.1, 0.9], [0.0, 0.0, 0.0]))
-    assert refused.value.instead == (UNSEEN,)
-
-
 @pytest.mark.parametrize(
     ("status", "command"),
     [
@@ -120,12 +114,20 @@ def needle(axes: np.ndarray, tip_mm: tuple[float, float, float] = (1.0, 2.0, 3.0
     return sent(TransformMessage(matrix, device_name="NeedleTipToReference"))
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("name", NO_ROTATIONS)
-def test_a_matrix_that_is_no_rotation_is_a_needle_that_is_not_seen(name: str, dim: int):
-    into_the_plane = turned(0, -90.0) if dim == 2 else np.eye(3)
-    with pytest.raises(RefusedError, match="needle: expected") as refused:
-        Incoming(dim).commands(needle(into_the_plane @ NO_ROTATIONS[name]))
+INTO_THE_PLANE = turned(0, -90.0)
+NO_NEEDLES = {
+    **{f"{name}, in space": (3, needle(axes), "needle: expected") for name, axes in NO_ROTATIONS.items()},
+    **{f"{name}, flat": (2, needle(INTO_THE_PLANE @ axes), "needle: expected") for name, axes in NO_ROTATIONS.items()},
+    "across the plane": (2, pose([0.3, 0.1, 0.9], [0.0, 0.0, 0.0]), "plane"),
+    "a tip 10 m away": (3, needle(np.eye(3), (0.0, 0.0, 10_001.0)), "needle.tip_mm"),
+}
+
+
+@pytest.mark.parametrize("name", NO_NEEDLES)
+def test_a_pose_that_no_needle_has_is_one_that_is_not_seen(name: str):
+    dim, message, said = NO_NEEDLES[name]
+    with pytest.raises(RefusedError, match=said) as refused:
+        Incoming(dim).commands(message)
     assert refused.value.instead == (UNSEEN,)
 
 
@@ -134,12 +136,6 @@ def test_every_rotation_is_taken_with_the_rounding_of_trackers(axes: np.ndarray)
     for rounded in (axes, np.round(axes, 3), 1.002 * axes):
         (command,) = Incoming(3).commands(needle(rounded))
         assert command["direction"] == pytest.approx(rounded[:, 2].tolist(), abs=1e-6)
-
-
-def test_a_tip_10_m_away_is_a_needle_that_is_not_seen():
-    with pytest.raises(RefusedError) as refused:
-        Incoming(3).commands(needle(np.eye(3), (0.0, 0.0, 10_001.0)))
-    assert refused.value.instead == (UNSEEN,)
 
 
 def test_points_are_sightings_of_the_target():

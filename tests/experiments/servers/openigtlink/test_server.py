@@ -3,7 +3,6 @@
 import asyncio
 import contextlib
 import json
-import struct
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +22,7 @@ from tests.experiments.servers.openigtlink.connections import (
     drained,
     feed_of,
     publish,
+    served_client,
     serving,
     until,
     with_little_room,
@@ -69,20 +69,6 @@ async def test_pyigtl_receives_the_target_and_sends_needle_and_fix():
 
 
 @awaited
-async def test_a_client_gets_the_sphere_once_then_each_moment_of_version_2():
-    feed, _ = feed_of()
-    async with serving(feed) as port, connected(port) as client:
-        sphere = await client.reader.readexactly(58)
-        assert (sphere[:2], sphere[2:10]) == (bytes([0, 2]), b"POLYDATA")
-        await client.reader.readexactly(int.from_bytes(sphere[42:50], "big"))
-        for x_mm in (1.0, 2.0):
-            publish(feed, target_mm=[x_mm, 0.0])
-            moment = [await client.next() for _ in range(5)]
-            assert [m.type for m in moment] == ["TRANSFORM", "TRANSFORM", "STATUS", "STRING", "TRANSFORM"]
-            assert struct.unpack(">f", moment[0].content[36:40]) == (x_mm,)
-
-
-@awaited
 async def test_a_feed_that_says_nothing_is_stale_and_nothing_else_is_sent():
     """What was there before a server began is of unknown age, and is not sent either."""
     feed, _ = feed_of(stale_ms=50)
@@ -104,9 +90,7 @@ async def test_a_feed_that_says_nothing_is_stale_and_nothing_else_is_sent():
 
 @awaited
 async def test_a_lost_target_has_no_transform():
-    feed, _ = feed_of()
-    async with serving(feed) as port, connected(port) as client:
-        await client.next()
+    async with served_client() as (feed, _, client):
         publish(feed, status="LOST")
         assert [(await client.next()).type for _ in range(2)] == ["STATUS", "STRING"]
         publish(feed)
@@ -134,9 +118,7 @@ async def test_who_sends_the_needle_is_not_sent_it():
 
 @awaited
 async def test_a_pose_that_makes_no_sense_is_answered():
-    feed, commands = feed_of(dim=3)
-    async with serving(feed) as port, connected(port) as client:
-        await client.next()
+    async with served_client(dim=3) as (_, commands, client):
         client.writer.write(needle(2.0 * np.eye(4)))
         assert status_in(await client.until("SoftaimReply")) == (Code.ILLEGAL_INSTRUCTION, "REFUSED")
         client.writer.write(NEEDLE)
@@ -155,9 +137,7 @@ async def test_a_pose_that_makes_no_sense_is_answered():
 )
 @awaited
 async def test_a_needle_whose_next_pose_is_refused_is_not_seen(refused: bytes):
-    feed, commands = feed_of(dim=3)
-    async with serving(feed) as port, connected(port) as client:
-        await client.next()
+    async with served_client(dim=3) as (_, commands, client):
         client.writer.write(NEEDLE + refused)
         await until(lambda: len(commands) >= 2)
     assert [command["command"] for command in commands] == ["needle", "needle_unseen"]
@@ -274,9 +254,7 @@ async def test_a_slow_client_loses_old_moments_and_gets_the_newest():
 async def test_commands_are_taken_from_this_machine_alone(host: str, monkeypatch):
     """The other end is taken to be where it says; one elsewhere gets an answer, and stays."""
     monkeypatch.setattr("experiments.servers.openigtlink.server._name", lambda _writer: host)
-    feed, commands = feed_of()
-    async with serving(feed) as port, connected(port) as client:
-        await client.next()
+    async with served_client() as (feed, commands, client):
         client.writer.write(POINT.pack())
         if host == "192.0.2.7":
             assert status_in(await client.until("SoftaimReply")) == (Code.ACCESS_DENIED, "REFUSED")

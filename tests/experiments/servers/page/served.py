@@ -6,7 +6,6 @@ import asyncio
 import json
 import socket
 import threading
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
@@ -14,10 +13,9 @@ from typing import Any
 from experiments.servers.faces import names_of
 from experiments.servers.feed import Feed, Message
 from experiments.servers.page.serving import serve
+from tests.experiments.waiting import SOON_S, until
 
 TOKEN = "a-token-of-tests"
-SOON_S = 60.0
-"""For what comes at once; a busy machine takes long."""
 
 
 class Served:
@@ -40,12 +38,7 @@ class Served:
         """Publish a state from any thread."""
         self.loop.call_soon_threadsafe(self.feed.publish, json.dumps(state, allow_nan=False).encode(), picture)
 
-    def until(self, holds: Any, timeout_s: float = SOON_S) -> None:
-        """Wait for a condition, as short as it takes."""
-        ends = time.monotonic() + timeout_s
-        while not holds():
-            assert time.monotonic() < ends, "the condition did not come to hold"
-            time.sleep(0.005)
+    until = staticmethod(until)
 
     @property
     def address(self) -> str:

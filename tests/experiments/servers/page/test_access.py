@@ -5,7 +5,7 @@ import json
 from collections.abc import Iterator
 
 import pytest
-from websockets.exceptions import ConnectionClosedError, InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from tests.experiments.servers.page import messages
@@ -46,6 +46,14 @@ def stream(one: Served, *tokens: str, query: str = "", **headers: str) -> Client
         proxy=None,
         open_timeout=SOON_S,
     )
+
+
+def ended(client: ClientConnection) -> int:
+    """The code with which the server ends a client's connection."""
+    with pytest.raises(ConnectionClosed) as caught:
+        client.recv(SOON_S)
+    assert caught.value.rcvd is not None
+    return caught.value.rcvd.code
 
 
 @pytest.mark.parametrize("name", ["127.0.0.1:{port}", "localhost:{port}", "LOCALHOST:{port}"])
@@ -132,14 +140,12 @@ def test_the_token_writes(one: Served) -> None:
 @pytest.mark.parametrize("tokens", [("wrong",), (TOKEN[:-1],), ("",), (TOKEN, "wrong")])
 def test_a_wrong_token_reads_nothing_anywhere(one: Served, closed: Served, tokens: tuple[str, ...]) -> None:
     for serving in (one, closed):
-        with stream(serving, *tokens) as client, pytest.raises(ConnectionClosedError) as caught:
-            client.recv(SOON_S)
-        assert caught.value.rcvd is not None
-        assert caught.value.rcvd.code == 4401
+        with stream(serving, *tokens) as client:
+            assert ended(client) == 4401
 
 
 def test_off_the_loopback_reading_needs_the_token(closed: Served) -> None:
-    with stream(closed) as client, pytest.raises(ConnectionClosedError):
-        client.recv(SOON_S)
+    with stream(closed) as client:
+        assert ended(client) == 4401
     with stream(closed, TOKEN) as client:
         assert json.loads(client.recv(SOON_S))["type"] == "scene"

@@ -161,7 +161,7 @@ def test_a_picture_of_which_nothing_is_known_is_shown_alone(browser: Any, shown:
     assert not browser.find_element("id", "unseen").is_displayed()
 
 
-def test_silence_is_shown_as_stale_and_go_is_gone(browser: Any, shown: Fed) -> None:
+def test_silence_is_shown_as_stale_go_is_gone_and_inside_it_says_to_stop(browser: Any, shown: Fed) -> None:
     shown.silence(browser)
     stop_clock(browser, STALE_S - 600.0)
     assert word(browser) == "GO"
@@ -171,6 +171,7 @@ def test_silence_is_shown_as_stale_and_go_is_gone(browser: Any, shown: Fed) -> N
     assert "STALE" in text
     assert "GO" not in text.split()
     assert browser.find_element("id", "spoken").get_attribute("textContent") == "STALE"
+    assert browser.find_element("id", "why").text.endswith("The needle is inside: stop")
     shown.silent.clear()
     shown.one.until(lambda: word(browser) == "GO")
 
@@ -218,13 +219,6 @@ def test_abort_has_a_colour_and_a_shape_of_its_own_and_is_spoken(browser: Any, s
     assert advice.find_element("tag name", "use").get_attribute("href") == "#shape-stop"
     assert browser.find_element("id", "turn").text == ""
     assert browser.find_element("id", "spoken").get_attribute("textContent") == "ABORT"
-
-
-def test_stale_with_the_needle_inside_says_to_stop(browser: Any, shown: Fed) -> None:
-    shown.silence(browser)
-    stop_clock(browser, STALE_S + 1.0)
-    shown.one.until(lambda: word(browser) == "STALE")
-    assert browser.find_element("id", "why").text.endswith("The needle is inside: stop")
 
 
 def test_buttons_and_keys_send_their_commands(browser: Any, shown: Fed) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import socket
-import time
 
 import pytest
 
@@ -11,23 +10,14 @@ from experiments.pipeline.live.marks.feeds import PipeFeed, UdpFeed, udp_feed
 from experiments.pipeline.live.marks.lines import LONGEST_LINE
 from experiments.pipeline.live.marks.receiver import LiveMarks
 from experiments.simulation.simulate import scene_of
+from tests.experiments.waiting import SOON_S, until
 from vision import SourceError
 
 SCENE = scene_of(read_scenario("webcam"))
-SOON_S = 60.0
-"""For what comes at once; a busy machine takes long."""
 
 
 def line(time_s: float) -> bytes:
     return f'{{"time_s": {time_s}, "marks": [{{"node": "M3", "x_mm": {time_s}, "y_mm": 390, "sd_mm": 1}}]}}\n'.encode()
-
-
-def until(condition) -> None:
-    """Wait for another thread; a fault is a failure after a minute, not a hang."""
-    end = time.monotonic() + SOON_S
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.005)
 
 
 @pytest.fixture
@@ -36,16 +26,6 @@ def udp():
     with LiveMarks(SCENE, feed) as marks, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
         sender.connect(feed.address)
         yield feed, marks, sender
-
-
-def test_datagrams_are_frames(udp) -> None:
-    _, marks, sender = udp
-    for k in range(3):
-        sender.send(line(float(k)))
-        frame = marks.next(SOON_S)
-        assert [mark.node for mark in frame.marks] == ["M3"]
-        assert frame.index == k
-    assert marks.frames_dropped == 0
 
 
 def test_one_datagram_may_hold_several_lines_and_faults_stop_nothing(udp) -> None:

@@ -38,10 +38,6 @@ def test_a_line_states_a_time_and_marks() -> None:
     assert frame.marks[0].sd_m == pytest.approx(5e-4, rel=1e-15)
 
 
-def test_a_frame_without_marks_is_a_frame() -> None:
-    assert read_line(b'{"marks": [], "time_s": 3}', FLAT).marks == ()
-
-
 def test_in_space_a_mark_has_a_z() -> None:
     scene = in_space()
     line = '{"time_s": 0, "marks": [{"node": "D", "x_mm": 1, "y_mm": 2, %s"sd_mm": 1}]}'
@@ -120,11 +116,6 @@ def test_what_is_no_frame_is_refused_in_one_line(line: str, message: str) -> Non
     assert str(error.value).startswith(message)
     assert str(error.value).isprintable()
     assert len(str(error.value)) < 160
-
-
-def test_bytes_that_are_no_text_are_refused() -> None:
-    with pytest.raises(LineError, match=r"^expected a line of JSON, found"):
-        read_line(b'\xff\xfe{"time_s": 1}', FLAT)
 
 
 JSON = st.recursive(

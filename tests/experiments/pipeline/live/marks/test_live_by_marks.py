@@ -3,7 +3,6 @@
 import csv
 import json
 import os
-import socket
 import threading
 import time
 from collections import Counter
@@ -25,18 +24,8 @@ from experiments.pipeline.live.session import Session
 from experiments.pipeline.track import track
 from tests.experiments.command import softaim
 from tests.experiments.pipeline.live.marks.test_replay import Hand
-from tests.experiments.pipeline.live.test_preparing import times_of
+from tests.experiments.simulation.test_simulate_scenes import HANGING, SCENARIO
 
-ROOT = Path(__file__).parents[5]
-SCENARIO = """version = 1
-scene = "hanging.toml"
-duration_s = 1.0
-[release]
-node = "a"
-force_n = [0.2, 0.0, 0.3]
-[marks]
-sd_mm = 0.2
-"""
 NEEDLE = "version = 1\nentry_mm = [0.0, -50.0, 60.0]\ndirection = [0.0, 0.0, -1.0]\nspeed_mm_s = 200.0\n"
 NEEDLE += "[lesion]\nradius_mm = 8.0\n"
 
@@ -45,8 +34,8 @@ NEEDLE += "[lesion]\nradius_mm = 8.0\n"
 def folder(tmp_path_factory) -> Path:
     """Two masses that hang in space, pulled aside and let go: a scene without a camera, and a second of marks."""
     folder = tmp_path_factory.mktemp("swing")
-    (folder / "hanging.toml").write_text((ROOT / "tests/experiments/hanging.toml").read_text())
-    (folder / "swing.toml").write_text(SCENARIO)
+    (folder / "hanging.toml").write_text(HANGING)
+    (folder / "swing.toml").write_text(SCENARIO.replace("seed = 5\n", ""))
     (folder / "needle.toml").write_text(NEEDLE)
     assert softaim("simulate", folder / "swing.toml", "--out", folder / "rec") == 0
     return folder
@@ -93,38 +82,11 @@ def test_a_replay_gives_the_estimates_of_track(tmp_path, recording, folder) -> N
     assert {"GO", "WAIT", "REALIGN"} & set(advice["advice"])
 
 
-def test_frames_without_marks_coast_as_those_of_a_camera_do(tmp_path, recording) -> None:
-    """Half a second of marks, then frames without: COASTING, and LOST a second after the last mark."""
-    n, times = 15, np.arange(60) / 30.0
-    marks = [*recording.marks[:n], *((),) * (len(times) - n)]
-    session, rows = replayed(recording.scene, tmp_path, times, marks)
-    since = rows["time_s"] - rows["time_s"].iloc[n - 1]
-    assert set(rows["status"][(since > 0.0) & (since < 0.99)]) == {"COASTING"}
-    assert set(rows["status"][since > 1.01]) == {"LOST"}
-    assert session.counters.without_frame == 0
-
-
-def test_marks_that_are_not_played_yet_tell_their_own_time(tmp_path, folder) -> None:
-    times = times_of(folder / "rec", tmp_path / "out")
-    assert set(times.before) == {0.0}
-    assert 0.0 <= min(times.then) <= max(times.then) < 3.0
-
-
 def test_which_names_are_sources_of_marks(tmp_path, folder) -> None:
     for name in ("-", "stdin", "udp://:5005", str(folder / "rec"), str(folder / "rec" / "marks.csv")):
         assert is_mark_source(name), name
     for name in ("0", "film.mp4", "phantom", "film+udp://127.0.0.1:5005", "rtsp://camera/1", str(tmp_path)):
         assert not is_mark_source(name), name
-
-
-@pytest.mark.slow
-def test_a_file_of_marks_is_followed_by_the_command(tmp_path, folder, capsys) -> None:
-    out, marks = tmp_path / "out", folder / "rec" / "marks.csv"
-    assert softaim("live", "--source", marks, "--out", out, "--needle", folder / "needle.toml", "--no-page") == 0
-    rows = pd.read_csv(out / "estimates.csv")
-    assert rows["status"].iloc[-1] == "TRACKING"
-    assert len(pd.read_csv(out / "advice.csv")) >= len(rows) > 3
-    assert "ENDED: after the last frame" in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -163,34 +125,3 @@ def test_lines_through_a_pipe_are_followed_and_garbage_stops_nothing(tmp_path, f
     assert "malformed" in printed
     assert 'REFUSED: 1 malformed: expected a line of JSON, found "nonsense"' in reported
     assert "Traceback" not in reported
-
-
-@pytest.mark.slow
-def test_datagrams_are_followed_for_a_while(tmp_path, folder, recording, capsys) -> None:
-    """Each frame is sent twice: the second is refused."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    over = threading.Event()
-
-    def send() -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
-            k = 0
-            while not over.wait(0.03):
-                k += 1
-                for _ in range(2):
-                    sender.sendto(line(0.03 * k, recording, k % len(recording.marks)), ("127.0.0.1", port))
-
-    sending = threading.Thread(target=send)
-    sending.start()
-    words = "--source", f"udp://:{port}", "--scene", folder / "hanging.toml", "--out", tmp_path / "out"
-    code = softaim("live", *words, "--duration", 1.5, "--json", "--no-page")
-    over.set()
-    sending.join()
-    assert code == 0
-    printed = capsys.readouterr()
-    counted = json.loads(printed.out)
-    assert counted["frames"] > 3
-    assert counted["statuses"]["TRACKING"] > 0
-    assert counted["refused"]["out of order"] > 3
-    assert "REFUSED: 1 out of order: time_s: expected more than" in printed.err
