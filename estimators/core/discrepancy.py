@@ -1,4 +1,4 @@
-"""The discrepancy: displacements that the model does not explain, as a random field of unknown level."""
+"""The discrepancy, a random field of unknown level: displacements that the model does not explain; noise of marks."""
 
 from __future__ import annotations
 
@@ -41,6 +41,9 @@ class Discrepancy:
     levels : tuple of float
         Standard deviations of the long field, relative to the body's extent, with equal prior probability; the marks
         determine their posterior [1]; choice.
+    noises : tuple of (float, float)
+        Factors on the stated standard deviation of marks, at least 1, and the prior probability of each; the marks
+        determine their posterior [1]; choice.
     short : float
         Standard deviation of the short field, relative to the long field's [1]; choice.
     lengths : tuple of float
@@ -58,6 +61,7 @@ class Discrepancy:
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
+    noises: tuple[tuple[float, float], ...] = ((1.0, 0.99), (3.0, 0.01))
     short: float = 0.33
     lengths: tuple[float, float] = (1.5, 0.25)
     lasting_s: float = 0.3
@@ -91,51 +95,65 @@ class Discrepancy:
 
 
 class LevelPosterior:
-    """Posterior of the discrepancy's level, from how well the other marks of a frame predict each mark.
+    """Posterior of the discrepancy's level and the marks' noise, from how well other marks predict each mark.
 
     The joint likelihood of all marks is not used: it says little about the prediction of one place from others, which
     matters for a hidden target, and favours levels that are too small.
 
-    State: log-probability of each level, (n_levels,); log_withheld, the log likelihood of the marks of the last frame,
-    each given those that are not withheld with it.
+    State: log-probability of each pair of a level and a noise, (n,); log_withheld, the log likelihood of the marks of
+    the last frame, each given those that are not withheld with it.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
-        self.prior, self.levels = prior, np.array(prior.levels)
-        self.log_prior = np.full(len(self.levels), -np.log(len(self.levels)))
+        noises, odds = np.array(prior.noises).T
+        self.prior, self.levels = prior, np.repeat(prior.levels, len(noises))
+        self.noises = np.tile(noises, len(prior.levels))
+        self.log_prior = np.log(np.tile(odds / odds.sum(), len(prior.levels)) / len(prior.levels))
         self.log_weights = self.log_prior.copy()
         self.log_withheld = 0.0
 
     @property
     def level(self) -> float:
         """Root mean square of the level [1]."""
+        return self._rms(self.levels)
+
+    @property
+    def noise(self) -> float:
+        """Root mean square of the factor on the stated standard deviation of marks [1]."""
+        return self._rms(self.noises)
+
+    def _rms(self, values: Floats) -> float:
         weights = np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
-        return float(np.sqrt(weights @ self.levels**2))
+        return float(np.sqrt(weights @ values**2))
 
     def forget(self, dt: float) -> None:
         """Discount earlier evidence after dt [s]."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
-    def update(self, innovation: Floats, S: Floats, fresh: Floats, groups: Sequence[NDArray[np.int64]]) -> None:
-        """Update the probabilities of the levels with the marks of a frame.
+    def update(
+        self, innovation: Floats, S: Floats, fresh: Floats, R: Floats, groups: Sequence[NDArray[np.int64]]
+    ) -> None:
+        """Update the probabilities of levels and noises with the marks of a frame.
 
         Parameters
         ----------
         innovation, S : (m,), (m, m)
-            Innovation of all observations and its covariance, at the present level.
-        fresh : (m, m)
-            Covariance of the part of the discrepancy that is new in this frame, at level 1.
+            Innovation of all observations and its covariance, at the present level and noise.
+        fresh, R : (m, m)
+            Covariance of the part of the discrepancy that is new in this frame, at level 1, and of the observations'
+            errors at the present noise.
         groups : sequence of (k, dim) int
             For each name, the rows that are withheld with it, its own first; without groups the level stays as it is.
         """
         self.log_withheld = 0.0
         if not groups:
             return
-        other = (self.levels**2 - self.level**2)[:, None, None]
+        other, noisier = self.levels**2 - self.level**2, (self.noises / self.noise) ** 2 - 1.0
+        covs = S + other[:, None, None] * fresh + noisier[:, None, None] * R
         rows = np.concatenate([group.ravel() for group in groups])
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
-        found = withheld_log_likelihoods(S + other * fresh, innovation, rows, ends, own)
+        found = withheld_log_likelihoods(covs, innovation, rows, ends, own)
         self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found))
         self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)

@@ -331,4 +331,4 @@ class HypothesisFilter:
         fresh = self.process.fresh(self._dt) * (own @ own.T)
         if self._named != (names, blocks):
             self._named, self._withheld = (names, blocks), self._groups(names, blocks)
-        level.update(found.y[best], found.S[best], fresh, self._withheld)
+        level.update(found.y[best], found.S[best], fresh, together(observations)[1], self._withheld)

@@ -196,10 +196,11 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """The marks, one or more, as a single observation."""
+        """The marks, one or more, as a single observation, with the posterior noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"))
+        found.cov *= self.level.noise**2
         left_out_m2 = self.level.level**2 * np.array([self._left_out_m2[mark.node] for mark in marks])
         found.cov += np.diag(np.repeat(left_out_m2, self.network.dim))
         return found

@@ -333,6 +333,7 @@ class TissueFilter(TissuePosterior):
             status=self.health.status,
             marks_used=marks_used,
             nis=nis,
+            noise=self.level.noise,
             poked=float(self.filter.weights[~self.process.disturbances.calm_modes].sum()),
             model_only=unseen_s > self.settings.lost_s or tissue_m2 > self._model_only_m2,
             gain=None if open_loop_m2 <= 0.0 else 1.0 - tissue_m2 / open_loop_m2,

@@ -123,6 +123,7 @@ class TargetEstimate:
     which considers pokes and wrong constants, is more uncertain than the open loop
     information_share: for each node, relative increase of the target's variance without its mark in this frame
     shift: how well a common shift of all marks explains their innovations; None without marks, and for marks at a start
+    noise: root mean square of the factor on the stated standard deviation of marks [1]; 1 if it is not estimated
     """
 
     time_s: float
@@ -136,6 +137,7 @@ class TargetEstimate:
     gain: float | None = None
     information_share: Mapping[str, float] = field(default_factory=dict)
     shift: CommonShift | None = None
+    noise: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

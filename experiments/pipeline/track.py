@@ -251,7 +251,7 @@ def figures(done: Track, method: str) -> dict[str, float | int | None]:
         found |= {"sigma_mm": float(sigmas_mm.mean()), "sigma_most_mm": float(sigmas_mm.max())}
     fit = fit_of(estimates)
     if fit is not None:
-        found |= {"mean_nis": fit.mean_nis, "nis_low": fit.low, "nis_high": fit.high}
+        found |= {"mean_nis": fit.mean_nis, "nis_low": fit.low, "nis_high": fit.high, "mark_noise": fit.noise}
     return found | {
         "frames": len(rows),
         "frames_lost": int(rows["status"].isin([Status.COASTING, Status.LOST]).sum()),

@@ -27,6 +27,11 @@ ONE_ERROR = 0.999
 MOST_NEES = 2.0
 """Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
 
+NOISY = 1.5
+"""Factor on the stated standard deviation of marks above which it is reported as too small [1]; choice."""
+
+NOISE = "marks are about {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
+
 UNTESTED = "this does not test the hidden target; track --check, a fix or a recording that shows the target does"
 
 MISSED = (Status.COASTING, Status.LOST, Status.DIVERGED)
@@ -43,6 +48,7 @@ class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
     frames: number of frames; degrees: mean degrees of freedom of a frame, two or three per mark; low, high: the band
+    noise: mean estimated factor on the stated standard deviation of marks [1]
     """
 
     mean_nis: float
@@ -50,6 +56,7 @@ class Fit:
     low: float
     high: float
     frames: int
+    noise: float = 1.0
 
     @property
     def ratio(self) -> float:
@@ -70,8 +77,9 @@ def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
     known = np.isfinite(nis)
     if not known.any():
         return None
+    noise = float(np.mean([e.noise for e in judged]))
     mean_degrees, n = float(degrees[known].mean()), int(known.sum())
-    return Fit(float(nis[known].mean()), mean_degrees, *mean_bounds(mean_degrees, n), n)
+    return Fit(float(nis[known].mean()), mean_degrees, *mean_bounds(mean_degrees, n), n, noise)
 
 
 def sigmas_m(estimates: Sequence[TargetEstimate]) -> list[float]:
@@ -149,13 +157,14 @@ def verdict(
         together = f"none of {frames} frames coasting, lost or diverged"
     wide = truth is None or truth.is_wide_enough
     of_marks = NO_MARKS + (LOOK if pictures else CHECK) if fit is None else _fit_words(fit, wide)
+    of_noise = None if fit is None or fit.noise < NOISY else NOISE.format(fit.noise)
     of_target = truth.words if truth is not None else None if fit is None or checked else UNTESTED
     counts = [
         together,
         f"{counted(frozen, 'frame')} frozen: their values repeat earlier ones" if frozen else None,
         f"{counted(refused, 'mark')} refused" if refused else None,
     ]
-    return "; ".join(part for part in (of_marks, of_target, *counts) if part)
+    return "; ".join(part for part in (of_marks, of_noise, of_target, *counts) if part)
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:

@@ -1,5 +1,7 @@
 """The discrepancy's field and its level, against conditional normal distributions and fields drawn at random."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
@@ -68,17 +70,20 @@ def test_withheld_is_the_likelihood_of_each_group_given_all_others() -> None:
         assert log_likelihood + constant == pytest.approx(total, rel=1e-9)
 
 
-def test_levels_are_weighed_by_how_each_mark_follows_from_those_outside_its_group() -> None:
-    """Groups of different size, of two coordinates; the covariance at each level from that at the present one."""
+def test_levels_and_noises_are_weighed_by_how_each_mark_follows_from_those_outside_its_group() -> None:
+    """Groups of different size, of two coordinates; the covariance of each pair from that of the present one."""
     rng, prior = np.random.default_rng(3), Discrepancy(weight=1.0)
     root, field = rng.normal(size=(2, 8, 8))
-    S, fresh, y = root @ root.T + np.eye(8), field @ field.T, rng.normal(size=8)
+    R = np.diag(rng.uniform(0.5, 2.0, 8))
+    S, fresh, y = root @ root.T + R, field @ field.T, rng.normal(size=8)
     groups = [np.array([[0, 1]]), np.array([[2, 3], [0, 1]]), np.array([[4, 5], [6, 7]])]
     posterior = LevelPosterior(prior)
-    level, expected = posterior.level, posterior.log_prior.copy()
-    posterior.update(y, S, fresh, groups)
-    for k, other in enumerate(prior.levels):
-        moved = S + (other**2 - level**2) * fresh
+    level, noise = posterior.level, posterior.noise
+    assert noise**2 == pytest.approx(0.99 + 0.01 * 9.0)
+    posterior.update(y, S, fresh, R, groups)
+    expected = np.log([odds / 3.0 for _ in prior.levels for _, odds in prior.noises])
+    for k, (other, (times, _)) in enumerate(product(prior.levels, prior.noises)):
+        moved = S + (other**2 - level**2) * fresh + (times**2 / noise**2 - 1.0) * R
         for group in groups:
             own, others = group[0], np.setdiff1d(np.arange(8), group)
             gain = np.linalg.solve(moved[np.ix_(others, others)], moved[np.ix_(others, own)]).T
@@ -87,28 +92,31 @@ def test_levels_are_weighed_by_how_each_mark_follows_from_those_outside_its_grou
     np.testing.assert_allclose(posterior.log_weights, expected - np.logaddexp.reduce(expected), rtol=1e-9)
 
 
-@pytest.mark.parametrize("true", [0.003, 0.01, 0.03])
-def test_the_level_that_drew_the_field_is_found(true: float) -> None:
-    """40 frames of 12 marks on a body of 0.1 m, seen to 0.1 mm."""
+@pytest.mark.parametrize(("true", "noise"), [(0.003, 1.0), (0.01, 1.0), (0.03, 1.0), (0.01, 3.0)])
+def test_the_level_and_the_noise_that_drew_the_marks_are_found(true: float, noise: float) -> None:
+    """40 frames of 12 marks on a body of 0.1 m, stated to 0.1 mm."""
     rng, prior = np.random.default_rng(5), Discrepancy()
     places = rng.uniform(0.0, 0.1, (12, 1))
     functions, _ = prior.field(places, np.empty((0, 1)))
     posterior = LevelPosterior(prior)
     groups = [np.array([[k]]) for k in range(12)]
     for _ in range(40):
-        y = true * functions @ rng.normal(size=functions.shape[1]) + 1e-4 * rng.normal(size=12)
-        fresh = functions @ functions.T
-        posterior.update(y, posterior.level**2 * fresh + 1e-8 * np.eye(12), fresh, groups)
+        y = true * functions @ rng.normal(size=functions.shape[1]) + noise * 1e-4 * rng.normal(size=12)
+        fresh, R = functions @ functions.T, posterior.noise**2 * 1e-8 * np.eye(12)
+        posterior.update(y, posterior.level**2 * fresh + R, fresh, R, groups)
         posterior.forget(1.0 / 30.0)
     assert posterior.level == pytest.approx(true, rel=0.15)
+    assert posterior.noise == pytest.approx(noise, rel=0.1)
 
 
 def test_without_marks_the_level_goes_back_to_its_prior() -> None:
     posterior = LevelPosterior(Discrepancy())
     usual = posterior.level
-    posterior.log_weights = np.log([0.98, 0.01, 0.01])
+    posterior.log_weights = np.log(np.kron([0.98, 0.01, 0.01], [0.5, 0.5]))
     assert posterior.level < 0.5 * usual
+    assert posterior.noise == pytest.approx(5.0**0.5)
     posterior.forget(120.0)
+    assert posterior.noise == pytest.approx(1.04, abs=0.02)
     assert posterior.level == pytest.approx(usual, rel=0.1)
     assert usual**2 == pytest.approx(np.mean(np.square(Discrepancy().levels)))
 

@@ -10,7 +10,6 @@ from dynamics.forces.parameters import Parameter, ParameterUncertainty, paramete
 from estimators import FilterSettings, MarkMeasurement, TissueFilter, normalised_error_squared
 from estimators.core.discrepancy import Discrepancy
 from estimators.core.disturbances import Disturbances
-from estimators.core.marks import Places
 from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.process.process_model import FixBias
@@ -112,11 +111,10 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
     for k in range(20):
         tissue.predict(k * HZ)
         marks = rest_marks(phantom, seed=k, shared=shared)
-        before = tissue.filter.state()
+        before, places = tissue.filter.state(), tissue.places(marks)
         tissue.update(marks)
         assert not tissue.filter.outlying.any()
         if k in (0, 19):
-            places = Places(marks, tissue._maps, tissue.process.parts["calibration"])
             modes = np.flatnonzero(tissue.filter.weights)
             assert len(modes) > 1
             means, covs = before["means"], before["covs"]
