@@ -61,9 +61,9 @@ def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording
     return made
 
 
-def _honest(body: str, sd_mm: float, seconds: float) -> Callable[[int], Recording]:
+def _honest(body: str, sd_mm: float, seconds: float, stated: float = 1.0) -> Callable[[int], Recording]:
     def made(seed: int) -> Recording:
-        case = {"body": body, "pushes": "both", "seed": seed, "sd_m": 1e-3 * sd_mm, "stated": 1.0}
+        case = {"body": body, "pushes": "both", "seed": seed, "sd_m": 1e-3 * sd_mm, "stated": stated}
         scene, frames, truth = recorded({**case, "duration_s": seconds})
         places = np.array(truth)[:, None]
         return Recording(scene.network, scene.measured_nodes, [scene.target.point], frames, places)
@@ -96,6 +96,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "four masses, outliers": _four_masses(0.03, lambda _seed: Model(), 5.0),
     "four masses, known to 10 %": _four_masses(0.0, partial(perturbed, known=True), 5.0),
     "four masses, marks to 10 mm": _honest("four masses", 10.0, 5.0),
+    "four masses, noise of 10 mm stated as 3.3 mm": _honest("four masses", 10.0, 5.0, 1.0 / 3.0),
     "breast, marks to 1 mm": _honest("breast", 1.0, 2.0),
     "cable, slow": _zoo("cable-slow", "true", 2.0),
     "cable, fast": _zoo("cable-fast", "true", 1.5),
