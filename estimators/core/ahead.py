@@ -33,8 +33,6 @@ class AheadTables:
         Covariance of the target from unit noise of each source, by the number of steps since that noise.
     by_push : (n_times, dim, n_free dim)
         Shift of the target by a unit force on each free coordinate in one step, by the number of steps since [m/N].
-    chain : (n_modes, n_modes)
-        Probability of each mode after a step, given the mode before.
     """
 
     cycle_s: float
@@ -45,7 +43,6 @@ class AheadTables:
     by_state: Floats
     by_noise: Floats
     by_push: Floats
-    chain: Floats
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
@@ -74,7 +71,6 @@ class AheadTables:
             G,
             np.stack(noises, axis=1),
             pushed,
-            expm(process.rates * cycle_s),
         )
 
     def ahead(self, tissue: TissuePosterior, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
@@ -84,7 +80,7 @@ class AheadTables:
         Raises ValueError before the filter's first frame and for a push of another shape.
         """
         times = self.times(tissue)
-        _, means, covs = self._moments(tissue, tissue.filter.weights, self.chain)
+        _, means, covs = self.parts(tissue)[-1]
         return times, means if push is None else means + self.shift(push), covs
 
     def shift(self, push: Floats) -> Floats:
@@ -103,11 +99,12 @@ class AheadTables:
         network, no node is led.
         """
         n_short, weights = tissue.process.disturbances.n_short, tissue.filter.weights
+        each = np.asarray(expm(tissue.filter.rates * self.cycle_s))  # probability of each mode after a step
         short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
-        for are_kept, chain in [(short == 0, np.tril(self.chain)), (short < 2, self.chain)][: max(1, n_short - 1)]:
+        for are_kept, chain in [(short == 0, np.tril(each)), (short < 2, each)][: max(1, n_short - 1)]:
             kept = np.where(np.outer(are_kept, are_kept), chain, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
-        return [*found, self._moments(tissue, weights, self.chain)]
+        return [*found, self._moments(tissue, weights, each)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
         """Times of the tables [s], (k,), from the filter's time on; raises ValueError before its first frame."""

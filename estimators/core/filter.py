@@ -38,8 +38,7 @@ REBORN = 0.05
 [1]; choice."""
 
 LINEARISATIONS = 10
-"""Largest number of linearisations of a transition and of an observation in a frame; numerical. A stiff, thin body that
-turns needs many."""
+"""Largest number of linearisations of transition and observation in a frame; turned cables need many; numerical."""
 
 LEAST_STEP = 0.125
 """Smallest share of a Gauss-Newton step that is tried [1]; numerical."""
@@ -47,8 +46,12 @@ LEAST_STEP = 0.125
 CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
+SURE, REMEMBERED_S = 1.0, 60.0
+"""Shape of the gamma prior of the factor on rates of onsets (to later modes), whose mean is 1 [1], and time constant
+with which onsets are forgotten [s]; choice."""
+
 STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
-STATE += ["_before", "_transition", "_reference", "_dt"]
+STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
 """Attributes of `HypothesisFilter` that each step replaces."""
 
 Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
@@ -78,6 +81,8 @@ class HypothesisFilter:
         The hypotheses; covariances of those with weight 0 are zero after an update.
     log_likelihood : float
         Log likelihood of the last observations.
+    onsets, exposure : (k,), float
+        Expected number of onsets so far, given the present mode; their number by the process's rates.
     outlying : (n_names,) bool
         Which of the last observations are outliers, by the most probable hypothesis.
     found : Innovations or None
@@ -114,6 +119,7 @@ class HypothesisFilter:
         self._before, self._latest, self.log_likelihood, self._dt = None, None, 0.0, 0.0
         self.outlying = np.zeros(0, dtype=bool)
         self.found: Innovations | None = None
+        self.onsets, self.exposure = np.zeros(k), 0.0
 
     def state(self) -> dict[str, Any]:
         """The complete present state, for `resume`."""
@@ -132,6 +138,13 @@ class HypothesisFilter:
     def variances(self) -> Floats:
         """Present variance of each source of noise in each mode, (n_modes, n_sources)."""
         return self.process.variances(self._level)
+
+    @property
+    def rates(self) -> Floats:
+        """Rates of the modes [1/s], (n_modes, n_modes); the posterior mean of a factor multiplies those of onsets."""
+        factor = (SURE + self.weights @ self.onsets) / (SURE + self.exposure)
+        found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
+        return np.asarray(found - np.diag(found.sum(axis=1)))
 
     @property
     def mean(self) -> Floats:
@@ -154,12 +167,15 @@ class HypothesisFilter:
 
         kick: change of the state by a known force, (n,)
         """
-        live, chain = np.flatnonzero(self.weights), expm(self.process.rates * dt)
+        live, chain = np.flatnonzero(self.weights), expm(self.rates * dt)
         joint = self.weights[live, None] * chain[live]
         weights = joint.sum(axis=0)
         shares = joint / weights
-        shares = np.where(shares < LEAST_SHARE, 0.0, shares)
+        shares[shares < LEAST_SHARE] = 0.0
         shares /= shares.sum(axis=0)
+        kept, onset = np.exp(-dt / REMEMBERED_S), np.triu(np.ones_like(chain), 1)
+        self.exposure = kept * self.exposure + dt * float(self.weights @ (onset * self.process.rates).sum(axis=1))
+        self.onsets = (shares * (kept * self.onsets[:, None] + onset)[live]).sum(axis=0)
         if self.level is not None:
             self.level.forget(dt)
         added = 0.0 if kick is None else kick

@@ -100,9 +100,9 @@ def test_modes_are_mixed_and_weighed_as_interacting_models() -> None:
     found.update([Seen(6.0, 0.04)])
     means, covs, odds = found.means.copy(), found.covs.copy(), found.weights.copy()
     assert 0.3 < odds[1] < 0.999
+    joint = odds[:, None] * expm(0.5 * found.rates)
     found.predict(0.5)
     found.update([Seen(8.1, 0.04)])
-    joint = odds[:, None] * expm(0.5 * rates)
     weights, likelihoods, expected = joint.sum(axis=0), [], []
     for j, sd in enumerate((0.1, 5.0)):
         shares = joint[:, j] / weights[j]
@@ -125,6 +125,20 @@ def test_modes_are_mixed_and_weighed_as_interacting_models() -> None:
     np.testing.assert_allclose(cov, 4.0 * spread[1:, 1:], rtol=1e-9)
 
 
+@pytest.mark.parametrize(("rate", "least", "most"), [(0.25, 0.14, 0.36), (0.0, 0.0, 0.03)])
+def test_the_rate_of_onsets_is_that_of_the_marks(rate: float, least: float, most: float) -> None:
+    """50 s at 2 Hz: pushes that last 1 s begin at this rate [1/s], or never; the process states 0.1 /s."""
+    rng, state, is_pushed = np.random.default_rng(2), np.zeros(2), False
+    found = HypothesisFilter(Point([0.01, 20.0], np.array([[-0.1, 0.1], [1.0, -1.0]])))
+    chain = expm(0.5 * np.array([[-rate, rate], [1.0, -1.0]]))
+    for _ in range(100):
+        is_pushed = bool(rng.random() < chain[int(is_pushed), 1])
+        state = SPEED @ state + (20.0 if is_pushed else 0.01) * rng.choice([-1.0, 1.0]) * np.array([0.125, 0.5])
+        found.predict(0.5)
+        found.update([Seen(state[0] + 0.01 * rng.normal(), 1e-4)])
+    assert least < found.rates[0, 1] < most
+
+
 def test_a_mode_that_the_marks_refute_is_not_mixed_into_the_other() -> None:
     """A thousandth of a wide mode would double the variance of a narrow one."""
     rates = np.array([[-1e-3, 1e-3], [1e-3, -1e-3]])
@@ -145,11 +159,11 @@ def test_a_hypothesis_less_probable_than_its_births_is_left_out_until_marks_ask_
         found.predict(0.5)
         found.update([Seen(0.0, 1e-4)])
     assert found.weights[1] == 0.0
-    narrow = found.covs[0].copy()
+    narrow, chain = found.covs[0].copy(), expm(0.5 * found.rates)
     found.predict(0.5)
     born = SPEED @ narrow @ SPEED.T + 50.0**2 * PUSHED
     np.testing.assert_allclose(found.covs[1], born, rtol=1e-9)
-    np.testing.assert_allclose(found.weights[1], expm(0.5 * rates)[0, 1], rtol=1e-9)
+    np.testing.assert_allclose(found.weights[1], chain[0, 1], rtol=1e-9)
     found.update([Seen(5.0, 1e-4)])
     assert found.weights[1] > 0.999
     assert found.mean[0] == pytest.approx(5.0, abs=0.03)
