@@ -1,1 +1,1 @@
-"""Command line, scenarios, scripts and plots: everything that uses tissue, filters and pictures together."""
+"""Command line, scenarios, scripts and plots: the code that combines tissue, filters and vision."""

@@ -66,7 +66,7 @@ class StandardError(logging.Handler):
 
 
 def _write(line: str) -> None:
-    if sys.stderr is None:  # the program was called without one
+    if sys.stderr is None:  # the program was started without standard error
         return
     with suppress(OSError, ValueError):  # the reader of standard error has gone
         clear = "\r\x1b[K" if sys.stderr.isatty() else ""

@@ -1,6 +1,6 @@
-"""One thread for each library that would start several: for some twenty states, or parts of pictures, more only wait.
+"""One thread per library: for filters with some twenty states, or parts of pictures, more threads would only wait.
 
-It also starts helper processes, and has a thread that prepares items in advance.
+The module also prepares helper processes, and has a thread that prepares items in advance.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def main() -> None:
 
 
 def _words() -> str:
-    """The program and the called subcommand, if it exists."""
+    """The names of the program and of the called subcommand, if it exists."""
     names = {command.__name__.replace("_", "-") for command in COMMANDS}
     return " ".join(["softaim", *(word for word in sys.argv[1:2] if word in names)])
 

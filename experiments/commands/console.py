@@ -74,7 +74,7 @@ def fit_lines(ours: Row) -> list[str]:
     lines = [f"Frames: {statuses}; marks refused: {ours['marks_refused']}", sentence(ours["verdict"])]
     if ours.get("variance_shares"):
         lines.append(
-            f"Advice adds errors that the scene does not state: sigma {ours['sigma_advice_mm']:.2g} mm at the end; "
+            f"Advice also uses errors that the scene does not state: sigma {ours['sigma_advice_mm']:.2g} mm at end; "
             f"shares of this variance: {shares_words(ours['variance_shares'])}"
         )
     return lines

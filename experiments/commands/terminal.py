@@ -13,7 +13,7 @@ FIRST_S = 10.0
 Choice: few lines in a log file."""
 
 COMPILES = "a first run compiles"
-"""Text at the start of a stage: kernels compile in its first steps."""
+"""Text shown at the start of a stage, because kernels compile in its first steps."""
 
 BEGUN = 0.01
 """Completed share of a stage below which it may still compile; choice: the first few of hundreds of frames."""
@@ -28,7 +28,7 @@ Stage = Callable[[str], Callable[[float], None]]
 def progress() -> Iterator[Stage]:
     """Show the progress of a run on standard error: stage(name) returns a function of the completed share.
 
-    Shows a bar on a terminal, and occasional lines elsewhere.
+    Shows a bar on a terminal, otherwise occasional lines.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeRemainingColumn

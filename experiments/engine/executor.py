@@ -26,7 +26,7 @@ BATCH_S = 1.0
 """Time of a batch [s]; choice: sending and collecting a batch takes about 10 ms."""
 
 AHEAD = 2
-"""Number of batches sent for each worker: it works on one while the next one waits at the scheduler."""
+"""Number of batches sent for each worker: it processes one while the next one waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -92,7 +92,7 @@ class _Sending:
         self.waiting, self.alone = deque(range(len(jobs))), deque[int]()
         self.sent: dict[Future, list[int]] = {}
         self.arriving: queue.SimpleQueue[Future] = queue.SimpleQueue()
-        self.run_s = math.inf  # of a run of the last batch
+        self.run_s = math.inf  # mean time of a run in the last batch
         self.n_threads, self.counted, self.had_workers = 1, -math.inf, time.monotonic()
 
     def runs(self) -> Iterator[Run]:
@@ -151,7 +151,7 @@ class _Sending:
             raise InputError.at(
                 "--scheduler", "a scheduler until the last run", f"{last_line(fault)}; run again to continue"
             ) from fault
-        except Exception as fault:  # such as a module that the worker does not have
+        except Exception as fault:  # for example, the worker lacks a module
             return [Run(index, math.nan, failure=last_line(fault)) for index in indices]
         self.waiting.extendleft(reversed(indices[len(runs) :]))
         self.run_s = sum(run.seconds for run in runs) / len(runs)

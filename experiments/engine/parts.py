@@ -18,7 +18,7 @@ KEPT = "kept"
 """The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Time between two parts: at least these seconds [s] and this share of the time since the first part [1]; choice: about
+"""Least time between two parts [s], and as a share of the time since the first part [1]; choice: about
 a thousand parts per day."""
 
 

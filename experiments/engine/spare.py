@@ -22,7 +22,7 @@ WORTH_S = 4.0
 
 
 NEEDED = "estimators"
-"""Package that a process imports when it starts in advance: most of its start of two seconds."""
+"""Package that a process imports when it starts in advance: this import takes most of two seconds."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
@@ -50,7 +50,7 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map that runs in this process; once one took `WORTH_S`, also in a process for each other core.
+    """A map that runs in this process; after a map that took `WORTH_S`, also in a process for each other core.
 
     n_cores: number of cores, by default all. Functions and arguments must be picklable.
     ahead: whether the processes start now, while this one does other work, and help from the first call on

@@ -28,7 +28,7 @@ SELDOM = {
 """Dask's monitoring: the default intervals take 12 % of a core, these 1 %; the dashboard is off."""
 
 DEATHS = 2
-"""Number of deaths of local workers in a batch after which its runs are repeated alone, and in a run after which it has
+"""Number of deaths of local workers after which the runs of a batch are repeated alone, and after which a run has
 failed; choice: one death may have an external cause."""
 
 REACHED_S = 30.0
@@ -151,7 +151,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """The module; for a study run by `python -m` its imports, because each worker runs the module again."""
+    """Modules to load first: this module or, if `python -m` runs it, its imports, since each worker runs it again."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:

@@ -1,6 +1,6 @@
-"""Films of what the camera saw: estimates, marks, reasons.
+"""Films with estimates, marks and reasons drawn over the camera's pictures.
 
 A new kind of drawing belongs here.
 """
 
-# Import each from its own module.
+# Import names from the modules themselves.

@@ -61,7 +61,7 @@ class LiveFilm:
         return sum(thread.n_recorded for thread in self._threads.values())
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Pass a frame to the threads; the oldest waiting picture of one that is too slow is dropped."""
+        """Pass a frame to the threads; a thread that is too slow drops its oldest waiting picture."""
         for name, (image, overlay) in pictures_of(frame, self._cameras, line, step, guidance, self.plan).items():
             self.n_dropped += self._threads[name].make_room()
             self._threads[name].put((step.estimates[FILTER].time_s, image, overlay))
@@ -75,7 +75,7 @@ class LiveFilm:
         try:
             try:
                 join(self.growing)
-            finally:  # films of other cameras than a faulty one
+            finally:  # films of cameras without a fault
                 for path in sorted(self.growing.glob("video.*")):
                     film = folder / path.name.replace("video", "film", 1)
                     shutil.move(path, film)

@@ -56,8 +56,8 @@ class MarkDrawn:
 
     center_px, cov_px2: its detection, (2,), (2, 2); None for a lost mark
     expected_px, expected_cov_px2: its prediction; None if it is not known
-    shape_px: matrix from the unit disc to its image about the center, (2, 2)
-    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False if it only scores estimates
+    shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
+    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False for a mark only for scoring
     """
 
     name: str

@@ -19,7 +19,7 @@ from experiments.pipeline.sight.space import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500
-"""Number of points on a line that are tested for visibility; numerical: its end is off by some pixels."""
+"""Number of points on a line that are tested for visibility; numerical: its visible end has an error of some pixels."""
 
 
 def view_of(scene: Scene, camera: PlaneCamera | SpaceCamera) -> View:
@@ -80,7 +80,7 @@ class PlaneView:
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,); in space False if that is unknown, None."""
+        """Whether a node's mark may be visible at a position [m], (dim,); in space False for an unknown one, None."""
         return True
 
 

@@ -2,7 +2,7 @@
 
 Recordings of 30 frames/s need 33 ms per frame. Processor times on a busy machine: tracking 4.1 ms, projecting and
 drawing 3.4 ms, compression 3.7 ms, in all 11.2 ms. With one of four marks missing in every frame the sum is 32.5 ms, of
-which 25 ms are the search for it.
+which 25 ms are the search for this mark.
 """
 
 from __future__ import annotations

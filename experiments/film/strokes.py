@@ -20,7 +20,7 @@ DARK: Colour = (0, 0, 0)
 SHIFT = 4
 """Number of bits of a position's fraction: positions are drawn to a sixteenth of a pixel."""
 MARGIN_PX = 8.0
-"""Width around a picture in which lines are not clipped [px]: more than that of a line."""
+"""Width of the margin around a picture in which lines are not clipped [px]: more than a line's width."""
 NEAR_PX = 1e4
 """Largest coordinate at which lines need no clipping [px]: OpenCV's integers can represent it."""
 TEXT_PX = 16.0

@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue: nodes, colour range, total area and least area of the smallest mark [px]."""
+    """Marks of one hue: nodes, colour range, total area, and the least area that the smallest mark must show [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Pixels in each kind's colour range. State: their number by kind and frame; frames with least and most."""
+    """Pixels in each kind's colour range. State: their number by kind and frame; frames with the least and the most."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]

@@ -29,7 +29,7 @@ from experiments.formats.toml_file import (
 from vision import Calibration, Lens, Pose, SpaceCamera
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
-"""Factors from a row of uncertainty in metres to the file's units."""
+"""Factors that convert a row of uncertainty from metres to the file's units."""
 
 
 class CameraFile(Strict):

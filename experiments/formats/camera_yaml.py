@@ -50,11 +50,11 @@ def read_lens_file(path: Path) -> LensFile | None:
     if re.search(r"^(camera_matrix|image_width|distortion_model):", text, flags=re.MULTILINE):
         return read_ros_yaml(path)
     if re.search(r"^\s*(T_cam_imu|camera_model|distortion_coeffs|intrinsics):", text, flags=re.MULTILINE):
-        own = "camera_matrix and distortion_coefficients as ROS has them, of its intrinsics and distortion_coeffs"
+        own = "camera_matrix and distortion_coefficients in the form of ROS, from its intrinsics and distortion_coeffs"
         raise InputError.at(path, own, "a file of Kalibr")
     numbers = re.fullmatch(r"(?:\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?\s*[,;]?)+\s*", text)
     if numbers is not None and len(re.split(r"[\s,;]+", text.strip())) % N_DLT == 0:
-        view = "plane_to_px = [[L1, L2, L4], [L5, L6, L8], [L9, L10, 1]], their view of z = 0, of mm and with v down"
+        view = "plane_to_px = [[L1, L2, L4], [L5, L6, L8], [L9, L10, 1]], for z = 0 in mm, with v down"
         raise InputError.at(path, view, "DLT coefficients")
     return None
 
@@ -76,7 +76,7 @@ def read_opencv_yaml(path: Path) -> LensFile:
         with quiet_opencv():
             storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
     except (cv2.error, SystemError):
-        raise InputError.at(path, "YAML of OpenCV", "a file that it cannot read") from None
+        raise InputError.at(path, "YAML of OpenCV", "a file that OpenCV cannot read") from None
     size = [storage.getNode(key) for key in ("image_width", "image_height")]
     if storage.getNode("fisheye_model").isInt() and storage.getNode("fisheye_model").real():
         raise InputError.at(f"{path}: fisheye_model", "0; undistort pictures of a fisheye lens first", "1")

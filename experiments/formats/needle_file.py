@@ -20,7 +20,7 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]` of a needle, which the filter assumes; by default those in soft PVC (`docs/needle.md`).
+    """`[forces]`: forces of the needle that the filter assumes; by default those in soft PVC (`docs/needle.md`).
 
     Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true constant. With
     a puncture_N of 0 the skin has no resistance.
@@ -52,7 +52,7 @@ FORCES = NeedleForces()
 def force_reach_m(network: MassSpringNetwork) -> float:
     """Width of the kernel that distributes a needle's force over nodes [m]: chosen, since it cannot be observed."""
     lengths = network.rest_lengths
-    if not len(lengths):  # points of a continuum: the distance to the nearest point replaces that of a spring
+    if not len(lengths):  # points of a continuum: the distance to the nearest point replaces a spring's length
         places = network.positions
         lengths = np.sort(np.linalg.norm(places[:, None] - places, axis=2), axis=1)[:, 1]
     return 0.3 * float(np.median(lengths))

@@ -41,7 +41,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
         with _accepted(path, "room to write", FULL):
             work = _fresh_folder(path, final)
             yield work
-            _check_free(path, final, force, work)  # again: other programs may have written there meanwhile
+            _check_free(path, final, force, work)  # tested again: other programs may have written there meanwhile
             _hand_over(path, work, final)
     finally:
         if work is not None:
@@ -70,7 +70,7 @@ def _probe(final: Path, folder: Path) -> None:
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
     """The folder `path`, in which files are written directly and stay after an exception.
 
-    For output that cannot be repeated, such as a live run. A new folder without files is removed at the end.
+    It is for output that cannot be repeated, such as a live run. A new folder without files is removed at the end.
     force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))

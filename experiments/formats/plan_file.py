@@ -35,7 +35,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: a segment of skin in the plane, or a box in space; about n of its points are tried as entries."""
+    """`[entry]`: a segment of skin in the plane, or a box in space; about `n` of its points are tried as entries."""
 
     from_mm: Coordinates
     to_mm: Coordinates

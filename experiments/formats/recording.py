@@ -190,7 +190,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames and the marks of each; without given times, those in the file."""
+    """Exposure times of the frames and the marks of each; times are those in the file unless given."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))

@@ -30,7 +30,7 @@ NEAR_SD_MM = 0.5
 """Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
 OPPOSITE = np.cos(np.radians(179.0))
-"""Cosine of 179 degrees: directions with a larger angle between them are opposite."""
+"""Cosine of 179 degrees: directions with a larger angle between them count as opposite."""
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Light = Literal["webcam", "paper"]
@@ -40,8 +40,8 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Relative standard deviations, by kind, of the true constants from the scene's, which the filter uses; each deviation
-is drawn with the seed."""
+"""Relative standard deviations, by kind, of the true constants from the scene's constants, which the filter uses; the
+seed determines the deviations."""
 
 
 class SeenMarks(Strict):
@@ -253,5 +253,5 @@ def scenario_file(name: str) -> Path | None:
 
 
 def scene_file(scenario: Scenario) -> Path | None:
-    """The scene file of a scenario; None for that of a phantom."""
+    """The scene file of a scenario; None for a scenario with a phantom."""
     return None if scenario.scene is None else Path(scenario.scene)

@@ -62,9 +62,9 @@ class Pokes(_Forces):
 
 
 class Breathing(_Forces):
-    """Periodic forces on nodes, like breathing: a wave and half as much of its second harmonic.
+    """Periodic forces on nodes, like breathing: a wave, and its second harmonic with half its amplitude.
 
-    The period is constant in a run. direction: of the force and its first half wave; default `UPWARD`. Without nodes,
+    The period is constant in a run. direction: of the force in its first half wave; default `UPWARD`. Without nodes,
     the whole mass of a continuum is accelerated.
     """
 

@@ -21,7 +21,7 @@ MOST_RUNS = 1_000_000
 """Largest number of runs in a sweep: more are probably a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
-"""Keys of a scenario that a grid may vary; not those of films, which a sweep does not make, and of seeds."""
+"""Keys of a scenario that a grid may vary; not those of seeds, or of films, which a sweep does not make."""
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""The table that each first part of a grid's key varies."""
+"""The table that a grid's key varies, by the key's first part."""
 
 
 class SweepFile(Strict):
@@ -133,7 +133,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A copy of a table with new values, which `at` has by key without its first part."""
+    """A copy of a table with the values of `at`; the first part of each key is ignored."""
     table = dict(start)
     for key, value in at.items():
         inner = table

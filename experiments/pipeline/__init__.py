@@ -3,4 +3,4 @@
 A new way of running these belongs here.
 """
 
-# Import each from its own module, so that a subcommand loads only what it needs.
+# Import names from the modules themselves, so that a subcommand loads only what it needs.

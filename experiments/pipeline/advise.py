@@ -142,8 +142,8 @@ def observed_hits(done: Advised) -> Floats:
     """Observed hit rate of insertions that follow each frame's advice, given the true target, (n_frames,).
 
     It is the share of needles that hit, with random errors of tip and push. NaN if no needle arrives, or if
-    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The true motion has
-    no needle, so its push is added as stated.
+    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The true motion is
+    without a needle, so the push that the plan states is added.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)

@@ -126,7 +126,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, with that of the plane if it is a separate file."""
+    """The pictures, with the plane's picture if it is a separate file."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)

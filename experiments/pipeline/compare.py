@@ -2,8 +2,8 @@
 
 The marks are found once, while the filter and the open loop run; the methods of `estimators.METHODS` get the same
 marks. Each method has the filter's tissue model, initial state and force model. The extended, stock unscented and
-ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimal filter. The
-smoother uses the marks of all frames, and fixes like the filter.
+ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimal filter. Like
+the filter, the smoother uses fixes; it uses the marks of all frames.
 """
 
 from __future__ import annotations

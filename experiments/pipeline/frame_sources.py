@@ -17,7 +17,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 FILM = "film+"
-"""Prefix of udp:// for a film; `softaim live` otherwise reads datagrams as marks."""
+"""Prefix of a udp:// address that sends a film; without it, `softaim live` reads datagrams as marks."""
 
 
 def open_source(

@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if a film in space has marks for scoring only on these nodes: such marks are not searched."""
+    """Raise InputError if marks on these nodes are for scoring only in a film in space, where they are not searched."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"

@@ -79,8 +79,8 @@ def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
 def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
     """Sources of the target's error that marks do not reveal; the filter considers those that the scene states.
 
-    `[uncertainty]`, which `softaim identify` writes, states errors of constants; `scale_sd`, or the `uncertainty` of a
-    calibration, those of a camera's scale; `position_sd_mm`, that of the target's position.
+    The scene states errors of constants in `[uncertainty]`, which `softaim identify` writes, the error of a camera's
+    scale in `scale_sd` or a calibration's `uncertainty`, and that of the target's position in `position_sd_mm`.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)

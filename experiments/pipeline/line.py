@@ -194,7 +194,7 @@ class Line:
         return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
 
     def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
-        """The tissue's marks, corrected with the reference marks among `marks`, and the result for the latter."""
+        """The tissue's marks, corrected with the reference marks among `marks`, and the result for these."""
         by = self.reference
         if by is None:
             return marks, None
@@ -289,7 +289,7 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
     """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
 
-    Except at a start, the estimate lists the used marks; after an exchange of names the counts are another filter's.
+    Except at a start, the estimate lists the used marks; after an exchange of names another filter made the counts.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))

@@ -94,7 +94,7 @@ class Recorder:
         times = self._piece.times_s
         if times and frame.exposure_s - times[0] >= PIECE_S:
             self.finish_piece()
-        self.check()  # also here, in case frames are written more slowly than they come
+        self.check()  # checked here, too: frames may be written more slowly than they come
         if not self._piece.times_s:
             self._piece.began_s = self._clock()
         self._pieces.write(frame.image)

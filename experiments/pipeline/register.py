@@ -40,7 +40,7 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: each point's distance from its prediction by the others, and the expected one [m]; None if undetermined
+    left_out: each point's distance from its prediction by the others, and that distance expected [m]; None if unknown
     suspect: the point without which the fit improves most; None if no point can be omitted
     target_sd_m: error of the registration at the target for each axis [m]
     stated: whether the scene states the error of the target's place
@@ -125,7 +125,7 @@ def _check_reading(path: Path, points: Points, plain_m: float) -> None:
                     *(["the body mirrored"] if mirrored < 0.0 else []),
                     *([f"lengths in {unit} instead of mm"] if unit else []),
                 ]
-                found = f"points that fit to {1e3 * plain_m:.3g} mm, with {' and '.join(words)} to {1e3 * rms_m:.3g} mm"
+                found = f"points off by {1e3 * plain_m:.3g} mm; with {' and '.join(words)} only by {1e3 * rms_m:.3g} mm"
                 raise InputError.at(path, "points on the body as drawn", found)
 
 

@@ -1,7 +1,7 @@
 """Grids of simulated runs, with truth, marks and methods for each combination and seed: what `softaim sweep` does.
 
-Truth depends only on scenario and seed, and errors of marks only on the seed; so only the grid's values make
-combinations differ.
+Truth depends only on scenario and seed, and errors of marks only on the seed; so combinations differ only by the grid's
+values.
 """
 
 from __future__ import annotations
@@ -232,7 +232,7 @@ def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
 FORMS = {
     "mae_mm": ("mean error [mm]", ".2f"),
     "rmse_mm": ("RMSE [mm]", ".2f"),
-    "by_open_loop": ("by open loop", ".2f"),
+    "by_open_loop": ("error / open loop", ".2f"),
     "coverage95": ("in 95 % region", ".1%"),
     "mean_nees": ("mean NEES", ".2f"),
     "frames_lost": ("frames lost", ".1f"),

@@ -137,7 +137,7 @@ def track(
 
 
 def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Step]]:
-    """The line's step for each frame of a recording, with the frame."""
+    """The `Step` of each frame of a recording, with the frame."""
     if recording.marks is not None:
         for exposure_s, marks in marks_to_use(recording):
             yield None, line.take(exposure_s, marks)

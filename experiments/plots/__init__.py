@@ -3,4 +3,4 @@
 A new figure belongs here.
 """
 
-# Import each from its own module: most load the filter, which takes two seconds that a calibration's plot need not.
+# Import names from the modules themselves: most modules load the filter for two seconds, the calibration's does not.

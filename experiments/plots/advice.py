@@ -71,8 +71,8 @@ SAME, STEADY = 0.01, 0.2
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""
 
-OBSERVED = "observed: share of random errors of tip and push that hit the true target"
-"""Note on the observed hits: the truth is one path and only the tip is random, so the share is between 0 and 1."""
+OBSERVED = "observed: share of needles with random errors of tip and push that hit the true target"
+"""Note on the observed hits: the true path is fixed, only tip and push are random, so the share is between 0 and 1."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 

@@ -46,7 +46,7 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
     ax.annotate("principal point", near, (4, 4), textcoords="offset points", fontsize=SMALL_PT, path_effects=HALO)
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="u [px]", ylabel="v [px]", aspect="equal")
     some_of = "" if len(some) == len(seen) else f"; {len(some)} of {len(seen)}"
-    ax.set_title(f"{calibration.name}: corners seen minus expected, {per_px:.0f} times enlarged{some_of}")
+    ax.set_title(f"{calibration.name}: detected minus expected corners, {per_px:.0f} times enlarged{some_of}")
 
 
 def _bars(calibration: Calibration, ax: Axes) -> None:

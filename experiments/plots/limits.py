@@ -22,7 +22,7 @@ OUTLIERS = 0.01
 """Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
 
 USUAL, FAR = 0.99, 10.0
-"""Share of a series that an axis shows at least, and largest value shown, relative to the median."""
+"""Least share of a series that an axis shows, and largest value shown, relative to the median."""
 
 
 def body_box(done: Track) -> Floats:
@@ -37,7 +37,7 @@ def body_box(done: Track) -> Floats:
 
 
 def body_size(done: Track) -> float:
-    """Diagonal of the box of `body_box` [m]: an error beyond it lies outside the body."""
+    """Diagonal of the box of `body_box` [m]: an estimate with a larger error lies outside the body."""
     low, high = body_box(done)
     return float(np.linalg.norm(high - low))
 

@@ -55,9 +55,9 @@ def usual_range(done: Track, axis: int) -> tuple[float, float]:
 def draw_over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """Draw a coordinate by the filter and the open loop, with bands of multiples of sigma about the filter's.
+    """Draw a coordinate estimated by filter and open loop; bands show multiples of sigma about the filter's estimate.
 
-    Several multiples are drawn about zero.
+    Bands of several multiples are drawn about zero.
     """
     times = done.times_s
     at, spread = thinned(times, sigma)

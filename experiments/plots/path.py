@@ -47,7 +47,7 @@ FAINT = 0.3
 """Opacity of an ellipse for a frame whose estimate is not based on consistent marks."""
 
 OURS_IN_TIME = colormaps[TIME_MAP](0.35)
-"""Colour from the map, for the filter's path in a legend."""
+"""Colour from the colour map that stands for the filter's path in a legend."""
 
 
 @styled

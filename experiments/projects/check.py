@@ -84,7 +84,7 @@ class SceneCheck:
     def mark_sd_m(self) -> float:
         """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        It is for marks that several cameras see; if no mark is seen by several, that across a camera's ray.
+        It is for marks that several cameras see; if there are none, it is the standard deviation across a camera's ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])

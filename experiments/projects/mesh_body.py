@@ -117,11 +117,11 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         for one in tissues
     ]
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
-    exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn here: `insert` draws no other
+    exactly = replace(of, target_sd_mm=0.0)  # random position of the lesion; `insert` does not change it
     truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
-        f"{len(mesh.nodes)} nodes, {len(anchored)} of them held, "
+        f"{len(mesh.nodes)} nodes, {len(anchored)} of them fixed, "
         f"{len(mesh.elements)} tetrahedra, {1e6 * mesh.volumes.sum():.4g} ml, {extents(mesh.nodes)},"
     )
     return Template(f"A body of {counts} from {of.path.name}", assumed, truth, entry, direction)
@@ -287,7 +287,7 @@ def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Float
     except MeshError:
         raise _outside(of, mesh.nodes) from None
     if weight < LEAST_FREE:
-        found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} holds"
+        found = f"{','.join(f'{x:.4g}' for x in 1e3 * place)}, which --fixed {of.fixed} fixes"
         raise InputError.at("--target", "a position that can move", found)
     return place
 

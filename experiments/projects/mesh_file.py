@@ -23,8 +23,8 @@ YES = ("yes", "")
 """Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]: a template's marks, a sixth of it wide, are written to 0.1 mm; it also detects lengths
-in metres instead of millimetres."""
+"""Shortest permitted spring [m]: a template's marks are a sixth as wide and written to 0.1 mm. Shorter springs are
+often due to lengths in metres."""
 
 
 def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom, dict[str, float]]:

@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle pushes; numerical: the last changes it by < 0.01 mm."""
+"""Number of iterations for the aim at a target that the needle pushes; numerical: the last changes it by < 10 µm."""
 
 N_ENTRIES = 200
 """Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
@@ -25,7 +25,7 @@ BEFORE = np.linspace(0.02, 1.0, 25)
 
 
 def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """The direction, (dim,), from an entry [m], (dim,), to the target as the needle will have pushed it."""
+    """The direction, (dim,), from an entry [m], (dim,), to the target's position after the needle's push."""
     start = network.positions[network.index(target)]
     return _aimed(NeedlePush(network, target, FORCES.planned(network)), start, entry, direction)[0]
 

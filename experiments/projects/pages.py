@@ -23,7 +23,7 @@ MOVED_M = 0.01
 """Displacement of a mesh's target by breathing, and of its marks by a constant poke [m]."""
 
 POKED_M = 0.02
-"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: that by a probe's pressure."""
+"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: as large as by a probe."""
 
 WAVE = 2.5
 """Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
@@ -40,17 +40,17 @@ KEYS = {
     "version": "of the format",
     "gravity_m_s2": "world axes: x right, y up, z toward the camera",
     "position_mm": "position in a picture at rest",
-    "mass_kg": "weigh it, or divide the weight of the whole",
+    "mass_kg": "weigh it, or divide the body's mass among its nodes",
     "drag_N_s_m": "viscous, against the ground",
     "friction_N": "Coulomb, against the planes that hold it",
     "fixed": "true for an anchor",
-    "stiffness_N_m": "an estimate will do: softaim identify finds it",
-    "rest_length_mm": "such that the whole rests as drawn, under gravity: softaim identify --at-rest",
+    "stiffness_N_m": "a rough value is enough: softaim identify finds it",
+    "rest_length_mm": "such that the body rests as drawn under gravity: softaim identify --at-rest",
     "damping_N_s_m": "dashpot along the spring: softaim identify finds it",
     "group": "springs of a group share one factor in softaim identify",
     "hue_deg": "0 red, 120 green, 240 blue; softaim hue FILM --at U,V learns it",
     "diameter_mm": "of the spot",
-    "measured": "false: seen only in the calibration, or for scoring; filters do not use it",
+    "measured": "false: only for calibration or scoring; filters do not use this mark",
     "half_width_deg": "range of a pixel's hue about hue_deg",
     "radius_mm": "radius of a hit",
     "position_sd_mm": "0 for the simulated lesion without --target-sd-mm; for a real one the accuracy of its position",
@@ -65,13 +65,13 @@ KEYS = {
 MESH_KEYS = {
     "file": "tetrahedra at rest, by softaim new",
     "sha256": "of that file",
-    "fixed": 'the nodes that are held, "y < 6" in mm, "region 3" or "wall"; left out: none',
+    "fixed": 'the fixed nodes: "y < 6" in mm, "region 3" or "wall"; without this key: none',
     "driven": "the wall moves as a rigid body, in an unknown way",
     "region": "number of the tissue in the file",
     "young_kpa": "Young's modulus, from a test: softaim identify hardly determines it",
     "poisson": "Poisson's ratio, up to 0.495",
-    "density_kg_m3": "mass by volume",
-    "damping_s": "damping by stiffness",
+    "density_kg_m3": "mass per volume",
+    "damping_s": "damping divided by stiffness",
     "position_mm": "of a mark on the surface, or of the target inside, at rest",
 }
 """Comment after the first occurrence of a key of `[mesh]`."""
@@ -85,7 +85,7 @@ TABLES = {
     "[target]": "The hidden target point of the needle.",
     "[reference]": "The camera's own motion; a [[reference.mark]] on an anchor or the rig measures it.",
     "[filter]": "The settings of the filter.",
-    "[[camera]]": "A camera square to the plane z = 0.",
+    "[[camera]]": "A camera perpendicular to the plane z = 0.",
 }
 """Comment above the first occurrence of a table of scene.toml."""
 
@@ -139,12 +139,12 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
     if pokes:
         lines += [
             "",
-            _with("[tremor]", "of the table, shakes every mass"),
+            _with("[tremor]", "of the table, accelerates every mass"),
             "acceleration_m_s2_sqrt_hz = 0.05",
             "",
             _with("[pokes]", "by a rod, on one of these outer nodes at a time"),
             f"nodes = [{', '.join(toml_text(node) for node in of.assumed.measured_nodes)}]",
-            _with(f"acceleration_m_s2 = {strongest:.1f}", "largest force by the mass of its node"),
+            _with(f"acceleration_m_s2 = {strongest:.1f}", "largest force divided by the mass of its node"),
             _with("shortest_s = 0.1", "duration, half a sine wave, shortest ..."),
             _with("longest_s = 0.4", "... and longest"),
             _with("pause_s = 1.5", "between two, on average"),
@@ -201,14 +201,14 @@ def needle_page(of: Template) -> str:
         "# The needle for softaim advise; omitted keys have defaults, see docs/guidance.md.",
         "version = 1",
         _with(f"entry_mm = {toml_value(entry)}", "where it enters the tissue"),
-        _with(f"direction = {toml_value(way)}", f"to where the target {target} is once the needle has pushed it"),
+        _with(f"direction = {toml_value(way)}", f"to the target {target} as displaced by the needle"),
         _with(f"speed_mm_s = {SPEED_MM_S}", "along a straight line"),
         _with("depth_mm = 0.0", "present depth of the tip beyond the entry"),
         _with('hit = "NOTCH"', "the middle of the notch has to lie in the lesion; or TIP, CORE"),
         _with("notch_offset_mm = 5.0", "from the tip back to the notch: measure your needle"),
         "notch_length_mm = 20.0",
         _with("tip_sd_mm = 0.5", "of the tracked tip, in each direction"),
-        _with("bending_sd_mm_per_mm = 0.02", "across the needle, by depth"),
+        _with("bending_sd_mm_per_mm = 0.02", "across the needle, per depth"),
         "",
         "[lesion]",
         _with(f"radius_mm = {RADIUS_MM}", "around the target"),

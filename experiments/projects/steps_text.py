@@ -3,7 +3,7 @@
 REAL_FILM = """\
 With a real phantom, films replace step 2: calibrate the camera (`softaim calibrate`),
 learn the hues of the marks (`softaim hue FILM --at U,V`), write both into `scene.toml`, and record. In `still` and
-`calibration` every mark is seen, also the target's; in `rec` those inside may be covered.
+`calibration` every mark is seen, also the target's; in `rec` the marks inside may be covered.
 
 ```sh
 softaim record 0 --out still --scene scene.toml --seconds 2
@@ -14,18 +14,18 @@ softaim record 0 --out rec --scene scene.toml --seconds 20
 
 REAL_MARKS = """\
 With a real body, recordings of a tracker replace step 2: folders with `scene.toml` and `marks.csv`
-(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `rec` only marks on the outside are seen; the others also
-have marks inside, by CT or ultrasound.
+(`time_s,node,x_mm,y_mm,z_mm,sd_mm`). In `rec` only marks on the outside are seen; the other
+recordings also have marks inside, measured by CT or ultrasound.
 """
 
 TRUTH_OF_SPRINGS = """\
 The constants of `truth/` differ from those of `scene.toml`: stiffnesses by some 10 %, dashpots, drag and friction by
-some 20 %, and each spring by a few per cent more. So, like real tissue, it rests elsewhere than drawn.
+some 20 %, and each spring by a few per cent more. So the simulated tissue, like real tissue, does not rest as drawn.
 """
 
 TRUTH_OF_MESH = """\
 The constants of `truth/` differ from those of `scene.toml`: the stiffness of each tissue by some 10 %, its damping by
-some 20 %. Both rest as drawn.
+some 20 %. Both scenes rest as drawn.
 """
 
 CONSTANTS_OF_SPRINGS = """\
@@ -35,7 +35,7 @@ measured marks are: a push on any other node would look like a wrong constant.
 
 CONSTANTS_OF_MESH = """\
 The stiffness of each tissue has a standard error of 30 % at first. The target has to be seen in the recording. Forces
-are unknown, so only fast motion shows the stiffness, and weakly: expect a large standard error. Where the recording
+are unknown, so only fast motion shows the stiffness, and weakly. Expect a large standard error. Where the recording
 does not determine it, `identified.toml` keeps the value of `scene.toml`. The next steps include this error. No
 recording states a known force, such as a weight. If a test of the tissue gives its stiffness, set `young_kpa`.
 """
@@ -50,7 +50,7 @@ Type these lines in this folder, in this order. They take some minutes in all, a
 | `scene.toml` | your assumptions: the network, its marks, its target <target>. Adapt it to your tissue |
 | `needle.toml` | the needle that is advised |
 | `truth/scene.toml` | the simulated tissue, to be identified. Only `simulate` reads it |
-| `truth/all_marks.toml` | the same, all marks measured: for calibration |
+| `truth/all_marks.toml` | the same tissue with all marks measured, for calibration |
 | `still.toml`, `calibration.toml`, `scenario.toml` | scenarios of three simulated recordings |
 
 {TRUTH_OF_SPRINGS}

@@ -3,4 +3,4 @@
 A new protocol belongs here.
 """
 
-# Import each from its own module. `link` is the loop's side of the connection, `feed` the server's side.
+# Import names from the modules themselves. `link` is the loop's side of the connection, `feed` the server's side.

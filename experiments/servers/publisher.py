@@ -1,4 +1,4 @@
-"""Publisher of a live run to viewers, which also handles their requests: an `Attendant`."""
+"""Publishes the state of a live run to viewers and handles their requests: an `Attendant`."""
 
 from __future__ import annotations
 

@@ -3,4 +3,4 @@
 New sources of truth belong here, but not scores.
 """
 
-# Import each from its own module: the phantom's process has to start before anything else is loaded.
+# Import names from the modules themselves: the phantom's process has to start before anything else is loaded.

@@ -1,6 +1,6 @@
-"""Reliability of the probabilities of `softaim advise`: its needle is inserted when it gives advice.
+"""Reliability of the hit probabilities that `softaim advise` predicts: the needle is inserted at each advice.
 
-Advice comes every second, as in `softaim advise`, from the filter of the given scene. Each time the needle is inserted
+Like `softaim advise`, the filter of the given scene gives advice, here every second. Each time the needle is inserted
 at once, straight along its direction, to the advised depth, in the true deforming tissue; the needle neither steers nor
 waits.
 """
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Advice every second, from the first frame after the warm-up; `state`: state of the tissue then."""
+    """Advice every second, from the first frame after the warm-up; `state`: state of the tissue at that frame."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)

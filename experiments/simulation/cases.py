@@ -37,11 +37,11 @@ DEEPEST_M = 0.06
 """Depth in the phantom at which a needle is retracted or has missed [m]; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; as above."""
+"""Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
 """One outer mass at a time is poked: 3.4 m/s² is the root mean square, on a coordinate, of half sines in any direction
-with peaks of 3 to 10 m/s², as in `poked`."""
+with peaks of 3 to 10 m/s², those of scenario `poked`."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """All outer masses may be pushed at once."""
@@ -162,7 +162,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene with points of its mesh on a needle's line [m], (2, dim), for its forces; unchanged without a mesh."""
+    """The scene with mesh points on a needle's line [m], (2, dim), where its forces act; unchanged without a mesh."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)

@@ -31,11 +31,11 @@ COMMIT_S = 2.0 / 30.0
 """Time before arrival at which the needle's line is fixed [s]: two frames, for the study's camera and robot."""
 
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
-"""Range of the lesion's radius that is drawn to test probabilities [m], uniform in its logarithm; of the study."""
+"""Range of the random lesion radius with which probabilities are tested [m], log-uniform; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Thresholds for the start: poked tissue cannot be predicted better half a second ahead. The commitment requires the
-needle's own `go`; below it, a policy that may retract does so."""
+"""Thresholds for the start; half a second ahead poked tissue cannot be predicted better. The commitment requires the
+probability `go` of the needle's file; below it, a policy that may retract does so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle after the warm-up; state: the tissue's state at that time; policy: also after its warm-up."""
+    """Insert the needle after the warm-up; state: the tissue's state at that time; policy: warmed up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -219,7 +219,7 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time at which the needle reaches the target's depth [s], and the target then; else those at the path's end.
+    """Time at which the needle reaches the target's depth [s], and the target then; or the path's end if it does not.
 
     axis: None for a needle that is turned towards the target
     """

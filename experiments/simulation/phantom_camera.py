@@ -19,11 +19,11 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay that the motion catches up, for example after a pause or compilation [s]; choice: takes 0.4 s."""
+"""Longest delay that the motion catches up, for example after a pause or compilation [s]; choice: 0.4 s of work."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: errors
-of 0.003 mm, and a tenth of the time for tighter tolerances, which reject steps across bends of the tremor."""
+of 0.003 mm; tighter tolerances take ten times as long, because they reject steps across bends of the tremor."""
 
 COMES_AGAIN_S = 360.0
 """Period after which the random forces repeat [s]; choice: an hour would delay the first picture by 0.3 s."""

@@ -38,11 +38,11 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""Time after which the breathing model starts [s], because first estimates have large errors; of the study."""
+"""Time after which the breathing model starts [s], because first estimates have large errors; a study parameter."""
 
 WAYS, MARGIN_S = 1.5, 0.75
 """Prediction range: factor on the needle's insertion time and additional time [s], for later starts and targets that
-move away; of the study."""
+move away; a study parameter."""
 
 
 class Policy:
@@ -99,7 +99,7 @@ def predicted_parts(
 ) -> Floats:
     """Predicted forces of the needle on the free nodes in the next n steps of step_s [s]: [N], (2, n, n_free, dim).
 
-    They are cutting and friction by the needle's stated constants, in full forward; in retraction only friction.
+    They are cutting and friction with the needle's stated constants; during retraction cutting is zero.
     beside: offset from its initial line along each vector of `across` [m], (dim - 1,)
     """
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)

@@ -162,7 +162,7 @@ def simulate(
 ) -> None:
     """Write the recording of a scenario to the folder `out`; `advance` gets the completed share. Raises InputError.
 
-    filmed: if False, write marks.csv instead of the film, as without a camera
+    filmed: if False, or if the scene has no camera, marks.csv is written instead of a film
     """
     scene = scene_of(scenario)
     if filmed and len(scene.cameras) > 1:

@@ -1,7 +1,7 @@
 """Simulated world of an insertion: the true tissue, more detailed than the filter's model, and its marks.
 
 It has forces on all masses, including hidden ones, friction, and a needle whose constants the filter does not know. Its
-steps (`dynamics.needle.steered`) are a sixteenth of the filter's for springs, and 1/960 s for a continuum.
+steps (`dynamics.needle.steered`) are a sixteenth of the filter's steps for springs, and 1/960 s for a continuum.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Time over which external forces are linear [s]: a quarter of that of the tremor."""
+"""Time over which external forces are linear [s]: a quarter of the tremor's interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,7 +136,7 @@ def world_of(case: Case) -> World:
 
 
 def needle_with(network: MassSpringNetwork, entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
-    """A needle with these constants in a network; without a skin's resistance it counts as having punctured it."""
+    """A needle with these constants in a network; skin without resistance counts as punctured."""
     still = NeedlePose(entry, np.zeros(network.dim), 0.0, 0.0)
     most = {**constants, "puncture_N": constants["puncture_N"] or np.finfo(float).tiny}
     return NeedleMechanics(lambda _t: still, entry, reach_m=force_reach_m(network), **most)

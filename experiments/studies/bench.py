@@ -1,20 +1,20 @@
 """Speed of parts of the program and of references, measured in one run on the same work.
 
-filter_step: one frame of the filter, three marks of the phantom. References: filterpy's interacting mixture of as many
-stock unscented filters as modes, with the same states, noise, rates and marks; its motion is in plain NumPy, one sigma
-point after the other, or compiled.
+filter_step: one frame of the filter with three marks of the phantom. References: filterpy's interacting multiple model
+with a stock unscented filter for each mode, and the same states, noise, rates and marks; sigma points move one after
+the other, in plain NumPy or compiled.
 full_step: the filter with association of interchangeable marks, frame after frame; considered: with ten unknown
-constants.
+constants, too.
 bodies: frames of grids in space with springs along edges and diagonals: 18 free nodes with 17 marks, 48 with 40.
-advice: the two parts of `guide`, one second of the target's path at 30 times, and advice from a path for 21 starts over
-2 s, in the plane and in space; a plan of 500 straight paths; a hit probability in space.
+advice: the two parts of `guide`, which are the target's path for one second at 30 times, and advice on 21 starts within
+2 s from such a path, in the plane and in space; a plan of 500 straight paths; a hit probability in space.
 live_frame: advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4 starts; and the
 path from tables alone.
 recording: advice, noise levels and the smoother on a recording, per frame: `bench_recording`.
 detect: four red marks in pictures of 1280x720, found in the whole picture, near expected positions, and by OpenCV's
 SimpleBlobDetector with its own settings.
-scaling: a row for each breast, of 1,000 to 14,000 nodes with 40 marks, see `experiments.studies.scaling`.
-loop_640x480: time from a frame in memory to the estimate, at 30 frames/s. film_640x480: the same with a film.
+scaling: a row for each mesh of a breast, 1,000 to 14,000 nodes with 40 marks, see `experiments.studies.scaling`.
+loop_640x480: time from a frame in memory to the estimate, at 30 frames/s. film_640x480: times of a run with a film.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def repeated_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """Functions that estimate the target after one frame from one posterior: by our filter, by filterpy, compiled."""
+    """Functions that estimate the target after a frame: by our filter, by filterpy, and by it with compiled motion."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)

@@ -61,7 +61,7 @@ def _filter() -> TissueFilter:
 
 
 def _pass_s(frames: Frames) -> float:
-    """Time of the filter through frames [s]."""
+    """Time that the filter takes for these frames [s]."""
     return seconds_of(partial(passed, _filter(), frames))
 
 

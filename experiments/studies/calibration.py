@@ -1,11 +1,11 @@
 """Study of a camera whose calibration error is constant in a run: bias and covariance of the target.
 
-Truth is by `experiments.simulation.simulate`; marks with 0.5 mm of noise besides, 30 frames/s, runs of 5 s,
-the first 0.5 s omitted. The camera stands 1.2 m before the plane; its lens and pose have errors along directions drawn
-once for each run, scaled to a given mean error of marks (rms, both axes). Two filters get the same marks and
-directions: one assumes errors that are independent in each frame (n_calibration 0), one considers constant errors.
+Truth is by `experiments.simulation.simulate`. Runs have 30 frames/s and last 5 s; the first 0.5 s is omitted. The
+camera stands 1.2 m before the plane. Errors of its lens and pose are drawn once for each run and scaled to a given
+error of marks (rms, both axes); marks also have 0.5 mm of noise. Two filters get the same marks: one assumes errors
+that are independent in each frame (n_calibration 0), one considers constant errors.
 
-`python -m experiments.studies.calibration` prints, with 100 runs of each (last figures in docs/calibration.md):
+`python -m experiments.studies.calibration` prints, with 100 runs of each case (latest figures in docs/calibration.md):
 
     camera  scenario  error  filter  rms error  rms sigma  in 95 % region  mean NEES
 """

@@ -1,6 +1,6 @@
 """Simulation, film and track of the paper's two scenarios: what `softaim demo` does.
 
-It has the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
+Its table has the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
 """
 
 from __future__ import annotations

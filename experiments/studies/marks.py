@@ -1,12 +1,12 @@
-"""Accuracy of mark detection in synthetic frames with known truth, in good light and over the whole range of rooms.
+"""Accuracy of mark detection in synthetic frames with known truth, in good light and in all simulated rooms.
 
     python -m experiments.studies.marks --out study      # some ten minutes on two cores
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
 Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; expected
 positions have an error of 3 px on each axis. A mark is visible if more than half of it is; a detection with its name is
-false if its centre is farther away than the mark's radius. study/marks.json has the figures of docs/marks-study.md,
-study/marks.csv a row for each mark in each frame.
+false if it is farther from the mark's centre than the mark's radius. study/marks.json has the figures of
+docs/marks-study.md, study/marks.csv a row for each mark in each frame.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def run(case: Case) -> list[dict[str, object]]:
         try:
             found = {f.name: f.detection for f in finder.find(one.frame.image, expected)}
         except HueError:
-            # the hue learned from one click also selects the scene: the user would be asked for another position
+            # the hue learned from one click also selects the background; a user would be asked for another position
             found = {}
         for k, name in enumerate(names):
             truth = one.frame.centers_px[k]
@@ -134,8 +134,8 @@ def figures(rows: pd.DataFrame) -> dict[str, float]:
 def crossing(seed: int, n_frames: int = 50) -> tuple[int, int]:
     """Two marks of one hue that cross each other, touching or overlapping, at 2 px per frame or more.
 
-    Returns the frames lost, and all frames. A filter of constant velocity predicts each mark; a frame is lost if a mark
-    has the other's position, after the first frame in which they are apart again.
+    Returns the frames lost, and all frames. A filter of constant velocity predicts each mark; after the first frame in
+    which they are apart again, a frame is lost if a mark has the other's position.
     """
     rng = np.random.default_rng([seed, 9])
     radius, middle = rng.uniform(7.0, 12.0), np.array([140.0, 110.0])

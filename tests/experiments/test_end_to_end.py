@@ -138,7 +138,7 @@ def test_live_follows_the_phantom_however_slow_the_machine(tmp_path, capfd):
     assert softaim("live", "--source", "phantom", "--duration", 1, "--no-page", "--out", tmp_path / "out") == 0
     reported = capfd.readouterr().out
     rows = pd.read_csv(tmp_path / "out" / "estimates.csv")
-    counted = re.match(r".*?(\d+) frames and (\d+) moments without one", reported, re.DOTALL)
+    counted = re.match(r".*?(\d+) frames, (\d+) predictions without one", reported, re.DOTALL)
     assert counted is not None
     assert len(rows) == int(counted[1]) + int(counted[2])
     assert "latency median" in reported

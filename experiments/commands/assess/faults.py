@@ -46,6 +46,6 @@ def faults(
 
     def show() -> None:
         print_table(faults_table(cells(rows)))
-        print(f"Table in {out / 'faults.csv'}; GO while faulty: {rows['go_shown_while_faulty'].sum()}")
+        print(f"Table in {out / 'faults.csv'}; wrong GO: {rows['go_shown_while_faulty'].sum()}")
 
     return Answer({"out": out, "faults": json.loads(rows.to_json(orient="records"))}, show)

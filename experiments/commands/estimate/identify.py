@@ -46,7 +46,7 @@ def identify(
         frames = marks_in(opened, run.stage("marks"))
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
         next_line = f"next: softaim identify CALIBRATION --scene {out} --out identified.toml"
-        rests = f"Scene in {out}: it rests as in the recording; {next_line}"
+        rests = f"Scene in {out}, with the rest shape of the recording; {next_line}"
         return Answer({"out": out}, lambda: print(rests))
     with spare_cores(ahead=opened.marks is None) as workers:
         frames = marks_in(opened, run.stage("marks"))

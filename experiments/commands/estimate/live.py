@@ -35,7 +35,7 @@ def live(
     out: Annotated[Path | None, typer.Option("--out", help="Output folder; default: live-DATE-TIME.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", min=0.0, help="Stop after this time [s], without the time to open a camera."),
+        typer.Option("--duration", min=0.0, help="Stop after this time [s]; opening a camera does not count."),
     ] = None,
     fps: Fps = None,
     needle: Annotated[Path | None, typer.Option("--needle", help="Needle file; adds advice.")] = None,
@@ -57,7 +57,7 @@ def live(
     from experiments.servers.opening import served
     from experiments.simulation.phantom_process import PHANTOM, PhantomProcess
 
-    # Both processes load while this one does
+    # Both processes import modules while this one does
     link = run.opened.enter_context(served(page, openigtlink, with_page=not no_page))
     sources = source or [PHANTOM]
     phantom = PhantomProcess(fps=fps) if sources == [PHANTOM] else None
@@ -109,7 +109,7 @@ def live(
         refused = "".join(f", {n} {kind}" for kind, n in (done.refused or {}).items())
         by_status = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
         print(
-            f"{counted(done.frames, 'frame')} and {counted(done.without_frame, 'moment')} without one ({by_status}), "
+            f"{counted(done.frames, 'frame')}, {counted(done.without_frame, 'prediction')} without one ({by_status}), "
             f"{done.dropped} dropped, {done.not_used} not used{refused}; "
             f"latency median {done.p50_ms:.1f} ms, 99th percentile {done.p99_ms:.1f} ms, "
             f"worst {done.worst_ms:.1f} ms, {counted(done.deadlines_missed, 'deadline')} missed"

@@ -56,6 +56,6 @@ def export(
             lines = [f"{counted(found['frames'], 'frame')}; {found['placed']} of them with the target"]
             if opened.recording.source is not None:
                 off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
-                lines.append(f"The pictures are off the plane by up to {off_mm:.2f} mm at the marks as drawn")
+                lines.append(f"The pictures' affine map to the plane errs by up to {off_mm:.2f} mm at drawn marks")
     lines.append(f"Written to {out}")
     return Answer(found, lambda: print(*lines, sep="\n"))

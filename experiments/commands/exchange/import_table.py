@@ -38,14 +38,14 @@ def import_table(
     mm_per_px: Annotated[
         float | None,
         typer.Option(
-            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px]; a camera square to the plane replaces the scene's."
+            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px] of a perpendicular camera, instead of the scene's."
         ),
     ] = None,
     origin_px: Annotated[
         str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="With several animals: name of one, in SLEAP of its track.")
+        str | None, typer.Option("--individual", help="With several animals: name of one, or of its track in SLEAP.")
     ] = None,
     force: Force = False,
 ) -> Answer:
@@ -72,9 +72,9 @@ def import_table(
     def show() -> None:
         seen = ", ".join(f"{node} {n}" for node, n in counts.items())
         print(f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}")
-        print(f"Left out: {done.unlikely} with a likelihood below {least:g}, {done.outside} outside the picture")
+        print(f"Positions omitted: {done.unlikely} with likelihood below {least:g}, {done.outside} outside the picture")
         if done.manual:
-            print(f"Set manually, kept without a likelihood: {done.manual}")
+            print(f"Positions set manually, used without a likelihood: {done.manual}")
         print(f"Recording in {out}; next: softaim identify if it shows the target, else softaim track")
 
     report = {

@@ -65,7 +65,7 @@ def new(
     ] = None,
     field: Annotated[
         str | None,
-        typer.Option("--field", help="With --mesh: field of gland shares, 0 to 1; with --region: of labels."),
+        typer.Option("--field", help="With --mesh: field of gland shares (0 to 1), or of labels for --region."),
     ] = None,
     region: Annotated[
         list[str] | None,

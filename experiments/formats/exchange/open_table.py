@@ -29,9 +29,9 @@ def open_table(
 
 
 def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
-    """The table of a run in a file, with at least these columns, `time_s` among them, and the names of all in order.
+    """The table of a run in a file, and the names of its columns in order; `needed` ones, with `time_s`, must exist.
 
-    Each column is there once. The last line may be incomplete after a killed run. Raises InputError.
+    No column occurs twice. The last line may be incomplete after a killed run. Raises InputError.
     """
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):

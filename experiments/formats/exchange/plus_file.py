@@ -1,6 +1,6 @@
 """Sequence files of PLUS, `.igs.mha`: MetaImage files with the fields of all frames before all pixels.
 
-The fields are those in [plus], "Sequence file", and PLUS reads them as in [igsio].
+The fields are defined in [plus], "Sequence file"; [igsio] has the code with which PLUS reads them.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def film_name(camera: str, i: int) -> str:
 
 
 def films_in(folder: Path) -> dict[str, Path]:
-    """Films and folders of pictures by camera name, `video.NAME.avi`, `frames.NAME/`; InputError for two."""
+    """Films and picture folders by camera name, `video.NAME.avi`, `frames.NAME/`; InputError if a camera has two."""
     films: dict[str, Path] = {}
     for path in sorted(folder.glob("*.*")):
         named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)

@@ -1,4 +1,4 @@
 """Marks from another tracker: covariances, times, repeated values, and comparison with the drawing.
 
-Import each from its own module.
+Import names from the modules themselves.
 """

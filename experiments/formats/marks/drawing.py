@@ -35,7 +35,7 @@ LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
 
 
 RESIZED = 8.0
-"""Largest factor by which tissue may spread its marks [1]; choice: a wrong unit gives ten or more."""
+"""Largest factor by which tissue may change the spread of its marks [1]; choice: a wrong unit gives ten or more."""
 
 
 class FirstMarks:
@@ -124,7 +124,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether another interpretation fits: rms: its distance; plain: that without it; size: the body's size [m]."""
+    """Whether another interpretation fits; rms, plain: distances with and without it; size: the body's size [m]."""
     return rms <= min(FITS * size, 0.25 * plain)
 
 

@@ -31,7 +31,7 @@ class Body:
 
     fields: numbers at the nodes, (n,), by name
     cell_fields: numbers of the elements, (m,), by name
-    faces: the outer faces, with the fields of the file's triangles, NaN where it has none
+    faces: the outer faces, with the fields of the file's triangles, NaN where the file has none
     """
 
     mesh: TetMesh
@@ -79,7 +79,7 @@ def _metres(source: Source, unit: str | None) -> float:
         raise InputError.at(
             source.path,
             f"a body of {_length(SMALLEST_M)} to {_length(LARGEST_M)}",
-            f"{_length(extent * UNITS[unit])} by --unit {unit}",
+            f"{_length(extent * UNITS[unit])} with --unit {unit}",
         )
     return UNITS[unit]
 

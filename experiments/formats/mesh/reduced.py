@@ -36,7 +36,7 @@ def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) ->
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, _content(network))
     except (OSError, InputError) as error:
-        LOG.info("the reduced mesh is not kept: %s", error)
+        LOG.info("the reduced mesh cannot be stored: %s", error)
     return network
 
 
@@ -72,7 +72,7 @@ def _read(path: Path) -> MassSpringNetwork | None:
     except OSError:
         return None
     if hashlib.sha256(content[DIGEST:]).digest() != content[:DIGEST]:
-        LOG.info("%s is not whole: it is made again", path)
+        LOG.info("%s is incomplete: the mesh is reduced again", path)
         return None
     with np.load(io.BytesIO(content[DIGEST:]), allow_pickle=False) as file:
         arrays = {name: file[name] for name in file.files}

@@ -24,7 +24,7 @@ from experiments.formats.scene.schema import MeshPointTable, MeshTable, MeshTiss
 from experiments.formats.toml_file import key_lines
 
 LINE = "needle"
-"""Name, before a number, of the points on a needle's line."""
+"""Prefix of the names of points on a needle's line; a number follows."""
 
 SPACING, EDGES = 0.05, 1.5
 """Spacing of points on a line relative to the body's extent, and least spacing in element edges [1]; choice: the radius

@@ -72,6 +72,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """These faces with only the corners, among positions [m], (n, 3), that they use."""
+    """These faces, with only those of the positions [m], (n, 3), that are corners of a face."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

@@ -1,6 +1,6 @@
 """Test whether a network rests near its drawing; if not, which key of its file is probably in another unit.
 
-The rest depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
+The rest shape depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
 density from masses and distances shows which of them is wrong.
 """
 
@@ -51,7 +51,7 @@ NO_REST = "braces, stiffer springs or anchors would hold it"
 def check_rest(network: MassSpringNetwork) -> None:
     """Raise SceneError, `network…: …`, if a network rests far from its drawing.
 
-    NetworkError if it has no rest there and no unit is suspected. A continuum rests as drawn.
+    NetworkError if it has no rest shape there and no unit is suspected. A continuum rests as drawn.
     """
     if network.continuum is not None:
         return
@@ -107,7 +107,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
     if not (stretched and off.max() > size_m):
         return None
     return SceneError(
-        f"network: expected a rest shape within {1e3 * size_m:.4g} mm, its size, of the drawing,"
+        f"network: expected a rest shape within one body size ({1e3 * size_m:.4g} mm) of the drawing,"
         f" found {shown(network.names[int(off.argmax())])} {1e3 * off.max():.4g} mm away"
     )
 

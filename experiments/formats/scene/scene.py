@@ -121,7 +121,7 @@ class Scene:
     def n_calibration(self) -> int:
         """Number of uncertain directions of the calibration: those of the first camera, in space of all cameras.
 
-        Directions of the pose from reference marks are last; in space only marks.csv gives them, not pictures.
+        Directions of the pose from reference marks are last; in space only marks.csv has reference marks, not pictures.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0

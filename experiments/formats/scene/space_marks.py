@@ -42,7 +42,7 @@ def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], .
 def _out_of_hull(network: MassSpringNetwork, nodes: Sequence[str]) -> Floats:
     """Normals of the convex hull of the body as drawn.
 
-    A corner of the hull has the mean normal of its facets, weighted by area; a node inside, that of the nearest facet.
+    A corner of the hull has the area-weighted mean normal of its facets, a node inside the nearest facet's normal.
     """
     x, rows = network.positions, [network.index(node) for node in nodes]
     try:

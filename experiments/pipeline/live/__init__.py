@@ -1,4 +1,4 @@
 """The live loop: frames or marks as they arrive, advice on a needle, and output during the run.
 
-Import each from its own module.
+Import names from the modules themselves.
 """

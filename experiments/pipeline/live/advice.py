@@ -1,4 +1,4 @@
-"""Advice on a needle in a live run: the target's path is from tables and, while it is valid, from a breathing model."""
+"""Advice on a needle in a live run: the target's path is from tables and, if one is valid, from a breathing model."""
 
 from __future__ import annotations
 
@@ -128,6 +128,6 @@ def words(guided: Guidance) -> str:
     aim = ", ".join(f"{1e3 * x:.1f}" for x in guided.aim)
     lateral, depth, turn = guided.lateral_m or 0.0, guided.depth_m or 0.0, guided.turn_rad or 0.0
     return (
-        f"{what} {int(100.0 * guided.probability)} %  aim ({aim}) mm, {1e3 * lateral:.1f} mm beside, "
+        f"{what} {int(100.0 * guided.probability)} %  aim ({aim}) mm, lateral {1e3 * lateral:.1f} mm, "
         f"turn {np.degrees(turn):.1f} deg, {1e3 * depth:.1f} mm to go: {guided.reason}"
     )

@@ -29,8 +29,8 @@ class Act(StrEnum):
     ORIGIN = "origin"
     """The source's time is zero at time_s on the clock."""
     FRAME = "frame"
-    """A frame with exposure time time_s: the next picture of the recording, or in space of each camera that the values
-    name."""
+    """A frame with exposure time time_s: the next picture of the recording, or in space the next picture of each camera
+    that the values name."""
     MARKS = "marks"
     """Another tracker's frame with exposure time time_s; values: its marks, possibly none."""
     UNFIT = "unfit"

@@ -63,7 +63,7 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source; hung_s: time that the filter stays behind until two frames have shown the interval;
+"""Settings of a live source; hung_s: time that the filter stays behind the present until two frames show the interval;
 settled_frames: number of frames whose median interval is the usual one."""
 
 
@@ -171,7 +171,7 @@ class Session:
         self.counters.not_used += 1
 
     def _step(self, frame: LiveFrame, exposure_s: float) -> Step | None:
-        """The line's step for a frame; None if its marks cannot be used, which is reported once."""
+        """The `Step` of a frame; None if its marks cannot be used, which is reported once."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)

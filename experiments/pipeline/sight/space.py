@@ -24,11 +24,11 @@ from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
 """Cosine of the angle between a mark's normal and the direction to a camera below which it is not searched; choice: 73
-degrees. The detector rejects shapes less than a quarter as wide as long."""
+degrees. The detector rejects shapes whose width is below a quarter of their length."""
 
 MISFIT = 1e-4
 """Probability (p-value) of the distance between a mark's rays below which two cameras see different objects [1];
-choice: the finder's gate for a position in one picture."""
+choice: equal to the finder's gate in one picture."""
 
 PATIENCE, AGAIN = 3, 6
 """Number of frames after which a mark that a camera does not find counts as hidden, and interval in frames between
@@ -121,7 +121,7 @@ class SpaceSight:
                 expected,
                 lambda node, camera=sight.camera: self._one(camera, node, *after_impulse(node)),  # type: ignore[misc]
             )
-            # a candidate would be a position in the picture of one camera
+            # without candidates, which are positions in the picture of one camera
             self.lost |= {node: replace(one, candidate_px=None) for node, one in sight.lost.items() if node not in away}
             self.came += sight.finder.came
             if found:

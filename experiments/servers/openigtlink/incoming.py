@@ -16,7 +16,7 @@ from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 RIGID = 1e-2
 """Largest deviation of the axes' scalar products from those of a rotation; choice: a tracked tool's pose has less."""
 IN_PLANE = 0.5
-"""Least length of a needle's unit direction projected onto the plane of flat tissue: 60 degrees from it; choice."""
+"""Least length of a needle's unit direction projected onto the plane of flat tissue, 0.5 at 60 degrees; choice."""
 MOST_POINTS = 100
 """Largest number of fixes in a message, which may be a growing list; choice: more would delay other clients."""
 
@@ -35,7 +35,7 @@ class Incoming:
     """Converter of one client's messages into checked commands.
 
     dim: dimension of the tissue; in the plane z is dropped
-    State: whether the client sends the needle; its newest points, because to add one, programs send all again.
+    State: whether the client sends the needle; its newest points, because programs send all points again to add one.
     """
 
     def __init__(self, dim: int) -> None:

@@ -62,7 +62,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of one moment as bytes; the needle's is separate, because clients that send the needle do not get it."""
+    """Messages of one moment as bytes; the needle's message is separate: clients that send the needle do not get it."""
 
     common: bytes
     needle: bytes = b""

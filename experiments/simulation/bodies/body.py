@@ -44,12 +44,12 @@ class Scale:
 
     @property
     def oscillation(self) -> float:
-        """Factor on the time of an oscillation of its springs [1]."""
+        """Factor on the period of oscillations of the springs [1]."""
         return float(np.sqrt(self.m / self.k))
 
     @property
     def swing(self) -> float:
-        """Factor on the time of a swing under gravity [1]."""
+        """Factor on the period of swings under gravity [1]."""
         return float(np.sqrt(self.size))
 
 

@@ -70,7 +70,7 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
 
 
 def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
-    """XML of a joint along the link with this stiffness [N/m] and damping [N s/m]; empty if `scale` leaves both."""
+    """XML of a joint along the link with this stiffness [N/m] and damping [N s/m]; empty if `scale` changes neither."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
@@ -144,7 +144,7 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 
 
 def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
-    """A smooth random path about a place where the cable is slack, which it reaches from a straight cable in rise_s.
+    """A smooth random path about a place where the cable is slack, reached from a straight cable within rise_s [s].
 
     The function gives the position of the led end [m], (3,).
     """

@@ -40,7 +40,7 @@ Push = tuple[float, float, Floats]
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
     """A soft block that hangs from a plate, and is pressed from below and released; its surface is visible.
 
-    It hangs because, standing with a tenth of its stiffness, it would buckle under its weight. press: see `PRESS`
+    It hangs, because a standing block with a tenth of the stiffness would buckle under its weight. press: see `PRESS`
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size

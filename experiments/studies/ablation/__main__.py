@@ -27,7 +27,7 @@ from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
-"""First seed of the study; no prior was chosen on seeds from here on."""
+"""First seed of the study; no prior was chosen with this seed or later ones."""
 
 HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodies", "lines")
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")

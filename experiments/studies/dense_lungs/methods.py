@@ -23,7 +23,7 @@ from experiments.studies.lungs.model import LungConstants, lung_network, node_na
 from experiments.studies.zoo.references import thin_plate_weights
 
 OTHERS = 60
-"""Number of a network's nodes besides the marks, which are landmarks far from marks and from each other; numerical."""
+"""Number of a network's nodes besides the marks: landmarks far from marks and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
 """Forces of a breath: smooth over the lung, without pokes of single marks; choice: a strength of 1 % of gravity."""

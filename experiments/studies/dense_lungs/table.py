@@ -73,7 +73,7 @@ def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     """The table of a page."""
-    heads = ("marks a lung", *(f"{word} [mm]" for word in WORDS.values()), "filter covered", "field covered")
+    heads = ("marks per lung", *(f"{word} [mm]" for word in WORDS.values()), "filter covered", "field covered")
     entries = []
     for row in rows:
         found = row["methods"]

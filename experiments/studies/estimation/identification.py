@@ -6,10 +6,10 @@
 
 A fit takes about 15 s of one core.
 
-Recordings of 12 s at 30 frames/s, every mark accurate to 1 mm per axis: the built-in phantom, and a user's with five
+Recordings of 12 s at 30 frames/s, every mark accurate to 1 mm per axis: the built-in phantom, and another with five
 masses and fourteen springs. Truth is by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass,
 Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The scene's
-constants have random errors of `PRIOR_SD`, which is also the prior of `identify_constants`; one start. Pull: error of a
+constants have random errors of `PRIOR_SD`, the prior of `identify_constants`. Fits have one start. Pull: error of a
 constant's logarithm divided by its standard error. Development seeds are 0 to 39, those of the page 1000 to 1019.
 """
 
@@ -96,7 +96,7 @@ def five_mass_phantom() -> MassSpringNetwork:
 
 
 def phantom(name: str) -> tuple[MassSpringNetwork, tuple[str, ...], str]:
-    """`built-in` or `five-mass`: the network, its marked nodes, its target."""
+    """Network, marked nodes and target of the phantom `built-in` or `five-mass`."""
     if name == "built-in":
         return four_mass_phantom(), OUTER, HIDDEN
     return five_mass_phantom(), ("P1", "P2", "P3", "P4"), "T"

@@ -75,7 +75,7 @@ class Study:
         return self.folder / "truth"
 
     def runs(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> pd.DataFrame:
-        """The rows of work(case, cache=...) of all cases, in their order, stored in the folder `runs/PART`."""
+        """The rows that work(case, cache=...) returns for all cases, in order, stored in the folder `runs/PART`."""
         return kept_runs(partial(work, cache=self.cache), cases, self.folder / "runs" / part, self.workers)
 
 
@@ -155,7 +155,7 @@ def calibration(seed: int, cache: Path) -> Frames:
 
 
 def identified(study: Study) -> dict[str, Row]:
-    """Both methods with constants, wrong by 10 %, after identification from 30 s; noise of 4.14 mm, 30 frames/s."""
+    """Both methods with wrong constants (10 %) after their identification from 30 s; noise of 4.14 mm, 30 frames/s."""
     found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
     means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
     return by_scenario(found) | {"constants": means.to_dict()}
@@ -192,7 +192,7 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
 
 
 def bound(study: Study) -> dict[str, Row]:
-    """RMSE relative to the posterior Cramér-Rao bound, no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
+    """RMSE relative to the posterior Cramér-Rao bound; no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
     runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):

@@ -31,7 +31,7 @@ KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for the true model: the discrepancy is that of scenes of simulated phantoms."""
+"""Filter settings for the true model, with the discrepancy level of scenes of simulated phantoms."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,8 +127,8 @@ _PICTURES: tuple[tuple[str, str, float, Alters], ...] = (
 CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("unplugged", "the camera is unplugged for 2 s", arrivals=_unplugged),
     ScriptedFault("blocked", "reads block for 2 s", arrivals=_blocked),
-    ScriptedFault("frozen", "the same picture for 2 s", arrivals=_frozen(1)),
-    ScriptedFault("frozen in turn", "two pictures in turn for 2 s", arrivals=_frozen(2)),
+    ScriptedFault("frozen", "one picture repeats for 2 s", arrivals=_frozen(1)),
+    ScriptedFault("frozen in turn", "two pictures alternate for 2 s", arrivals=_frozen(2)),
     ScriptedFault("dropped frames", "every other frame is lost for 2 s", arrivals=_kept(lambda k, _rng: bool(k % 2))),
     ScriptedFault(
         "dropped at random",
@@ -140,12 +140,12 @@ CAMERA: tuple[ScriptedFault, ...] = (
     ScriptedFault("lag", "all frames come 1 s late", FOREVER, arrivals=_lag),
     ScriptedFault(
         "blocked, dated",
-        "reads block for 2 s, with timestamps",
+        "timestamped reads block for 2 s",
         arrivals=_dated(0.0, _blocked),
     ),
     ScriptedFault(
         "lag, dated",
-        "all frames come 1 s late, with timestamps",
+        "all timestamped frames come 1 s late",
         FOREVER,
         arrivals=_dated(0.0, _lag),
     ),

@@ -67,7 +67,7 @@ LOOP: tuple[ScriptedFault, ...] = (
     ScriptedFault("needle bent", "after GO the needle bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
     ScriptedFault(
         "needle unseen",
-        "the same, and the tracker loses it or sends NaN",
+        "the needle bends, and its tracker loses it or sends NaN",
         needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
     ),
     ScriptedFault(

@@ -101,7 +101,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "GO while faulty", "GO", "ended", "lacks")
+HEADS = ("fault", "noticed", "shown", "sigma", "covered", "recovered", "wrong GO", "GO", "ended", "lacks")
 
 
 def cells(rows: pd.DataFrame) -> list[list[str]]:

@@ -158,7 +158,7 @@ def _many(run: LiveRun) -> None:
         except ConnectionClosed as closed:
             refused.append("" if closed.rcvd is None else closed.rcvd.reason)
             if len(refused) == 1:
-                run.viewer.tell(f"to those beyond: {refused[0]}")
+                run.viewer.tell(f"to further viewers: {refused[0]}")
 
     async def all_of_them() -> None:
         await asyncio.gather(*(one() for _ in range(N_VIEWERS)))
@@ -232,10 +232,8 @@ def _killed(number: signal.Signals) -> Acts:
 
 SYSTEM: tuple[SystemFault, ...] = (
     SystemFault("no fault of the system", "nothing fails, in real time", 0.0),
-    SystemFault(
-        "slow consumer", "viewers take a second for a state, or nothing", before=_with_openigtlink, begins=_slow
-    ),
-    SystemFault("50 viewers", "fifty viewers come at once", begins=_many),
+    SystemFault("slow consumer", "viewers read one state per second, or none", before=_with_openigtlink, begins=_slow),
+    SystemFault("50 viewers", "fifty viewers connect at once", begins=_many),
     SystemFault(
         "terminal not read",
         "nobody reads 1,500 lines on the terminal for 4 s",
@@ -244,7 +242,7 @@ SYSTEM: tuple[SystemFault, ...] = (
         begins=_unread,
         ends=_read_again,
     ),
-    SystemFault("stdout closed", "both outputs are closed, 1,500 lines come", FOREVER, begins=_closed),
+    SystemFault("stdout closed", "1,500 lines are written to closed outputs", FOREVER, begins=_closed),
     SystemFault("disk full", "the disk is full", FOREVER, begins=_full, writes=False),
     SystemFault("TERM", "ended by SIGTERM", FOREVER, begins=_killed(signal.SIGTERM), writes=False),
     SystemFault("KILL", "ended by SIGKILL", FOREVER, begins=_killed(signal.SIGKILL), writes=False),

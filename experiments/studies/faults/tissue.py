@@ -84,11 +84,11 @@ TISSUE: tuple[ScriptedFault, ...] = (
     ScriptedFault("fallen off", "a mark falls off", FOREVER, places=_falls),
     ScriptedFault("sliding", "a mark slides by 12 mm in 2 s", FOREVER, HIDDEN_S, places=_slides),
     ScriptedFault(
-        "stuck on elsewhere", "a mark falls off and is stuck on 12 mm beside", FOREVER, HIDDEN_S, places=_elsewhere
+        "stuck on elsewhere", "a mark falls off and is reattached 12 mm away", FOREVER, HIDDEN_S, places=_elsewhere
     ),
     ScriptedFault("cut spring", "a spring is cut", FOREVER, HIDDEN_S, becomes=_cut),
     ScriptedFault("slipped anchor", "an anchor slips by 8 mm", FOREVER, HIDDEN_S, becomes=_slipped),
     ScriptedFault("stiffness", "the scene's springs are 30 % too stiff", FOREVER, HIDDEN_S, assumed=_stiffer),
     ScriptedFault("scale", "the scene states 5 % more mm per pixel", FOREVER, HIDDEN_S, assumed=_scaled),
-    ScriptedFault("wrong scene", "the scene is of a body 30 % larger", FOREVER, HIDDEN_S, assumed=_another),
+    ScriptedFault("wrong scene", "the scene's body is 30 % too large", FOREVER, HIDDEN_S, assumed=_another),
 )

@@ -32,7 +32,7 @@ PARTS = {
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """Means over boxes, by structure and method, with the errors of Young's modulus.
 
-    `largest_mean_error`: largest over directions of the mean over boxes; `largest_error`: largest in any box
+    `largest_mean_error`: mean error over boxes in the worst direction; `largest_error`: largest in any box
     """
     by = ["structure", "method"]
     true = rows[rows.method == MATERIAL].set_index(["structure", "seed"])[YOUNG]

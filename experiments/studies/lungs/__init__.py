@@ -1,1 +1,1 @@
-"""Study of breathing lungs: inner landmarks by those on the hull. `python -m experiments.studies.lungs FOLDER`."""
+"""Breathing lungs: inner landmarks estimated from those on the hull. `python -m experiments.studies.lungs FOLDER`."""

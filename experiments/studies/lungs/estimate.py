@@ -42,7 +42,7 @@ class Inner:
 
 
 def by_spline(lung: Lung, seen: str) -> Inner:
-    """Errors without motion and by a thin-plate spline, without the filter; `seen`: one of `SEEN`."""
+    """Errors if no motion is assumed, and errors of a thin-plate spline; `seen`: one of `SEEN`."""
     marked = lung.seen(SEEN[seen])
     start, truth = lung.positions[0], lung.positions[1:, lung.inner]
     moved = lung.positions[1:, marked] - start[marked]

@@ -38,7 +38,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of n landmarks of the hull, far from each other, from the first on; None: all."""
+        """Indices of the first and n - 1 more landmarks of the hull, far from each other; None: all."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]

@@ -42,7 +42,7 @@ def edges_of(points: Floats) -> NDArray[np.int64]:
 
 
 def lung_network(points: Floats, constants: LungConstants) -> MassSpringNetwork:
-    """The network of landmarks at the end of inhaling [m], (n, 3), which is its rest; no weight: the chest bears it."""
+    """The network of landmarks at the end of inhaling [m], (n, 3), its rest shape; no weight: the chest bears it."""
     n = len(points)
     springs = edges_of(points)
     lengths = np.linalg.norm(points[springs[:, 1]] - points[springs[:, 0]], axis=1)

@@ -61,7 +61,7 @@ def figure_rows(studies: dict[str, dict[str, float]]) -> str:
     ratios = ", ".join(f"{study['ratio']:.2f} {name}" for name, study in studies.items())
     covered = ", ".join(f"{study['coverage95']:.1%} {name}" for name, study in studies.items())
     command = "`python -m experiments.studies.hidden_error`"
-    what = f"filter error / open-loop error; mark noise 4.14 mm an axis, 30 frames/s, {N_RUNS} runs"
+    what = f"filter error / open-loop error; mark noise 4.14 mm per axis, 30 frames/s, {N_RUNS} runs"
     rows = [[what, ratios, command], ["truth inside the filter's 95 % region", covered, "the same"]]
     return markdown_table(["figure", "value", "command"], rows, left=(0, 1, 2))
 

@@ -33,7 +33,7 @@ TRUTH, GIVEN = (11, 8), (10, 7)
 """Numbers of cells of the breast, across and in depth, in the truth and in the filter's mesh."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
-"""Motion of a moving wall: a shift [m] and a turn (range) with each breath, and a shift within a second [m]."""
+"""Motion of a moving wall: shift [m] and range of rotation [rad] with each breath; one shift within a second [m]."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
 """Gravity on a moving wall, and the step of differences in time [s]; numerical."""
@@ -85,7 +85,7 @@ def soft_block(per_side: int, seed: int) -> Recording:
 def breast(seed: int, wall: Literal["fixed", "driven", "none"] = "fixed", *, moves: bool = False) -> Recording:
     """A breathing breast of neo-Hookean elements; its skin is pushed on smaller and larger areas.
 
-    wall: of the filter's model; moves: whether the true wall moves
+    wall: the wall in the filter's model; moves: whether the true wall moves
     """
     times_s = np.linspace(0.0, SECONDS - FRAME_S, round(SECONDS / FRAME_S))
     points, places, moduli = _breast(seed, moves, tuple(times_s))
@@ -126,7 +126,7 @@ def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[s
 
 
 def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
-    """Turn, (3, 3), and shift [m], (3,), of a wall at a time [s]: with each breath, and a shift within a second."""
+    """Rotation, (3, 3), and shift [m], (3,), of a wall at a time [s]: breaths, and one shift within a second."""
     along, axis, aside = rng.normal(size=(3, 3))
     along = 0.3 * along + [0.0, 0.0, 1.0]
     breath, shift = WALL_BREATH_M * along / np.linalg.norm(along), WALL_SHIFT_M * aside / np.linalg.norm(aside)

@@ -134,7 +134,7 @@ def summary(cells: Sequence[Cell]) -> str:
 
 
 HEAD = ["cell", "runs", "filter [mm]", "open loop [mm]", "spline [mm]", "ratio", "coverage [%]", "NEES", "non-finite"]
-HEAD += ["wrong tracking", "repairs", "ms a frame", "bounds exceeded"]
+HEAD += ["wrong tracking", "repairs", "ms per frame", "bounds exceeded"]
 
 
 def markdown(cells: Sequence[Cell]) -> str:

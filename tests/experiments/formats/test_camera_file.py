@@ -187,7 +187,7 @@ KALIBR = """cam0:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (KALIBR, "expected camera_matrix and distortion_coefficients as ROS has them, .* found a file of Kalibr"),
+        (KALIBR, "expected camera_matrix and distortion_coefficients in the form of ROS, .* found a file of Kalibr"),
         ("\n".join(f"{0.5 * k:.3e},{-k}" for k in range(11)), "expected plane_to_px = .* found DLT coefficients"),
         (" ".join(map(str, range(11))), r"expected plane_to_px = \[\[L1, L2, L4\], .* found DLT coefficients"),
         (of_ros("equidistant", [0.1] * 4), 'distortion_model: .* found "equidistant"; .* fisheye lens first'),
@@ -236,7 +236,7 @@ def test_faults_of_ros_yaml_name_file_and_key(tmp_path: Path, old: str, new: str
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("%YAML", "YAML?", "expected YAML of OpenCV, found a file that it cannot read"),
+        ("%YAML", "YAML?", "expected YAML of OpenCV, found a file that OpenCV cannot read"),
         ("image_width: 640", "width: 640", "image_width: expected a whole number of 1 or more, found none"),
         ("camera_matrix", "matrix", "camera_matrix: expected a matrix, found none"),
         ("camera_matrix: !!", "camera_matrix: 5\nother: !!", "camera_matrix: expected a matrix, found none"),

@@ -173,7 +173,7 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
     shown = [(node, true[scene.network.index(node)]) for node in ("M1", "M2", "M3", "M4")]
     folder = write_recording(tmp_path / "rec", scene, [(0.0, shown)], 0.01)
     assert softaim("identify", folder, "--at-rest", "--out", tmp_path / "scene.toml") == 0
-    assert "it rests as in the recording" in capsys.readouterr().out
+    assert "with the rest shape of the recording" in capsys.readouterr().out
     found = read_scene(tmp_path / "scene.toml").network
     np.testing.assert_allclose(rest_shape(found), true, rtol=0, atol=1e-5)
     np.testing.assert_array_equal(found.stiffness, scene.network.stiffness)

@@ -62,7 +62,7 @@ def made(folder: Path, body: Path, *words: object) -> Scene:
 
 def test_marks_lie_apart_on_the_free_surface_and_the_target_inside(tmp_path: Path, body: Path, capsys) -> None:
     scene = made(tmp_path / "made", body, "--marks", 8)
-    counts = "441 nodes, 49 of them held, 1728 tetrahedra, 36 ml"
+    counts = "441 nodes, 49 of them fixed, 1728 tetrahedra, 36 ml"
     box = "x is 0 to 40 mm, y is 0 to 30 mm, z is 0 to 30 mm"
     assert f"{counts}, {box}, from body.vtu" in capsys.readouterr().out
     places = np.array([scene.network.positions[scene.network.index(node)] for node in scene.measured_nodes])
@@ -171,7 +171,7 @@ def test_its_files_are_read_and_explained(soft: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--unit", "m"], "expected a body of 20 mm to 1 m, found 40 m by --unit m"),
+        (["--unit", "m"], "expected a body of 20 mm to 1 m, found 40 m with --unit m"),
         (["--fixed", "x<-1"], "--fixed: expected a part of the body, found none; x is 0 to 40 mm"),
         (["--fixed", "x<99"], "--fixed: expected 3 nodes or more, and not all, found 441 of 441; x is 0 to 40 mm"),
         (["--fixed", "q < 3"], '--fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "q < 3"'),

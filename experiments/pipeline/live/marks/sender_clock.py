@@ -9,7 +9,7 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""Largest factor between a frame's interval in another unit and the expected one to name that unit [1]; choice."""
+"""Largest ratio of a frame's interval in a guessed unit to the expected interval, or its inverse [1]; choice."""
 
 
 class Moment(NamedTuple):
@@ -27,8 +27,8 @@ class SenderClock:
     """Conversion of a sender's times to this machine's monotonic clock: adds the least delay of a frame.
 
     A frame arrives late but never early: the least difference of the clocks in the last settings.remembered_frames is
-    their offset, which follows a drifting clock. The least delay itself is assumed to be zero: all times are late by
-    it.
+    their offset, which follows a drifting clock. The least delay is assumed to be zero, so all times are late by the
+    true least delay.
 
     A time is refused if it does not increase, or increases by over settings.hung_s more than this machine's clock. If
     for settings.blocked_s only such frames come, in order, the sender has another clock, for example after a restart,

@@ -1,10 +1,10 @@
 // Age of a state: the time since it came, plus its delay beyond the fastest of the last minute.
-// The clocks of the two machines need not agree, only run evenly: a queue in between is still detected.
+// The clocks of the two machines may differ by a constant: a queue between them is still detected.
 
 const WINDOW_MS = 60_000;
 
 export class Age {
-  // fastest: of each of the last and the present minute, arrival less time of the state [ms]
+  // fastest: least arrival time minus time of a state [ms], in the last minute and in the present one
   constructor() {
     this.forget();
   }

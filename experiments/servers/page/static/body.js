@@ -12,9 +12,9 @@ const NEIGHBOURS = 4; // nodes that a corner of the surface follows
 const MOST_SPRINGS = 600;
 const LAMP = [-0.35, 0.45, 0.82]; // right, up, toward the viewer
 const SKIN = [150, 166, 182];
-const SHADE = 0.35; // light on what is turned away from the lamp
+const SHADE = 0.35; // light on faces turned away from the lamp
 const SHAFT_MM = 1000;
-const CLOSER = 0.3; // side of the close-up, by the height of the canvas
+const CLOSER = 0.3; // side of the close-up, relative to the canvas' height
 const TURNS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class Body {
@@ -50,11 +50,11 @@ export class Body {
     return [[c, 0, -s], [-s * t, u, -c * t], [s * u, t, c * u]];
   }
 
-  // Returns a notice in place of a drawing, or null
+  // Returns a notice if nothing can be drawn, else null
   draw(context, scene, state, { width, height, old, near }) {
     if (state.nodes_mm === null) return "there are no positions of nodes to show";
     if (this.scene !== scene) this.prepare(scene);
-    // Beside the close-up, which stands in a corner
+    // Beside the close-up in the corner
     const room = width - (near ? Math.round(CLOSER * height) : 0);
     const whole = view(this.axes(), this.middle, [room / 2, height / 2], (0.5 * Math.min(room, height)) / this.reach);
     this.surface(context, scene, state, whole);
@@ -75,7 +75,7 @@ export class Body {
     const ends = [0, 1, 2].map((k) => [Math.min(...all.map((p) => p[k])), Math.max(...all.map((p) => p[k]))]);
     this.middle = ends.map(([low, high]) => (low + high) / 2);
     this.reach = 1.03 * Math.max(10, ...all.map((p) => Math.hypot(...p.map((x, k) => x - this.middle[k]))));
-    // By the inverse square of the distance; a corner at a node follows that alone
+    // Weights: inverse squares of distances; a corner at a node follows this node alone
     this.follows = corners.map((corner) => {
       const nearest = drawn.map((p, k) => [distance(p, corner), k]).sort((a, b) => a[0] - b[0]).slice(0, NEIGHBOURS);
       const weights = nearest.map(([d, k]) => [1 / (d * d + 1e-6), k]);
@@ -117,7 +117,7 @@ export class Body {
       .forEach(([[a, b, c]]) => {
         const share = (lit[a] + lit[b] + lit[c]) / 3;
         context.fillStyle = context.strokeStyle = `rgb(${SKIN.map((x) => Math.round(share * x)).join(" ")})`;
-        context.lineWidth = 0.6; // over the seams
+        context.lineWidth = 0.6; // covers gaps between faces
         context.beginPath();
         for (const corner of [a, b, c]) context.lineTo(...places[corner]);
         context.closePath();
@@ -137,7 +137,7 @@ export class Body {
       trace(context, ellipse(place, near ? [[5, 0], [0, 5]] : [[2.5, 0], [0, 2.5]]), light(mark.hue_deg), near ? 2.5 : 1.5);
     }
     context.globalAlpha = 1;
-    // Names from the nearest on; none over another
+    // The nearest names first; names that would overlap are omitted
     const taken = [];
     this.named = [];
     for (const { mark, place, near } of seen.toReversed()) {
@@ -187,7 +187,7 @@ export class Body {
   }
 }
 
-// middle: the place [mm] that is drawn at a place of the canvas; scale: px/mm
+// middle: a position [mm], drawn at this position of the canvas; scale: px/mm
 function view(axes, middle, [x, y], scale) {
   const at = (p) => {
     const from = p.map((value, k) => value - middle[k]);
@@ -241,7 +241,7 @@ function factor(xx, xy, yy, scale) {
   return [[scale * a, -scale * b], [0, -scale * c]];
 }
 
-// Outward at corners, of length 1
+// Outward unit normals at corners
 function normalsOf(corners, faces) {
   const sums = corners.map(() => [0, 0, 0]);
   for (const face of faces) {

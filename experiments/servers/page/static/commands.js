@@ -13,7 +13,7 @@ export class Commands {
     find("record").onclick = () => this.ask({ command: "record", on: !this.state?.recording });
     find("pause").onclick = () => this.ask({ command: "pause", on: !this.state?.paused });
     find("fix").onclick = () => this.pick("fix", "Click the target in the picture, or use arrows and Enter · Esc cancels");
-    find("hue").onclick = () => this.pick("hue", `The mark on ${find("hue-node").value}: click it, or arrows and Enter · Esc leaves`);
+    find("hue").onclick = () => this.pick("hue", `Click the mark on ${find("hue-node").value}, or use arrows and Enter · Esc cancels`);
     find("reset").onclick = () => this.reset();
     find("zoom").onclick = () => this.zoom();
     find("help").onclick = () => find("legend").showModal();

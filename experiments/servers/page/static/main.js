@@ -1,4 +1,4 @@
-// The page of a live run: shows what came, and what did not come.
+// The page of a live run: shows new states, and reports missing ones.
 
 import { Age } from "./age.js";
 import { Commands } from "./commands.js";
@@ -10,12 +10,12 @@ import { judged, turning } from "./verdict.js";
 const LOOK_MS = 25; // interval of checks whether the display is still fresh
 const SLOW_MS = 100; // interval of drawing plots and numbers
 const IMAGE_MS = 250; // after this time without a picture, states are drawn as they come; otherwise with their pictures
-const NO_IMAGE_MS = 1000; // after this time without a picture, it is reported as old
+const NO_IMAGE_MS = 1000; // after this time without a picture, the picture is reported as old
 const SPOKEN_MS = 1000; // least interval of spoken advice
 const ANSWER_MS = 8000; // duration of an answer on the page
 const MOST_EVENTS = 5;
 const PICTURE = "The picture with marks, springs, target and needle";
-const BODY = "The body in space with marks, target and needle; arrow keys turn it, Home turns it back";
+const BODY = "The body in space with marks, target and needle; arrow keys turn it, Home restores the view";
 
 const find = (id) => document.getElementById(id);
 const age = new Age();
@@ -142,7 +142,7 @@ function say(id, { word, kind, why }) {
   text(id === "advice" ? "why" : "health-why", why);
 }
 
-// Spoken when it changes, and not too often; a stale state at once
+// Advice is spoken when it changes, but not too often; a stale state is spoken at once
 function speak(word, at) {
   const urgent = document.body.classList.contains("old") || word === "ABORT";
   if (word === now.spoken || (!urgent && at - (now.spokenAt ?? -Infinity) < SPOKEN_MS)) return;

@@ -4,8 +4,8 @@ import { Body } from "./body.js";
 import { closer, overlay } from "./overlay.js";
 import { LIGHT, TARGET, cross, trace, word } from "./strokes.js";
 
-const AROUND = 0.36; // margin on each side, by the body's size
-const CLOSER = 0.3; // side of the inset, by the canvas' height
+const AROUND = 0.36; // margin on each side, relative to the body's size
+const CLOSER = 0.3; // side of the inset, relative to the canvas' height
 const GROUND = "#1a232d";
 
 export class Picture {
@@ -60,7 +60,7 @@ export class Picture {
     context.fillRect(0, 0, this.width, this.height);
     this.views = [];
     if (state.picture === null && image && scene.picture_px) {
-      // Without a state yet: the picture alone, whole
+      // Without a state: only the whole picture
       const whole = this.through([0, 0, ...scene.picture_px], 0, 0, this.width, this.height);
       this.notice = null;
       this.inside(whole, image, scene, () => {});
@@ -111,7 +111,7 @@ export class Picture {
     if (!this.near) return this.through(whole, 0, 0, this.width, this.height);
     const body = extent(seen.nodes_px.filter(Boolean));
     if (body === null) return this.through(whole, 0, 0, this.width, this.height);
-    // Fixed until the body leaves it, so that the display does not sway
+    // The view is fixed until the body leaves it, so that the display does not sway
     if (this.box === null || body[0] < this.box[0] || body[1] < this.box[1] || body[2] > this.box[2] || body[3] > this.box[3]) {
       const more = AROUND * Math.max(body[2] - body[0], body[3] - body[1], 20);
       this.box = [body[0] - more, body[1] - more, body[2] + more, body[3] + more];
@@ -126,7 +126,7 @@ export class Picture {
     const pxPerMm = Math.hypot(seen.target_shape_px[0][0], seen.target_shape_px[1][0]) / scene.target.radius_mm;
     const spread = Math.max(...(seen.target_ellipse_px ?? [[0, 0]]).map(([x, y]) => Math.hypot(x, y)));
     const needed = Math.max(2 * scene.target.radius_mm * pxPerMm, 1.15 * spread);
-    // In steps, so that the size does not change in each frame
+    // The size changes in steps, not in each frame
     if (this.reach === null || needed > this.reach || needed < 0.4 * this.reach) this.reach = 1.5 * needed;
     const [u, v] = seen.target_px;
     const view = this.through([u - this.reach, v - this.reach, u + this.reach, v + this.reach], left, top, side, side);

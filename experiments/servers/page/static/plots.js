@@ -1,4 +1,4 @@
-// Three plots of the last 20 s, by time of arrival, in bounded memory: they keep moving without new states.
+// Three plots of the last 20 s over arrival times, in bounded memory; they also move without new states.
 
 /* global uPlot */
 const SPAN_S = 20;
@@ -9,7 +9,7 @@ const BLUE = "#56b4e9";
 const ORANGE = "#e69f00";
 const PURPLE = "#cc79a7";
 
-// Standard deviations to 95 % in the plane and in space: roots of the chi-square quantiles
+// Semi-axes of the 95 % region in standard deviations, in the plane and in space: roots of chi-square quantiles
 export const WITHIN_95 = { 2: 2.4477, 3: 2.7955 };
 
 export class Traces {

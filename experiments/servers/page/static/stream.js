@@ -1,4 +1,4 @@
-// The WebSocket to the run: opened again when it is lost. It sets its own pace: it requests the next state when one has come.
+// The WebSocket to the run: opened again after a loss. The page requests the next state when one has come.
 
 const FIRST_RETRY_MS = 250;
 const LAST_RETRY_MS = 2000;

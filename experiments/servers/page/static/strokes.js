@@ -11,7 +11,7 @@ export function light(hueDeg) {
   return `hsl(${hueDeg} 100% 68%)`;
 }
 
-// Points of center + A (cos t, sin t), A by its columns
+// Points of center + A (cos t, sin t); A is given by its columns
 export function ellipse([x, y], [a, b]) {
   return Array.from({ length: CORNERS + 1 }, (_, k) => {
     const t = (2 * Math.PI * k) / CORNERS;

@@ -1,5 +1,5 @@
 // The verdict at this moment: health and advice, each a word, a kind (its colour and shape) and a reason.
-// GO is shown only for a fresh, healthy state without a fault, and not while paused; ABORT with any fault.
+// GO is shown only for a new, reliable state without a fault, and not while paused; ABORT also with a fault.
 
 const HEALTH = { TRACKING: "good", COASTING: "care", INITIALISING: "info", LOST: "bad", DIVERGED: "bad" };
 const ADVICE = { GO: "good", WAIT: "care", REALIGN: "info", ABORT: "stop" };
@@ -11,7 +11,7 @@ function same(word, kind, reason, inside = false) {
   return { health: { word, kind, why }, advice: { word, kind, why, probability: null }, live: false };
 }
 
-// state: the newest, or null; ageMs: its age, including the delay; lostMs: since the connection ended, or null
+// state: the newest, or null; ageMs: its age, including the delay; lostMs: time since the connection ended, or null
 export function judged({ state, ageMs, lostMs, staleMs, refused }) {
   if (refused) return same("NO ACCESS", "bad", refused);
   const inside = (state?.needle?.depth_mm ?? 0) > 0;

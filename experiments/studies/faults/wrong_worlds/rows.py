@@ -84,7 +84,7 @@ def _exchanged(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _scaled(x: float, y: float) -> Sees:
-    """Scale marks about the body's centre: along x and y by these factors, along z by that of x."""
+    """Scale marks about the body's centre: along x and z by the first factor, along y by the second."""
     factors = np.array([x, y, x])
     return lambda seen, _rng: replace(
         seen, places=seen.middle + factors[: len(seen.middle)] * (seen.places - seen.middle)
@@ -165,7 +165,7 @@ def _of_target_mass(factor: float) -> Callable[[Scene], Floats]:
 
 
 def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
-    """The target's springs have 0.3 of their stiffness and the same loads: it rests as drawn, but is loose."""
+    """The target's springs have 0.3 of their stiffness and the same loads, so that the body rests as drawn."""
     factors = _of_target(0.3)(scene)
     network = _times(scene, {"stiffness": _of_target(0.3), "damping": _of_target(0.3)})
     lengths = spring_lengths(network.positions, network.springs)
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with ten times the drag; without drag, so much that a free mass would stop in 0.1 s."""
+    """The network with ten times the drag; nodes without drag get one that stops a free mass within about 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 
@@ -209,15 +209,15 @@ _MOVES = {
 
 WORLDS: Mapping[str, World] = {
     "nothing": World(),
-    "values freeze for 2 s, times go on": World(ONSET_S, seen=_frozen),
+    "positions freeze for 2 s, times advance": World(ONSET_S, seen=_frozen),
     **{name: World(ONSET_S, seen=seen) for name, seen in _MOVES.items()},
     **{f"{name}, with reference marks": World(ONSET_S, seen=seen, reference=True) for name, seen in _MOVES.items()},
     "all marks move by 8 mm for half a second": World(
         ONSET_S, seen=_displaced(lambda t: 8e-3 * ((t >= 0.0) & (t < 0.5)))
     ),
-    **{f"the target rests {mm} mm away": World(truth=_rests_at(1e-3 * mm)) for mm in (10, 3)},
+    **{f"a target position error of {mm} mm": World(truth=_rests_at(1e-3 * mm)) for mm in (10, 3)},
     **{
-        f"the target rests {mm} mm away, as stated": World(
+        f"a stated target position error of {mm} mm": World(
             truth=_rests_at(1e-3 * mm), target={"position_sd_mm": float(mm)}
         )
         for mm in (10, 3)
@@ -231,7 +231,7 @@ WORLDS: Mapping[str, World] = {
     "a spring of the target is missing": World(
         truth=_body(stiffness=_of_most_loaded(1e-3), damping=_of_most_loaded(1e-3))
     ),
-    "the target hangs loose": World(truth=Truth(_loose)),
+    "the target's springs are softer, its rest unchanged": World(truth=Truth(_loose)),
     "the target's mass is three times as large": World(truth=_body(masses=_of_target_mass(3.0))),
     "all springs are half as stiff": World(truth=_body(stiffness=0.5)),
     "all springs are twice as stiff": World(truth=_body(stiffness=2.0)),
@@ -245,21 +245,21 @@ WORLDS: Mapping[str, World] = {
     "gravity stated upside down": World(scene=_stated(gravity=-1.0)),
     "masses stated in g": World(scene=_stated(masses=1e3)),
     "stiffness stated in N/mm": World(scene=_stated(stiffness=1e-3)),
-    "the target is poked, too": World(truth=Truth(pushes=Pushes(hidden=True))),
+    "the target is also poked": World(truth=Truth(pushes=Pushes(hidden=True))),
     "pokes of 15 m/s²": World(truth=Truth(pushes=Pushes(pokes_m_s2=15.0))),
-    "the breath accelerates all mass": World(truth=Truth(pushes=Pushes(everywhere=True))),
+    "breathing accelerates the whole mass": World(truth=Truth(pushes=Pushes(everywhere=True))),
     "the body turns by 60 degrees": World(truth=Truth(pushes=Pushes(turned_deg=60.0))),
-    "a second breath from aside": World(truth=Truth(pushes=Pushes(second=True))),
+    "a second breathing force, sideways": World(truth=Truth(pushes=Pushes(second=True))),
     "an anchor slips by 5 mm": World(ONSET_S, truth=Truth(becomes=_slipped, onset_s=ONSET_S)),
     "a mark slides by 8 mm in 2 s": World(ONSET_S, seen=_displaced(lambda t: np.clip(4e-3 * t, 0.0, 8e-3), one=True)),
-    "a mark is stuck on 5 mm elsewhere": World(ONSET_S, seen=_displaced(lambda t: 5e-3 * (t >= 0.0), one=True)),
+    "a mark is reattached 5 mm away": World(ONSET_S, seen=_displaced(lambda t: 5e-3 * (t >= 0.0), one=True)),
     "two marks are exchanged": World(ONSET_S, seen=_exchanged),
-    "marks with y down": World(seen=_scaled(1.0, -1.0)),
-    "the scale is 3 % off": World(seen=_scaled(1.03, 1.03)),
-    "the scale is 10 % off": World(seen=_scaled(1.1, 1.1)),
-    "a tenth of the marks' sd is stated": World(sd_m=0.1 * MARK_SD_M),
-    "ten times the marks' sd are stated": World(sd_m=10.0 * MARK_SD_M),
-    "one mark in twenty is 10 mm off": World(seen=_heavy),
+    "the marks' y points down": World(seen=_scaled(1.0, -1.0)),
+    "a scale error of 3 %": World(seen=_scaled(1.03, 1.03)),
+    "a scale error of 10 %": World(seen=_scaled(1.1, 1.1)),
+    "marks' sd stated ten times too small": World(sd_m=0.1 * MARK_SD_M),
+    "marks' sd stated ten times too large": World(sd_m=10.0 * MARK_SD_M),
+    "one mark in twenty has 10 mm error": World(seen=_heavy),
     "an unstated delay of 100 ms": World(seen=_late),
     "half of the frames are lost": World(seen=_halved),
     "the tracker's clock is 2 % fast": World(seen=_fast),

@@ -156,8 +156,8 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """The figures of a run's moments.
 
-    tracking, tracking_wrong, covered: number of frames; go, go_wrong: number of moments; error_mm: median if TRACKING
-    shown: the most frequent display
+    tracking, tracking_wrong, covered: number of frames; go, go_wrong: number of moments; shown: most frequent display
+    error_mm: median over TRACKING frames
     """
     tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
     go = [one for one in moments if one.advice == str(Advice.GO)]

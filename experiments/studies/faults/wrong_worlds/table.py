@@ -15,7 +15,7 @@ MOST = 0.005
 SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
 SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
 HARMLESS = (1.0, 99.0)
-"""Largest median error [mm] and least coverage [%] with which a world without a wrong GO has no own line; choice: the
+"""Bounds on median error [mm] and coverage [%] within which a world without a wrong GO gets no own line; choice: the
 first is the marks' noise."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
@@ -45,7 +45,7 @@ def markdown(rows: pd.DataFrame) -> str:
         else:
             lines.append(_cells(world, own))
     wrong, every = rows["go_wrong"].sum(), rows["go"].sum()
-    named = f"Error up to {HARMLESS[0]:g} mm, coverage from {HARMLESS[1]:g} %, no wrong GO: {'; '.join(harmless)}.\n\n"
+    named = f"Error ≤ {HARMLESS[0]:g} mm, coverage ≥ {HARMLESS[1]:g} %, no wrong GO: {'; '.join(harmless)}.\n\n"
     return markdown_table(HEADS, lines) + f"\n{named if harmless else ''}Wrong GO: {wrong} of {every:,}.\n"
 
 

@@ -31,7 +31,7 @@ def test_it_says_what_is_in_the_file(capfd: pytest.CaptureFixture[str]) -> None:
     assert softaim("export", "film", "--to", "plus", "--out", "film.igs.mha", "--estimates", "results") == 0
     assert capfd.readouterr().out == (
         "3 frames; 1 of them with the target\n"
-        "The pictures are off the plane by up to 0.00 mm at the marks as drawn\n"
+        "The pictures' affine map to the plane errs by up to 0.00 mm at drawn marks\n"
         "Written to film.igs.mha\n"
     )
 

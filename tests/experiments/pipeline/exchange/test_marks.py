@@ -53,8 +53,8 @@ def test_marks_set_manually_are_reported(capsys: pytest.CaptureFixture[str]) -> 
     Path("poses.csv").write_text("track,frame_idx,M1.x,M1.y,M1.score\n,0,18,10,\n,1,18,10,0.9\n")
     assert softaim("import", "poses.csv", "--scene", "scene.toml", "--out", "rec", "--fps", "30", "--least", "1") == 0
     shown = capsys.readouterr().out
-    assert "Left out: 1 with a likelihood below 1" in shown
-    assert "Set manually, kept without a likelihood: 1" in shown
+    assert "Positions omitted: 1 with likelihood below 1" in shown
+    assert "Positions set manually, used without a likelihood: 1" in shown
 
 
 def test_a_lens_and_a_tilt_are_undone() -> None:

@@ -200,7 +200,7 @@ def test_words_say_what_where_and_why():
     said = Guidance(
         Advice.REALIGN, "why", 1.0, 0.6199, np.array([0.001, 0.1884]), None, 0.0021, 0.0421, np.radians(4.3)
     )
-    assert words(said) == "REALIGN 61 %  aim (1.0, 188.4) mm, 2.1 mm beside, turn 4.3 deg, 42.1 mm to go: why"
+    assert words(said) == "REALIGN 61 %  aim (1.0, 188.4) mm, lateral 2.1 mm, turn 4.3 deg, 42.1 mm to go: why"
     assert words(Guidance(Advice.NO_GUIDANCE, "the estimate is LOST")) == "NO GUIDANCE: the estimate is LOST"
 
 

@@ -86,7 +86,7 @@ def test_unread_and_watched_by_many_it_notifies_those_beyond_goes_on_and_lacks_n
     monkeypatch.setattr(system, "_moments", lambda *given: shown.append(moments(*given)) or shown[-1])
     monkeypatch.setattr(Viewer, "tell", lambda viewer, text: (said.append(text), tell(viewer, text)))
     found = judged("both", tmp_path, monkeypatch, lambda _: said)
-    assert set(said) == {"to those beyond: 16 clients are already connected"}
+    assert set(said) == {"to further viewers: 16 clients are already connected"}
     assert shown[-1][-1].status != "NO CONNECTION"
     assert found.noticed_ms is not None
     assert found.go_shown_while_faulty == 0

@@ -69,7 +69,7 @@ def test_a_turned_camera_keeps_distances_and_turns_by_two_degrees(body):
 
 @pytest.mark.parametrize(
     ("name", "at_s", "mm"),
-    [("a mark slides by 8 mm in 2 s", 5.0, 4.0), ("a mark is stuck on 5 mm elsewhere", 5.0, 5.0)],
+    [("a mark slides by 8 mm in 2 s", 5.0, 4.0), ("a mark is reattached 5 mm away", 5.0, 5.0)],
 )
 def test_one_mark_alone_is_displaced(name, at_s, mm):
     by, times = displaced_mm(name)
@@ -77,7 +77,7 @@ def test_one_mark_alone_is_displaced(name, at_s, mm):
 
 
 def test_values_freeze_to_the_last_digit_while_times_go_on():
-    lines = lines_of(WORLDS["values freeze for 2 s, times go on"].seen(seen(), np.random.default_rng(SEED)), 1e-3)
+    lines = lines_of(WORLDS["positions freeze for 2 s, times advance"].seen(seen(), np.random.default_rng(SEED)), 1e-3)
     frames = [json.loads(line) for _, line in lines]
     frozen = [one for one in frames if ONSET_S - 1e-6 <= one["time_s"] - BEGAN_S < ONSET_S + 2.0 - 1e-6]
     assert len(frozen) == 60
@@ -99,7 +99,7 @@ def test_times_are_late_fast_or_lack_and_marks_are_exchanged_or_astray():
     assert 0.35 < len(half.places) / len(before.places) < 0.65
     swapped = WORLDS["two marks are exchanged"].seen(before, rng)
     np.testing.assert_array_equal(swapped.places[-1], before.places[-1][[1, 0, 2]])
-    wild = np.linalg.norm(WORLDS["one mark in twenty is 10 mm off"].seen(before, rng).places - before.places, axis=2)
+    wild = np.linalg.norm(WORLDS["one mark in twenty has 10 mm error"].seen(before, rng).places - before.places, axis=2)
     assert 0.02 < (wild > 5e-3).mean() < 0.08
     assert wild.max() == pytest.approx(10e-3)
 
@@ -136,7 +136,7 @@ def test_every_scene_that_is_stated_has_the_form_of_a_scene_file(body):
 def test_a_target_rests_so_far_from_where_it_is_drawn():
     scene = scene_of_body("four masses")
     target = scene.network.index(scene.target.node)
-    network = WORLDS["the target rests 10 mm away"].truth.network(scene, np.random.default_rng(1))
+    network = WORLDS["a target position error of 10 mm"].truth.network(scene, np.random.default_rng(1))
     away = np.linalg.norm(network.positions - scene.network.positions, axis=1)
     assert away[target] == pytest.approx(10e-3, abs=1e-6)
     assert np.delete(away, target).max() < 1e-6
@@ -146,8 +146,8 @@ def test_other_pushes_move_the_body_otherwise():
     """Of the same seed, by more than a millimetre; both begin at rest."""
     scene = scene_of_body("light phantom")
     usual = motion_of(scene, AS_STATED, SEED, 3.0).positions
-    poked = motion_of(scene, WORLDS["the target is poked, too"].truth, SEED, 3.0).positions
-    breathing = motion_of(scene, WORLDS["a second breath from aside"].truth, SEED, 3.0).positions
+    poked = motion_of(scene, WORLDS["the target is also poked"].truth, SEED, 3.0).positions
+    breathing = motion_of(scene, WORLDS["a second breathing force, sideways"].truth, SEED, 3.0).positions
     apart = np.linalg.norm(poked - usual, axis=2).max(axis=1)
     assert apart[0] == 0.0
     assert apart.max() > 1e-3
@@ -155,7 +155,7 @@ def test_other_pushes_move_the_body_otherwise():
 
 
 def test_keys_that_a_row_adds_stand_in_their_tables():
-    world = WORLDS["the target rests 10 mm away, as stated"]
+    world = WORLDS["a stated target position error of 10 mm"]
     lines = stated_text(world, scene_of_body("breast")).splitlines()
     assert lines[lines.index("[target]") + 1] == "position_sd_mm = 10.0"
     breast, drift = scene_of_body("breast"), WORLDS["the camera drifts by 1 mm/s, with reference marks"]
@@ -197,25 +197,25 @@ def test_a_row_of_which_any_body_is_beyond_half_a_percent_is_marked():
     runs = pd.DataFrame(
         [
             {"world": "nothing", "body": "breast", "go": 200, "go_wrong": 1, "refused": False, **usual},
-            {"world": "the scale is 3 % off", "body": "breast", "go": 100, "go_wrong": 1, "refused": False, **usual},
+            {"world": "a scale error of 3 %", "body": "breast", "go": 100, "go_wrong": 1, "refused": False, **usual},
             {"world": "masses stated in g", "body": "breast", "go": 0, "go_wrong": 0, "refused": True, **usual},
         ]
     )
     good, refused, marked = markdown(rows_of(runs)).splitlines()[2:5]
     assert good == "| nothing | 1/200 | 1.0 | 96.6% |"
-    assert marked.startswith("| **the scale is 3 % off** | **1/100** |")
+    assert marked.startswith("| **a scale error of 3 %** | **1/100** |")
     assert refused.startswith("| masses stated in g | 0/0, refused 1/1 |")
 
 
 def test_harmless_worlds_are_named_below_the_table():
     seen = {"body": "breast", "frames": 300, "tracking": 290, "tracking_wrong": 0, "go": 1200, "go_wrong": 0}
     seen |= {"refused": False, "shown": "GO", "covered": 288}  # 99.3 %
-    errors = {"nothing": 0.3, "the scale is 3 % off": 1.2, "half of the frames are lost": 1.04}
+    errors = {"nothing": 0.3, "a scale error of 3 %": 1.2, "half of the frames are lost": 1.04}
     runs = pd.DataFrame([{"world": world, "error_mm": error_mm, **seen} for world, error_mm in errors.items()])
     assert markdown(rows_of(runs)).splitlines()[2:] == [
-        "| the scale is 3 % off | 0/1200 | 1.2 | 99.3% |",
+        "| a scale error of 3 % | 0/1200 | 1.2 | 99.3% |",
         "",
-        "Error up to 1 mm, coverage from 99 %, no wrong GO: nothing; half of the frames are lost.",
+        "Error ≤ 1 mm, coverage ≥ 99 %, no wrong GO: nothing; half of the frames are lost.",
         "",
         "Wrong GO: 0 of 3,600.",
     ]
