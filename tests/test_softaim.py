@@ -48,17 +48,12 @@ def test_other_names_are_not_there() -> None:
         softaim.TissueFilters  # noqa: B018
 
 
-def test_the_version_is_that_of_the_project() -> None:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert softaim.__version__ == project["version"]
-
-
-def test_the_version_is_that_of_the_newest_release() -> None:
+def test_the_version_is_that_of_the_project_and_of_the_newest_release() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     newest = re.search(r"^## \[(\d[\d.]*)\]", changelog, flags=re.MULTILINE)
     assert newest is not None
-    assert newest[1] == project["version"]
+    assert softaim.__version__ == newest[1] == project["version"]
 
 
 def test_importing_it_loads_nothing_else() -> None:

@@ -32,6 +32,15 @@ def random_network(dim: int, **changes) -> MassSpringNetwork:
     return build_network(corners, springs, (0, 3), **(fields | changes))
 
 
+def moved(network, seed=3):
+    """Positions away from the drawn ones [m] and velocities [m/s] of all nodes; anchors neither moved nor moving."""
+    rng = np.random.default_rng(seed)
+    x, v = network.positions.copy(), np.zeros_like(network.positions)
+    x[network.free] += 0.05 * rng.normal(size=x[network.free].shape)
+    v[network.free] = 0.3 * rng.normal(size=x[network.free].shape)
+    return x, v
+
+
 def textbook_force(network, x, v):
     """Sum of (k (l - l0) + c dl/dt) n  -  drag v  -  friction v / sqrt(v² + slip²)  +  m g, node by node [N]."""
     force = np.zeros_like(x)

@@ -15,34 +15,18 @@ SUB = 3
 
 
 def seen(lens: Lens, pose: Pose, points_m: np.ndarray) -> np.ndarray:
-    """Where points are seen [px], by the formulas of Brown's model as OpenCV's manual prints them."""
-    x, y, z = pose.rotation @ points_m.T + pose.translation_m[:, None]
-    x, y = x / z, y / z
-    return distorted(lens, np.stack([x, y], axis=1))
-
-
-def distorted(lens: Lens, rays: np.ndarray) -> np.ndarray:
-    x, y = rays.T
-    k1, k2, p1, p2, k3 = lens.distortion
-    r2 = x * x + y * y
-    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
-    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-    fx, fy, cx, cy = lens.matrix[[0, 1, 0, 1], [0, 1, 2, 2]]
-    return np.stack([fx * u + cx, fy * v + cy], axis=1)
+    """Where OpenCV sees points [px]."""
+    turn = cv2.Rodrigues(pose.rotation)[0]
+    return cv2.projectPoints(points_m, turn, pose.translation_m, lens.matrix, lens.distortion)[0].reshape(-1, 2)
 
 
 def sub_pixel_rays(lens: Lens, size_px: tuple[int, int] = SIZE_PX, sub: int = SUB) -> np.ndarray:
-    """Directions x/z, y/z of all sub-pixels, (2, height * sub * width * sub): the distortion undone by fixed point."""
+    """Directions x/z, y/z of all sub-pixels, (2, height * sub * width * sub), to 0.003 px."""
     offsets = (np.arange(sub) + 0.5) / sub - 0.5
     u = (np.arange(size_px[0])[:, None] + offsets).ravel()
     v = (np.arange(size_px[1])[:, None] + offsets).ravel()
     px = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    scale = lens.matrix[[0, 1], [0, 1]]
-    rays = (px - lens.matrix[:2, 2]) / scale
-    for _ in range(10):
-        rays = rays + (px - distorted(lens, rays)) / scale
-    return rays.T.astype(np.float32)
+    return cv2.undistortPoints(px[:, None], lens.matrix, lens.distortion).reshape(-1, 2).T.astype(np.float32)
 
 
 def print_of(board: Board, per_square: int = 60, *, legacy: bool = False) -> np.ndarray:

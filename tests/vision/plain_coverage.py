@@ -1,43 +1,15 @@
 """How much of each pixel a mark covers, and with that its centre, its area and the covariance of the centre."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
-
 import cv2
 import numpy as np
-from numpy.typing import NDArray
-
-Floats = NDArray[np.float64]
-Picture = NDArray[Any]  # as OpenCV's stubs have it: (h, w) or (h, w, 3) of whole or of floating numbers
 
 GROW_PX, CORE_PX, FIT_PIXELS, GRAIN_REACH, LOCAL_REACH = 3, 2, 800, 7, 3
 FLOOR_PX2, ROUNDING, OUTLIER_SDS, LOCAL_GAIN = 0.0025**2, 1.0 / 12.0, 3.890591886413, 1.6
 """As `vision.detection.coverage` has them, where each is explained."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cover:
-    """A mark's centre [px], (2,), from the patch's first pixel, the covariance of that [px²], (2, 2), its area [px]."""
-
-    center_px: Floats
-    cov_px2: Floats
-    area_px: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Background:
-    """A plane of colour: color = [1, u, v] @ plane. All (3, 3): plane, Gram matrix of its fit, covariance about it."""
-
-    plane: Floats
-    gram: Floats
-    noise_cov: Floats
-
-
-def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
-    """What a component covers of a patch; None where it cannot be distinguished from the background.
+def cover(patch: np.ndarray, component: np.ndarray, others: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """A mark's centre [px], (2,), from the patch's first pixel, the covariance of that [px²], (2, 2), its area [px].
 
     patch: (h, w, 3) BGR
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
@@ -45,34 +17,20 @@ def cover(patch: Picture, component: Picture, others: Picture) -> Cover | None:
     """
     near = cv2.dilate(component, _ellipse(GROW_PX + max(component.shape) // 16))
     ring = np.equal(cv2.bitwise_or(near, others), 0).astype(np.uint8)
-    behind = _background(patch, ring)
-    if behind is None:
-        return None
+    plane, gram, noise_cov = _background(patch, ring)
     core = cv2.erode(component, _ellipse(CORE_PX), borderType=cv2.BORDER_REPLICATE)
     solid = core if cv2.countNonZero(core) >= 9 else component
     moments = cv2.moments(solid, binaryImage=True)
     middle = np.array([1.0, moments["m10"] / moments["m00"], moments["m01"] / moments["m00"]])
-    contrast = np.array(cv2.mean(patch, solid)[:3]) - middle @ behind.plane
+    contrast = np.array(cv2.mean(patch, solid)[:3]) - middle @ plane
     # Best linear unbiased estimate of alpha where pixel = background + alpha contrast + noise, noise ~ (0, N):
     # alpha = d' N^-1 (pixel - background) / d' N^-1 d
-    weights = np.linalg.solve(behind.noise_cov, contrast)
-    strength = weights @ contrast
-    if not strength > 0:
-        return None
-    alpha = _unmixed(patch, behind.plane, weights / strength)
-    return _centered(alpha, _Zones(near, core, ring), behind.gram)
+    weights = np.linalg.solve(noise_cov, contrast)
+    alpha = _unmixed(patch, plane, weights / (weights @ contrast))
+    return _centered(alpha, near, core, ring, gram)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Zones:
-    """Pixels as 0 and 1, (h, w): all that the mark may reach, its core, what lies behind."""
-
-    near: Picture
-    core: Picture
-    ring: Picture
-
-
-def _unmixed(patch: Picture, plane: Floats, weights: Floats) -> Picture:
+def _unmixed(patch: np.ndarray, plane: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """(pixel - background) @ weights for every pixel, (h, w) float32."""
     constant, along_u, along_v = plane @ weights
     height, width = patch.shape[:2]
@@ -81,19 +39,16 @@ def _unmixed(patch: Picture, plane: Floats, weights: Floats) -> Picture:
     return projected - np.float32(along_u) * u - (np.float32(along_v) * v + np.float32(constant))
 
 
-def _centered(alpha: Picture, zones: _Zones, gram: Floats) -> Cover | None:
-    filled = np.where(zones.core, np.float32(1.0), alpha * zones.near)
-    m = cv2.moments(filled)
+def _centered(alpha, near, core, ring, gram) -> tuple[np.ndarray, np.ndarray, float]:
+    """Of pixels as 0 and 1, (h, w): all that the mark may reach, its core, what lies behind."""
+    m = cv2.moments(np.where(core, np.float32(1.0), alpha * near))
     area = m["m00"]
-    if not area > 0:
-        return None
     center = np.array([m["m10"], m["m01"]]) / area
     # d center / d alpha = (place - center) / area, for the pixels whose alpha was measured
-    edge = zones.near & (1 - zones.core)
-    v, u = np.nonzero(edge)
+    v, u = np.nonzero(near & (1 - core))
     places = np.column_stack([np.ones(len(u)), u, v])
     arms = (places[:, 1:] - center) / area
-    behind = _power(alpha, zones.ring.astype(np.float32), GRAIN_REACH)
+    behind = _power(alpha, ring.astype(np.float32), GRAIN_REACH)
     # Noise counts as much as its pixel moves the centre: compression leaves most of it at the mark's edge.
     leverage = np.zeros(alpha.shape, dtype=np.float32)
     leverage[v, u] = np.hypot(arms[:, 0], arms[:, 1])
@@ -101,47 +56,42 @@ def _centered(alpha: Picture, zones: _Zones, gram: Floats) -> Cover | None:
     # What is wrong with the background's plane reaches the centre too; it comes from the noise where it was fitted.
     by_plane = arms.T @ places
     cov = at_edge * arms.T @ arms + behind * by_plane @ np.linalg.solve(gram, by_plane.T) + FLOOR_PX2 * np.eye(2)
-    return Cover(center, np.asarray(cov, dtype=np.float64), area)
+    return center, cov, area
 
 
-def _background(patch: Picture, ring: Picture) -> _Background | None:
-    """A plane of colour through the ring around a mark, and how colours stray about it; None without a ring."""
+def _background(patch: np.ndarray, ring: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A plane of colour through the ring around a mark, color = [1, u, v] @ plane, and how colours stray about it.
+
+    All (3, 3): plane, Gram matrix of its fit, covariance about it.
+    """
     rows, columns = np.nonzero(ring)
     step = 1 + len(rows) // FIT_PIXELS
     rows, columns = rows[::step], columns[::step]
-    if len(rows) < 12:
-        return None
     colors = patch[rows, columns].astype(float)
     X = np.column_stack([np.ones(len(rows)), columns, rows])
     # Medians cost most of the time here; every fourth pixel tells them well enough.
     off = np.abs(colors - np.median(colors[::4], axis=0))
     # 1.4826 MAD is the standard deviation of a Gaussian; two grey levels allow for shading.
     kept = (off <= OUTLIER_SDS * (1.4826 * np.median(off[::4], axis=0) + 2.0)).all(axis=1)
-    if kept.sum() < 12:
-        return None
     gram = X[kept].T @ X[kept]
     plane = np.linalg.solve(gram, X[kept].T @ colors[kept])
     # All pixels count here: a line or a disc of another hue beside the mark turns the weights away from its colour.
     strays = colors - X @ plane
-    noise_cov = strays.T @ strays / (len(rows) - 3) + ROUNDING * np.eye(3)
-    return _Background(plane, gram, np.asarray(noise_cov, dtype=np.float64))
+    return plane, gram, strays.T @ strays / (len(rows) - 3) + ROUNDING * np.eye(3)
 
 
-def _lopsided(alpha: Picture, center: Floats) -> Picture:
+def _lopsided(alpha: np.ndarray, center: np.ndarray) -> np.ndarray:
     """Half of what alpha differs by from itself turned by 180 degrees about the centre, (h, w).
 
     A mark is its own image under that turn. What is left is noise, compression, wear: all that can move the centre.
     """
     turn = np.array([[-1.0, 0.0, 2.0 * center[0]], [0.0, -1.0, 2.0 * center[1]]])
-    size = (alpha.shape[1], alpha.shape[0])
     smooth = cv2.GaussianBlur(alpha, (3, 3), 0)
-    turned = cv2.warpAffine(
-        smooth, turn, size, flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REPLICATE
-    )
-    return (smooth - turned) / 2.0
+    flags, border = cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, cv2.BORDER_REPLICATE
+    return (smooth - cv2.warpAffine(smooth, turn, alpha.shape[::-1], flags=flags, borderMode=border)) / 2.0
 
 
-def _power(noise: Picture, weights: Picture, reach: int) -> float:
+def _power(noise: np.ndarray, weights: np.ndarray, reach: int) -> float:
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, not less than its variance.
 
     weights: how much each pixel's noise matters, (h, w), 0 where it is not to be looked at.
@@ -158,6 +108,5 @@ def _power(noise: Picture, weights: Picture, reach: int) -> float:
     return power if power > variance * (1.0 + 2.0 * reach / np.sqrt(n_pixels)) else variance
 
 
-@lru_cache(maxsize=64)
-def _ellipse(radius: int) -> Picture:
+def _ellipse(radius: int) -> np.ndarray:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))

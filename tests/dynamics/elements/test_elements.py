@@ -1,4 +1,4 @@
-"""Each kind of element is the slope of its energy and has the slopes of its force; assembled, they are the network."""
+"""Each kind of element has the slopes of its force; assembled, all are the network, whose laws `test_laws.py` tests."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ import pytest
 from dynamics import damping_matrix, node_forces, potential_energy, stiffness_matrix
 from dynamics.elements import Assembly, Resistance, Springs, Weight
 from dynamics.forces.kernels import NodeConstants, SpringConstants
+from tests.dynamics.conftest import moved
 
 N = 4
 """Elements of a kind."""
@@ -56,19 +57,6 @@ def by_element(slopes, shape):
 
 @each_dim
 @every_kind
-def test_force_at_rest_is_minus_the_slope_of_the_energy(kind, dim, slope):
-    """Five-point rule: h⁴ E⁽⁵⁾ / 30, E⁽⁵⁾ about 24 k l0 / l⁴ = 1e7 N/m⁴ at a decimetre: 5e-10 N at 2e-4 m."""
-    element = KINDS_OF_ELEMENT[kind][0](dim)
-    x, v = corners(element, dim)
-    assert element.energy(x).shape == (N,)
-    grad = slope(lambda at: element.energy(at).sum(), x, 2e-4).reshape(x.shape)
-    force = element.force(x, np.zeros_like(v))
-    assert force.shape == x.shape
-    np.testing.assert_allclose(force, -grad, rtol=0, atol=1e-8)
-
-
-@each_dim
-@every_kind
 def test_tangents_are_minus_the_slopes_of_the_force(kind, dim, slope):
     """In motion; friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 4 N s/m = 6e-11 at 1e-5 m/s."""
     element = KINDS_OF_ELEMENT[kind][0](dim)
@@ -97,15 +85,6 @@ def test_derivatives_by_constants_are_slopes_of_the_force(kind, dim, slope):
             return make(dim, element.constants._replace(**{name: grown})).force(x, v)
 
         np.testing.assert_allclose(derivative, slope(force, np.zeros(1), 1e-3)[..., 0], rtol=0, atol=1e-9)
-
-
-def moved(network, seed=3):
-    """A random shape and velocities of all nodes; anchors stand."""
-    rng = np.random.default_rng(seed)
-    x, v = network.positions.copy(), np.zeros_like(network.positions)
-    x[network.free] += 0.05 * rng.normal(size=(len(network.free), network.dim))
-    v[network.free] = 0.1 * rng.normal(size=(len(network.free), network.dim))
-    return x, v
 
 
 def free_of(network, field):

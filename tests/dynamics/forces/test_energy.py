@@ -4,61 +4,18 @@ import numpy as np
 import pytest
 
 from dynamics import kinetic_energy, node_forces, potential_energy
-
-
-def moved(network, seed=3, spread=0.08, speed=0.5):
-    """Positions away from the drawn ones [m] and velocities [m/s] of all nodes; anchors neither moved nor moving."""
-    rng = np.random.default_rng(seed)
-    x, v = network.positions.copy(), np.zeros_like(network.positions)
-    x[network.free] += spread * rng.normal(size=x[network.free].shape)
-    v[network.free] = speed * rng.normal(size=x[network.free].shape)
-    return x, v
-
-
-LOSSES = {"damping": 0.0, "drag": 0.0, "friction": 0.0, "gravity": 0.0}
+from tests.dynamics.conftest import moved
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("only", [None, "damping", "drag", "friction", "gravity", "springs"])
 def test_force_is_the_textbook_one(tangled, textbook_force, dim, only):
     """Equation in `textbook_force`, loops over nodes and springs; each term alone too. 1e-12 of tens of N: rounding."""
-    off = {key: 0.0 for key in LOSSES if only is not None and key != only}
+    off = {key: 0.0 for key in ("damping", "drag", "friction", "gravity") if only is not None and key != only}
     network = tangled(dim, **off)
     for seed in range(5):
         x, v = moved(network, seed)
         np.testing.assert_allclose(node_forces(network, x, v), textbook_force(network, x, v), rtol=0, atol=1e-12)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_losses_take_the_power_that_rayleigh_writes(tangled, dim):
-    """Power of the loss forces on free nodes = -(sum c (dl/dt)² + sum drag v² + sum friction v²/sqrt(v² + slip²))."""
-    network = tangled(dim)
-    x, v = moved(network)
-    lossless = tangled(dim, damping=0.0, drag=0.0, friction=0.0)
-    power = np.vdot(node_forces(network, x, v) - node_forces(lossless, x, v), v)
-    i, j = network.springs.T
-    apart = x[j] - x[i]
-    rate = ((v[j] - v[i]) * apart).sum(axis=1) / np.linalg.norm(apart, axis=1)
-    square = (v * v).sum(axis=1)
-    expected = -(
-        network.damping @ rate**2
-        + network.drag @ square
-        + network.friction @ (square / np.hypot(np.sqrt(square), 5e-3))
-    )
-    assert expected < -0.1
-    assert power == pytest.approx(expected, rel=1e-12)  # rounding
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_springs_and_dashpots_keep_momentum_and_angular_momentum(tangled, dim):
-    """Newton's third law, strong form: forces sum to nothing and so do their moments. Rounding of tens of N."""
-    network = tangled(dim, drag=0.0, friction=0.0, gravity=0.0)
-    x, v = moved(network)
-    force = node_forces(network, x, v)
-    assert np.abs(force).max() > 1.0
-    np.testing.assert_allclose(force.sum(axis=0), 0.0, atol=1e-13)
-    moment = np.einsum("ni,nj->ij", x, force)
-    np.testing.assert_allclose(moment - moment.T, 0.0, atol=1e-13)
 
 
 STILL = np.zeros((2, 2))

@@ -80,8 +80,3 @@ def test_runge_kutta_leaves_its_input_alone(phantom):
     before = states.copy()
     run(phantom, states, np.zeros((2, 8)), 0.004, 2)
     np.testing.assert_array_equal(states, before)
-
-
-def test_anchors_have_no_weight(phantom):
-    """Weight is m g on free nodes, 0.2 kg 9.81 m/s² = 1.962 N, and nothing on anchors."""
-    np.testing.assert_allclose(packed(phantom).weight, np.where(phantom.fixed[:, None], 0.0, [0.0, -1.962]), atol=1e-15)

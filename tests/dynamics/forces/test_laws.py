@@ -43,7 +43,7 @@ from dynamics.forces.kernels import (
     tension_by_rate,
 )
 from dynamics.forces.tangent import RK4_RADIUS
-from tests.dynamics.conftest import random_network
+from tests.dynamics.conftest import moved, random_network
 
 VALUES = {
     "stiffness": (50.0, 150.0),
@@ -79,13 +79,10 @@ def following(law, dim):
 
 def moving(network, shape):
     """Positions and velocities of all nodes: moved at random, two nodes in each other's places, or 1 cm apart."""
-    rng = np.random.default_rng(3)
-    x, v = network.positions.copy(), np.zeros_like(network.positions)
-    free = network.free
-    v[free] = 0.3 * rng.normal(size=x[free].shape)
-    if shape == "moved":
-        x[free] += 0.05 * rng.normal(size=x[free].shape)
-    elif shape == "reversed":
+    (x, v), free = moved(network), network.free
+    if shape != "moved":
+        x = network.positions.copy()
+    if shape == "reversed":
         x[free[:2]] = x[free[:2]][::-1] + 0.02
     elif shape == "collapsed":
         x[free[0]] = x[free[1]] + 0.01 / np.sqrt(network.dim)

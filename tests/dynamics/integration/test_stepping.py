@@ -5,12 +5,9 @@ import pytest
 
 from dynamics import (
     Stepper,
-    all_positions,
     derivative,
     integrate_adaptive,
-    kinetic_energy,
     pack,
-    potential_energy,
     rest_shape,
     stable_step,
     unpack,
@@ -23,13 +20,6 @@ def thrown(network, seed=4, spread=0.03, speed=0.5):
     rng = np.random.default_rng(seed)
     shape = (len(network.free), network.dim)
     return pack(network.positions[network.free] + spread * rng.normal(size=shape), speed * rng.normal(size=shape))
-
-
-def energy(network, state):
-    x, v = unpack(state, network.dim)
-    moving = np.zeros_like(network.positions)
-    moving[network.free] = v
-    return potential_energy(network, all_positions(network, x)) + kinetic_energy(network, moving)
 
 
 def one(stepper, state, dt, force=None):
@@ -66,15 +56,6 @@ def test_one_mass_on_a_spring_swings_by_its_closed_form(build, c, g, t):
     assert (y, vy) == (0.0, 0.0)
 
 
-def test_a_force_is_held_during_the_steps(build):
-    """Under a constant force from rest x = l0 + F/k (1 - cos w t); y free of force stays. `phase_error` for 10 mm."""
-    mass = build([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], [0])
-    t, h = 0.3, 1.0 / 240.0
-    x, y, _, _ = one(Stepper(mass, h), np.array([1.0, 0.0, 0.0, 0.0]), t, np.array([0.8, 0.0]))
-    assert x == pytest.approx(1.0 + 0.01 * (1.0 - np.cos(W * t)), rel=0, abs=phase_error(0.0, t, h))
-    assert y == 0.0
-
-
 @pytest.mark.parametrize("coordinate", range(8))
 def test_forces_are_on_free_coordinates_node_major(phantom, coordinate):
     """From rest v = F t / m on the pushed coordinate, the others by springs: (w t)² / 6 of it or less, 4e-7."""
@@ -96,23 +77,6 @@ def test_observed_order_is_four(tangled, dim):
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
     assert orders.min() >= 3.9
     assert orders.max() <= 4.1
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_energy_without_losses_drifts_by_the_order_of_the_scheme(tangled, dim):
-    """A step of RK4 leaves energy to O(h⁵), so a fixed time to O(h⁴) at worst; the linear part alone gives O(h⁵)."""
-    network = tangled(dim, damping=0.0, drag=0.0, friction=0.0)
-    state = thrown(network)
-    drifts = []
-    for n in (800, 1600, 3200):
-        stepper, moving, energies = Stepper(network, 1.0 / n), state, [energy(network, state)]
-        for _ in range(50):
-            moving = one(stepper, moving, 0.02)
-            energies.append(energy(network, moving))
-        drifts.append(np.abs(np.array(energies) - energies[0]).max())
-    assert drifts[-1] < 1e-5 * kinetic_energy(network, np.ones_like(network.positions))
-    order = np.log2(drifts[0] / drifts[-1]) / 2
-    assert 3.9 <= order <= 5.1
 
 
 def test_a_free_network_keeps_its_momentum_and_angular_momentum(build):
@@ -204,18 +168,6 @@ def test_derivative_is_velocity_and_force_over_mass(build):
     mass = build([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], [0])
     found = derivative(mass, np.array([1.1, 0.0, 0.3, 0.0]), [[2.0, 0.0]])
     np.testing.assert_allclose(found, [0.3, 0.0, -30.0, 0.0], rtol=0, atol=1e-13)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_batch_moves_as_its_points_one_by_one(tangled, dim):
-    """Points do not touch each other; 1e-14: the compiled loop may round a whole batch otherwise than one point."""
-    network = tangled(dim)
-    states = np.array([thrown(network, seed) for seed in range(9)])
-    forces = np.random.default_rng(3).normal(size=(9, network.n_state // 2))
-    stepper = Stepper(network)
-    batch = stepper.advance(states, 0.1, forces)
-    alone = [one(stepper, state, 0.1, force) for state, force in zip(states, forces, strict=True)]
-    np.testing.assert_allclose(batch, alone, rtol=0, atol=1e-13)
 
 
 def test_no_time_is_no_motion_and_no_force_one_of_nothing(phantom):

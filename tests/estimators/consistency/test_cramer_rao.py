@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.linalg import expm, solve_continuous_are
+from scipy.linalg import expm
 
 from dynamics import OUTER, pack
 from estimators import ForceMode, accumulated_noise, posterior_bound
@@ -51,14 +51,6 @@ def test_of_a_linear_motion_it_is_the_kalman_covariance(taut):
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-5)
 
 
-def test_with_marks_all_the_time_it_settles_where_riccati_says(taut):
-    """Marks each dt of variance r are white noise of density r dt: continuous Riccati equation. 8 %, as dt is not 0."""
-    n, dt = 240, 1.0 / 960.0
-    found = posterior_bound(taut, np.zeros((n, 4)), dt * np.arange(n), [{"mass": R}] * n, WHITE, np.eye(4))[-1]
-    expected = solve_continuous_are(A.T, np.eye(4)[:2].T, DENSITY, R * dt)
-    np.testing.assert_allclose(np.diag(found), np.diag(expected), rtol=0.08)
-
-
 def test_noise_of_twice_the_size_all_over_makes_it_four_times_as_large(phantom, rest_state):
     """Covariances scale with noise, force and start together, also with pokes in the state. Rounding."""
     states, times = np.tile(rest_state, (20, 1)), np.arange(20) / 120.0
@@ -76,18 +68,6 @@ def test_noise_of_twice_the_size_all_over_makes_it_four_times_as_large(phantom, 
         for s in (1.0, 2.0)
     ]
     np.testing.assert_allclose(bounds[1], 4.0 * bounds[0], rtol=1e-9, atol=1e-16)
-
-
-def test_more_marks_make_it_smaller_and_the_hidden_mass_has_one(phantom, rest_state):
-    states, times = np.tile(rest_state, (30, 1)), np.arange(30) / 120.0
-    start = np.diag([1e-4] * 8 + [1e-2] * 8)
-    mode = ForceMode(0.05, 1e-9, 1.0)
-    two, three = (
-        posterior_bound(phantom, states, times, [dict.fromkeys(nodes, R)] * 30, mode, start)[-1]
-        for nodes in (OUTER[:2], OUTER)
-    )
-    assert np.linalg.eigvalsh(two - three)[0] > -1e-12
-    assert 0.0 < np.trace(three[2:4, 2:4]) < 0.9 * np.trace(two[2:4, 2:4])
 
 
 def test_derivatives_are_those_where_the_truth_is(phantom, rest_state):

@@ -79,20 +79,16 @@ def test_withheld_marks_are_judged_with_what_the_calibration_moves_them_by(phant
     assert both.checks["M1"].nees == pytest.approx(expected, rel=1e-9)
 
 
-def test_checks_hold_where_the_model_is_right(right):
+def test_checks_hold_and_leave_the_covariance_alone_where_the_model_is_right(right):
     """Mean NEES of withheld marks, 2 is right.
 
     120 frames, some 3 of them independent a second, three marks: 99.9 % chi-square bounds of the mean of 36.
     """
-    _, checks, _, _ = right
+    both, checks, estimates, _ = right
     nees = [check.nees for frame in checks[30:] for check in frame.values()]
     low, high = chi_square_bounds(2 * 36, 0.999)
     assert len(nees) > 240
     assert low / 36 < np.mean(nees) < high / 36
-
-
-def test_the_covariance_is_left_alone_where_the_model_is_right(right):
-    both, _, estimates, _ = right
     assert 1.0 <= both.scale < 1.6
     own = both.tissue.place_of(both.tissue.target)[1]
     np.testing.assert_allclose(estimates[-1].cov, both.scale * own, rtol=1e-12)

@@ -39,18 +39,6 @@ def test_normalised_squared_is_the_quadratic_form():
     np.testing.assert_allclose(normalised_error_squared([[3.0, 4.0], [1.0, 1.0]], covs), [5.0, 2.0 / 3.0], rtol=1e-14)
 
 
-@pytest.mark.parametrize("share", [0.5, 0.95])
-def test_drawn_errors_are_covered_as_they_should(share):
-    """40,000 Gaussian errors of two correlated coordinates: share inside to three deviations, 0.75 % at most."""
-    cov = np.array([[2.0, 1.2], [1.2, 1.0]])
-    errors = np.random.default_rng(1).multivariate_normal(np.zeros(2), cov, size=40_000)
-    squared = normalised_error_squared(errors, np.broadcast_to(cov, (40_000, 2, 2)))
-    assert coverage(squared, 2, share) == pytest.approx(share, abs=3.0 * np.sqrt(share * (1.0 - share) / 40_000))
-    # A filter with half the standard deviation covers 1 - exp(-x / 4) of it, by the law of two degrees.
-    bold = coverage(4.0 * squared, 2, share)
-    assert bold == pytest.approx(1.0 - (1.0 - share) ** 0.25, abs=0.0075)
-
-
 def test_a_singular_covariance_is_an_error():
     with pytest.raises(np.linalg.LinAlgError):
         normalised_error_squared([[1.0, 1.0]], [np.ones((2, 2))])

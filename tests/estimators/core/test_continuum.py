@@ -35,6 +35,11 @@ MARKS = marks_at(
 )
 
 
+def seen(places, rng):
+    """Marks at these places [m], by name, each coordinate off by noise."""
+    return [MarkMeasurement(n, at + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3)) for n, at in places.items()]
+
+
 def held(mesh):
     return np.flatnonzero(mesh.nodes[:, 2] < 1e-9)
 
@@ -143,10 +148,7 @@ def tracked(network, truth):
     loop, errors, loops, covs = OpenLoop(network, "target"), [], [], []
     for k, now in enumerate(truth):
         time_s = (k + 1) * HZ
-        marks = [
-            MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
-            for name, place in zip(MARKS, now, strict=False)
-        ]
+        marks = seen(dict(zip(MARKS, now, strict=False)), rng)
         tissue.predict(time_s)
         found = tissue.update(marks)
         errors.append(found.mean - now[-1])
@@ -173,11 +175,8 @@ def test_few_modes_find_it_where_many_do(network, truth, monkeypatch):
     assert len(every.continuum.rates) > 1.8 * len(network.continuum.rates)
     rng = np.random.default_rng(3)
     both = [TissueFilter(body, "target", list(MARKS), disturbances=Disturbances()) for body in (network, every)]
-    for k, now in enumerate(truth[:48]):
-        marks = [
-            MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
-            for name, place in zip(MARKS, now, strict=False)
-        ]
+    for k, now in enumerate(truth[:40]):
+        marks = seen(dict(zip(MARKS, now, strict=False)), rng)
         for tissue in both:
             tissue.predict((k + 1) * HZ)
         few, many = (tissue.update(marks) for tissue in both)
@@ -312,10 +311,7 @@ def test_a_wall_that_moves_is_followed_apart_from_what_bends_the_body(network, t
         share = 0.5 - 0.5 * np.cos(2.0 * np.pi * 0.4 * (k + 1) * HZ)
         turn = Rotation.from_rotvec(share * np.array([0.03, 0.04, 0.0]))
         now = turn.apply(bent) + share * np.array([0.0, 0.006, 0.008])
-        marks = [
-            MarkMeasurement(name, place + SD_M * rng.normal(size=3), SD_M**2 * np.eye(3))
-            for name, place in zip(MARKS, now, strict=False)
-        ]
+        marks = seen(dict(zip(MARKS, now, strict=False)), rng)
         for tissue in each:
             tissue.predict((k + 1) * HZ)
         found = [tissue.update(marks) for tissue in each]
@@ -338,8 +334,7 @@ def test_a_body_that_nothing_holds_is_followed_as_it_drifts():
         angle, shift = 0.001 * k, 1e-3 * np.array([10.0 * np.sin(k / 10.0), 0.2 * k, 0.0])
         turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
         tissue.predict(k * HZ)
-        seen = {name: turn @ place + shift + SD_M * rng.normal(size=3) for name, place in MARKS.items()}
-        estimate = tissue.update([MarkMeasurement(name, at, SD_M**2 * np.eye(3)) for name, at in seen.items()])
+        estimate = tissue.update(seen({name: turn @ place + shift for name, place in MARKS.items()}, rng))
         errors.append(estimate.mean - turn @ TARGET - shift)
         assert normalised_error_squared(errors[-1][None], estimate.cov[None])[0] < 36.0
     assert estimate.status is Status.TRACKING

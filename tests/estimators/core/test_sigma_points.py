@@ -1,4 +1,4 @@
-"""Moments by sigma points: those of filterpy's unscented filter, of draws, and of a tangent where nothing bends."""
+"""Moments by sigma points: those of filterpy's unscented filter, and of a tangent where nothing bends."""
 
 import numpy as np
 import pytest
@@ -50,18 +50,6 @@ def test_they_are_those_of_filterpys_unscented_filter(process: TissueProcess) ->
     np.testing.assert_allclose((found.mean - tangent.mean)[:m], further, atol=1e-12)
     np.testing.assert_allclose(own @ cov[:m, :m] @ own.T + found.spread, stock.P, rtol=1e-6, atol=1e-9)
     assert np.abs(further).max() > 1e-3  # it bends
-
-
-def test_moments_of_many_draws_are_nearer_than_a_tangents(process: TissueProcess) -> None:
-    mean, cov = uncertain(process, 0.02)
-    m = process.parts["velocity"].stop
-    draws = np.tile(mean, (20_000, 1))
-    draws[:, :m] = np.random.default_rng(5).multivariate_normal(mean[:m], cov[:m, :m], len(draws))
-    ends = process.motion.moved_each(draws, DT)
-    found, tangent = process.linearize(mean, DT, lambda: cov), process.linearize(mean, DT)
-    further = ends.mean(axis=0) - process.motion.moved_each(mean[None], DT)[0]
-    off, of_tangent = (np.linalg.norm((one.mean - tangent.mean)[:m] - further) for one in (found, tangent))
-    assert off < 0.5 * of_tangent
 
 
 def test_where_the_motion_is_linear_they_are_its_tangent(process: TissueProcess) -> None:

@@ -166,16 +166,3 @@ def test_without_marks_it_coasts_then_is_lost_then_begins_again(breathing: np.nd
     assert tissue.update([]).status == Status.LOST
     again = tissue.update(frames[-1][1])
     assert (again.status, again.marks_used) == (Status.INITIALISING, len(OUTER))
-
-
-def test_what_cannot_be_taken_in_is_an_error() -> None:
-    tissue = TissueFilter(four_mass_phantom(), HIDDEN, OUTER)
-    with pytest.raises(ValueError, match="expected predict"):
-        tissue.update([])
-    tissue.predict(1.0)
-    for time_s in (0.5, float("nan")):
-        with pytest.raises(ValueError, match="time_s"):
-            tissue.predict(time_s)
-    for node, place in (("nobody", [0.0, 0.0]), (OUTER[0], [0.0, 0.0, 0.0])):
-        with pytest.raises(ValueError, match=f"mark {node}"):
-            tissue.update([MarkMeasurement(node, np.array(place), np.eye(len(place)))])

@@ -38,15 +38,10 @@ class Filter:
 
 
 FAULTS = {
-    "initialising": (replace(HEALTHY, status=Status.INITIALISING), NOW_S, NOW_S, "the estimate is INITIALISING"),
     "lost": (replace(HEALTHY, status=Status.LOST), NOW_S, NOW_S, "the estimate is LOST"),
-    "diverged": (replace(HEALTHY, status=Status.DIVERGED), NOW_S, NOW_S, "the estimate is DIVERGED"),
     "stale": (HEALTHY, NOW_S + 0.11, NOW_S + 0.11, "the estimate is 0.11 s old, more than 0.1 s"),
     "coasting": (replace(HEALTHY, status=Status.COASTING), NOW_S, NOW_S - 0.21, "no mark was seen for 0.21 s"),
     "never seen": (HEALTHY, NOW_S, None, "no mark was seen for inf s"),
-    "model only": (replace(HEALTHY, model_only=True), NOW_S, NOW_S, "almost no information"),
-    "no covariance": (replace(HEALTHY, cov=None), NOW_S, NOW_S, "the estimate has no covariance"),
-    "not finite": (replace(HEALTHY, mean=np.array([np.nan, 0.0])), NOW_S, NOW_S, "the estimate is not finite"),
 }
 
 

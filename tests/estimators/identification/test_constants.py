@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dynamics import Parameter, independent_uncertainty, pack, parameters, rest_shape, scale_parameters
+from dynamics import independent_uncertainty, pack, parameters, rest_shape, scale_parameters
 from estimators import (
     Budget,
     FilterSettings,
@@ -81,7 +81,7 @@ def found(recorded):
 
 
 def test_constants_are_found_to_their_standard_errors(found):
-    """Chi-square of the error, six constants, below its 99.9 % point; most of the wrong is gone."""
+    """Chi-square of the error, six constants, below its 99.9 % point; most of the wrong is gone; damping stays."""
     result, change = found
     error = result.change + change
     assert error @ np.linalg.solve(result.cov, error) < 22.5
@@ -89,6 +89,7 @@ def test_constants_are_found_to_their_standard_errors(found):
     assert 2 <= result.passes <= 12
     assert np.abs(error[:3]).max() < 0.1 < np.abs(change[:3]).max()
     assert result.sd[:3].max() < 0.2
+    np.testing.assert_array_equal(result.network.damping, chain().damping)
     names = [(one.kind, one.index) for one in result.parameters]
     assert names == [("stiffness", 0), ("stiffness", 1), ("stiffness", 2)] + [("rest_length", s) for s in range(3)]
 
@@ -189,13 +190,6 @@ def test_a_target_that_is_never_seen_is_refused(recorded):
     frames = [(t, marks[:1]) for t, marks in recorded[0][:5]]
     with pytest.raises(IdentificationError, match="expected the mark of far in a frame, found it in none of 5 frames"):
         identify_constants(chain(), frames, ("near",), "far")
-
-
-def test_constants_without_a_prior_stay_as_they_are(found):
-    """Dashpots and drag are not among the kinds asked for."""
-    network = found[0].network
-    np.testing.assert_array_equal(network.damping, chain().damping)
-    assert all(isinstance(one, Parameter) and one.kind in PRIOR for one in found[0].parameters)
 
 
 def test_what_is_found_is_most_probable_with_its_prior(recorded):

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad_vec
-from scipy.linalg import eigh, expm, solve_continuous_lyapunov
+from scipy.linalg import eigh, expm
 
 from dynamics import OUTER, integrate_adaptive
 from estimators import ForceMode, TissueModel, accumulated_noise
 from estimators.process.process_model import _without_growth
-from tests.networks import build_network
 
 MODE = ForceMode(white=0.3, poke=5.0, lasting_s=0.2)
 
@@ -92,47 +91,6 @@ def test_steps_are_of_at_most_a_120th_of_a_second(phantom):
     assert TissueModel(phantom, OUTER).stepper.n_steps(0.1) == 12
 
 
-def test_noise_is_what_drawn_forces_do_to_one_mass(one_mass):
-    """20,000 masses under drawn white noise and a drawn Gauss-Markov poke, 200 steps of 0.5 ms, no spring.
-
-    Variances to four deviations, sqrt(2 / 20000) = 1 % each, and half a step in 200 of Euler's bias.
-    """
-    model = TissueModel(one_mass, ["M"])
-    n, steps, t = 20_000, 200, 0.1
-    rng, h = np.random.default_rng(1), t / steps
-    x, v, f = np.zeros(n), np.zeros(n), np.zeros(n)
-    fade, spread = np.exp(-h / MODE.lasting_s), 5.0 * 0.4 * np.sqrt(1.0 - np.exp(-2.0 * h / MODE.lasting_s))
-    for _ in range(steps):
-        before = v
-        v = v + h * f / 0.4 + MODE.white * np.sqrt(h) * rng.normal(size=n)
-        x = x + 0.5 * h * (before + v)
-        f = fade * f + spread * rng.normal(size=n)
-    rows = np.array([0, 2, 4])  # x, vx and the poke along x of a state x y vx vy Fx Fy
-    Q = model.noise(t, MODE)[np.ix_(rows, rows)]
-    scale = np.sqrt(np.outer(Q.diagonal(), Q.diagonal()))
-    np.testing.assert_allclose(np.cov([x, v, f]) / scale, Q / scale, rtol=0, atol=0.045)
-
-
-@pytest.fixture
-def one_mass():
-    """One mass M of 0.4 kg on one spring."""
-    constants = {"masses": 0.4, "stiffness": 100.0, "damping": 0.5, "gravity": [0.0, -9.81]}
-    return build_network([[0.0, 0.0], [0.0, -0.2]], [(0, 1)], [0], "AM", **constants)
-
-
-@pytest.mark.parametrize(("losses", "share"), [(False, 0.02), (True, 0.15)])
-def test_leaving_springs_and_losses_out_of_one_step_costs_little(model, phantom, losses, share):
-    """With springs in, variances move by (w dt)²/3 of w up to 66/s and less, 2 % at 1/240 s.
-
-    Drag, friction and dashpots together count to first order: d dt, d up to 28/s linearised at rest, 12 % at 1/240 s.
-    """
-    keep = phantom if losses else replace(phantom, drag=np.zeros(7), friction=np.zeros(7), damping=np.zeros(10))
-    A, density = TissueModel(keep, OUTER).linearised(phantom.positions, MODE)
-    found, free = accumulated_noise(A, density, 1 / 240).diagonal(), model.noise(1 / 240, MODE).diagonal()
-    np.testing.assert_allclose(found, free, rtol=share)
-    np.testing.assert_allclose(found[16:], free[16:], rtol=1e-10)
-
-
 def test_linearised_motion_is_the_slope_of_the_model(model, phantom, rest_state):
     """exp(A dt) against central differences of `propagate` at rest, by 1e-6 m, m/s and N. dt = 1 ms.
 
@@ -169,16 +127,6 @@ def test_covariance_grows_as_quadrature_says(model, phantom, t):
     found = accumulated_noise(A, density, t)
     np.testing.assert_allclose(found / scale, expected / scale, rtol=0, atol=1e-9)
     np.testing.assert_array_equal(found, found.T)
-
-
-def test_covariance_settles_where_lyapunov_says(model, phantom):
-    """A P + P A' + D = 0; slowest rate 5/s (the poke): 10 s leave exp(-100). Relative to sqrt(P_ii P_jj): rounding."""
-    A, density = model.linearised(phantom.positions, MODE)
-    expected = solve_continuous_lyapunov(A, -density)
-    scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
-    np.testing.assert_allclose(accumulated_noise(A, density, 10.0) / scale, expected / scale, rtol=0, atol=1e-10)
-    # The poke settles at its own deviation: 5 m/s² by 0.2 kg.
-    np.testing.assert_allclose(expected.diagonal()[16:], 1.0, rtol=1e-12)
 
 
 @pytest.mark.parametrize("squares", [(-4.0, 2.0, 0.5), (-4.0, -2.0, 0.5), (-4.0, -2.0, 30.0)])

@@ -1,4 +1,4 @@
-"""Smoothing against filterpy's, and of the phantom against the filter alone and over seeded runs."""
+"""Smoothing against filterpy's, and of the phantom against the filter alone."""
 
 import numpy as np
 import pytest
@@ -87,32 +87,28 @@ def new(phantom):
 
 
 @pytest.fixture(scope="module")
-def runs():
+def run():
     """A poked run of 2 s at 30 frames/s, 4.14 mm: frames and truth by DOP853."""
-    return [poked_frames(2.0, 0.00414, 1)]
+    return poked_frames(2.0, 0.00414, 1)
 
 
-def test_later_marks_make_the_target_surer_and_it_is_right(phantom, runs, hidden):
+def test_later_marks_make_the_target_surer_and_it_is_right(phantom, run, hidden):
     """Mean error below 0.95 of the filter's, spread below 0.9 of it; 95 % regions hold 90 to 99 %."""
-    errors, spreads, squared = [], [], []
-    for frames, states in runs:
-        filtered = followed(new(phantom), frames)
-        smoothed = fixed_interval(new(phantom), frames)
-        assert [e.time_s for e in smoothed] == [e.time_s for e in filtered]
-        off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smoothed)]
-        errors.append([np.linalg.norm(o, axis=1).mean() for o in off])
-        spreads.append([np.sqrt([np.trace(e.cov) for e in each]).mean() for each in (filtered, smoothed)])
-        squared.append(normalised_error_squared(off[1], [e.cov for e in smoothed]))
-        np.testing.assert_allclose(smoothed[-1].mean, filtered[-1].mean, rtol=0, atol=1e-12)
-    errors, spreads = np.mean(errors, axis=0), np.mean(spreads, axis=0)
+    frames, states = run
+    filtered, smoothed = followed(new(phantom), frames), fixed_interval(new(phantom), frames)
+    assert [e.time_s for e in smoothed] == [e.time_s for e in filtered]
+    off = [np.array([e.mean for e in each]) - states[:, hidden] for each in (filtered, smoothed)]
+    errors = [np.linalg.norm(o, axis=1).mean() for o in off]
+    spreads = [np.sqrt([np.trace(e.cov) for e in each]).mean() for each in (filtered, smoothed)]
+    np.testing.assert_allclose(smoothed[-1].mean, filtered[-1].mean, rtol=0, atol=1e-12)
     assert errors[1] < 0.95 * errors[0]
     assert spreads[1] < 0.9 * spreads[0]
-    assert 0.9 < coverage(np.concatenate(squared), 2) < 0.99
+    assert 0.9 < coverage(normalised_error_squared(off[1], [e.cov for e in smoothed]), 2) < 0.99
 
 
-def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs):
+def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, run):
     """Of each frame, 10/30 s later: the interval's smoothing that ends then; before, in and after a gap and a start."""
-    frames = [(t, [] if 14 <= k < 48 else marks) for k, (t, marks) in enumerate(runs[0][0])]
+    frames = [(t, [] if 14 <= k < 48 else marks) for k, (t, marks) in enumerate(run[0])]
     lag = FixedLag(new(phantom), lag_s=10 / 30.0 - 1e-9)
     found = [lag.take(*frame) for frame in frames]
     assert found[:10] == [None] * 10
@@ -125,20 +121,20 @@ def test_a_fixed_lag_is_the_fixed_interval_cut_off_there(phantom, runs):
     assert len(lag._passed) == 11
 
 
-def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, runs):
-    lag, frames = FixedLag(new(phantom), lag_s=0.0), runs[0][0][:20]
+def test_no_lag_is_the_filter_and_a_lag_is_0_s_or_more(phantom, run):
+    lag, frames = FixedLag(new(phantom), lag_s=0.0), run[0][:20]
     means = [lag.take(*frame).mean for frame in frames]
     np.testing.assert_allclose(means, [one.mean for one in followed(new(phantom), frames)], rtol=0, atol=1e-12)
     with pytest.raises(ValueError, match="lag_s: expected 0 s or more"):
         FixedLag(new(phantom), lag_s=-0.1)
 
 
-def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
+def test_a_fix_tells_of_before_and_after(phantom, run, hidden):
     """Of the target to 0.1 mm, half way between frames 44 and 45: both become surer, and are as sure as they should be.
 
     Marks are of 4 mm. The last frame is the filter's own, with the fix; fixes beside the frames change nothing.
     """
-    frames, states = runs[0][0][:48], runs[0][1]
+    frames, states = run[0][:48], run[1]
     place = states[44:46, hidden].mean(axis=0) + np.array([1e-4, -0.5e-4])
     time_s, cov = 44.5 / 30.0, 1e-8 * np.eye(2)
     without = fixed_interval(new(phantom), frames)
@@ -158,9 +154,9 @@ def test_a_fix_tells_of_before_and_after(phantom, runs, hidden):
     np.testing.assert_array_equal([e.mean for e in beside], [e.mean for e in without])
 
 
-def test_nothing_is_known_across_a_new_start(phantom, runs):
+def test_nothing_is_known_across_a_new_start(phantom, run):
     """Marks lost for 1.2 s, longer than lost_s, then a new start: what comes after changes no estimate of before."""
-    frames = runs[0][0]
+    frames = run[0]
     gap = [(t, marks if k < 10 or k >= 45 else []) for k, (t, marks) in enumerate(frames[:55])]
     whole = fixed_interval(new(phantom), gap)
     cut = fixed_interval(new(phantom), gap[:45])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER
-from estimators import FilterSettings, FixBias, Status, TissueFilter
+from estimators import FilterSettings, Status, TissueFilter
 from tests.estimators.conftest import followed
 
 
@@ -29,15 +29,3 @@ def test_after_a_gap_beyond_forget_s_the_filter_begins_again(phantom, rest_state
     estimate = tissue.update(marks_of(phantom, rest_state))
     assert (estimate.status, estimate.marks_used) == (Status.INITIALISING, 3)
     assert tissue.repairs["restarted"] == 1
-
-
-def test_the_target_after_long_gaps_is_predicted_without_moving_the_state(phantom, rest_state, marks_of):
-    """`predict_at` a day and a year ahead: the target of the long run, and LOST is not what the filter is now."""
-    tissue = swinging(phantom, rest_state, marks_of, FilterSettings(fix_bias=FixBias(2e-3)))
-    x, now = tissue.filter.mean, tissue.time_s
-    now_m2, day_m2, year_m2 = (np.trace(tissue.predict_at(now + gap_s).cov) for gap_s in (0.0, 86_400.0, 3e7))
-    assert day_m2 > 10.0 * now_m2
-    assert year_m2 == pytest.approx(day_m2, rel=1e-6)
-    np.testing.assert_array_equal(tissue.filter.mean, x)
-    assert tissue.health.status is Status.TRACKING
-    assert tissue.repairs["forgotten"] == 0

@@ -2,11 +2,12 @@
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from pathlib import Path
 
 import numpy as np
 
-from vision import Frame, LiveFrames
+from vision import Frame, LiveFrames, VideoWriter
 
 
 def numbered(k: int) -> np.ndarray:
@@ -16,6 +17,14 @@ def numbered(k: int) -> np.ndarray:
 
 def numbers(frames: list[Frame]) -> list[int]:
     return [(int(frame.image[5, 5, 0]) - 10) // 20 for frame in frames]
+
+
+def filmed(path: Path, pictures: Iterable[np.ndarray], fps: float = 25.0, **how: object) -> Path:
+    """A film of pictures of 64 x 48 px."""
+    with VideoWriter(path, (64, 48), fps, **how) as video:  # type: ignore[arg-type]
+        for image in pictures:
+            video.write(image)
+    return path
 
 
 class Clock:

@@ -10,18 +10,15 @@ import numpy as np
 import pytest
 
 import vision
-from tests.vision.sources.scripted import numbered, numbers
-from vision import FolderFrames, SourceError, VideoFileFrames, VideoWriter
+from tests.vision.sources.scripted import filmed, numbered, numbers
+from vision import FolderFrames, SourceError, VideoFileFrames
 
 N = 5
 
 
 @pytest.fixture
 def film(tmp_path: Path) -> Path:
-    with VideoWriter(tmp_path / "film.avi", (64, 48), 25.0, codec="FFV1") as video:
-        for k in range(N):
-            video.write(numbered(k))
-    return tmp_path / "film.avi"
+    return filmed(tmp_path / "film.avi", map(numbered, range(N)), codec="FFV1")
 
 
 @pytest.fixture
@@ -55,11 +52,7 @@ def test_frames_and_exposures_must_agree(film: Path, n_exposures: int, found: st
 
 
 def test_a_film_cut_short_is_reported(tmp_path: Path) -> None:
-    path = tmp_path / "film.avi"
-    rng = np.random.default_rng(0)
-    with VideoWriter(path, (64, 48), 25.0) as video:
-        for _ in range(N):
-            video.write(rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
+    path = filmed(tmp_path / "film.avi", np.random.default_rng(0).integers(0, 255, (N, 48, 64, 3), dtype=np.uint8))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     with pytest.raises(SourceError, match=r"film.avi: expected 5 frames, found [1-3]$"):
         list(VideoFileFrames(path, [0.0] * N))

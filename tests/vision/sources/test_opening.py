@@ -8,16 +8,13 @@ import numpy as np
 import pytest
 
 import vision
-from tests.vision.sources.scripted import numbered, numbers
-from vision import EventKind, LiveFrames, SourceError, VideoWriter, open_source, shown_source
+from tests.vision.sources.scripted import filmed, numbered, numbers
+from vision import EventKind, LiveFrames, SourceError, open_source, shown_source
 
 
 @pytest.fixture
 def film(tmp_path: Path) -> str:
-    with VideoWriter(tmp_path / "film.mkv", (64, 48), 50.0, codec="FFV1") as video:
-        for k in range(6):
-            video.write(numbered(k))
-    return str(tmp_path / "film.mkv")
+    return str(filmed(tmp_path / "film.mkv", map(numbered, range(6)), 50.0, codec="FFV1"))
 
 
 @pytest.fixture
@@ -45,12 +42,10 @@ def test_every_frame_of_a_film_comes_when_it_is_not_live(film: str) -> None:
         assert source.take_events() == ()
 
 
-def test_a_film_is_live_at_its_own_pace_though_it_stands_still(film: str) -> None:
-    with VideoWriter(Path(film).with_name("still.avi"), (64, 48), 100.0) as video:
-        for _ in range(6):
-            video.write(numbered(3))
+def test_a_film_is_live_at_its_own_pace_though_it_stands_still(tmp_path: Path) -> None:
+    film = filmed(tmp_path / "still.avi", [numbered(3)] * 6, 100.0)
     began = time.monotonic()
-    with open_source(str(Path(film).with_name("still.avi")), live=True) as source:
+    with open_source(str(film), live=True) as source:
         frames = list(source)
         assert len(frames) + source.frames_dropped == 6
         assert [event.kind for event in source.take_events()] == [EventKind.ENDED]

@@ -3,19 +3,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.vision.sources.scripted import filmed
 from vision import Disc, Lighting, SourceError, VideoFileFrames, VideoWriter, compress, count_frames, draw_frame
 
 
 def frames(n: int) -> list[np.ndarray]:
     rng, right = np.random.default_rng(0), np.array([1.0, 0.0])
     return [draw_frame((64, 48), [Disc((20.0, 24.0) + k * right, (8.0, 8.0), 0.0)], Lighting(), rng) for k in range(n)]
-
-
-def filmed(path: Path, written: list[np.ndarray], **how: object) -> Path:
-    with VideoWriter(path, (64, 48), 25.0, **how) as video:  # type: ignore[arg-type]
-        for image in written:
-            video.write(image)
-    return path
 
 
 @pytest.mark.parametrize("name", ["film.avi", "film.mkv"])

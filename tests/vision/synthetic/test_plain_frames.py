@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from tests.vision.synthetic.test_camera_frames import moments
 from vision import Disc, Lighting, distractors, draw_frame, hue_distance
 
 FLAT = Lighting(slope=0.0, vignetting=0.0, blur_sd_px=0.0, noise_sd=0.0, shot_noise_sd=0.0)
@@ -23,36 +24,26 @@ def drawn_share(disc: Disc, lighting: Lighting) -> np.ndarray:
 @pytest.mark.parametrize("axes", [(11.0, 11.0), (7.2, 9.1)])
 def test_a_disc_has_its_area_and_centre(center: tuple[float, float], axes: tuple[float, float]) -> None:
     # Blue of this red is 38, a whole grey level: only the edge is rounded.
-    share = drawn_share(Disc(np.array(center), axes, 0.0, 0.8, 190 / 255), FLAT)
-    v, u = np.indices(share.shape)
-    area = share.sum()
+    area, mean, _ = moments(drawn_share(Disc(np.array(center), axes, 0.0, 0.8, 190 / 255), FLAT))
     # Rounding to grey levels, sd 0.29 / 180 on some 70 pixels of edge: 0.014 px of area, 5e-4 px of centre; 5 sd.
     assert area == pytest.approx(np.pi * axes[0] * axes[1], abs=0.3)
-    np.testing.assert_allclose([(u * share).sum() / area, (v * share).sum() / area], center, atol=0.004)
+    np.testing.assert_allclose(mean, center, atol=0.004)
 
 
 def test_blur_adds_its_variance_to_the_disc() -> None:
     disc = Disc(np.array([40.2, 30.1]), (8.0, 8.0), 0.0)
-    u = np.arange(80.0)
-
-    def variance(lighting: Lighting) -> float:
-        share = drawn_share(disc, lighting)
-        return float(((u - 40.2) ** 2 * share).sum() / share.sum())
-
     # A disc has r² / 4 along an axis, a pixel 1/12; the variance of a sum is the sum of variances.
-    assert variance(FLAT) == pytest.approx(8.0**2 / 4 + 1 / 12, rel=5e-3)
-    assert variance(replace(FLAT, blur_sd_px=1.5)) == pytest.approx(8.0**2 / 4 + 1 / 12 + 1.5**2, rel=1e-2)
+    for blur_px, rel in ((0.0, 5e-3), (1.5, 1e-2)):
+        _, _, variance = moments(drawn_share(disc, replace(FLAT, blur_sd_px=blur_px)))
+        np.testing.assert_allclose(variance, 8.0**2 / 4 + 1 / 12 + blur_px**2, rtol=rel)
 
 
 def test_a_moving_disc_is_smeared_about_the_middle_of_its_way() -> None:
-    share = drawn_share(Disc(np.array([40.2, 30.1]), (6.0, 6.0), 0.0, smear_px=(9.0, 0.0)), FLAT)
-    v, u = np.indices(share.shape)
-    area = share.sum()
-    mean = np.array([(u * share).sum(), (v * share).sum()]) / area
+    disc = Disc(np.array([40.2, 30.1]), (6.0, 6.0), 0.0, smear_px=(9.0, 0.0))
+    _, mean, variance = moments(drawn_share(disc, FLAT))
     np.testing.assert_allclose(mean, [40.2, 30.1], atol=0.01)
     # Uniform motion over 9 px adds 9² / 12 along u, less 1/19² for the 19 moments, and nothing along v.
-    assert ((u - mean[0]) ** 2 * share).sum() / area == pytest.approx(9.0 + 1 / 12 + 81 / 12, rel=1e-2)
-    assert ((v - mean[1]) ** 2 * share).sum() / area == pytest.approx(9.0 + 1 / 12, rel=1e-2)
+    np.testing.assert_allclose(variance, [9.0 + 1 / 12 + 81 / 12, 9.0 + 1 / 12], rtol=1e-2)
 
 
 def test_noise_has_its_variance_and_grows_with_light() -> None:

@@ -34,12 +34,6 @@ def tracked(tissue: TissueFilter, until_s: float = AT_S):
     return followed(tissue, [(frame / 30, marks_at(tissue, frame)) for frame in frames])[-1]
 
 
-def test_marks_do_not_tell_the_place_however_long_they_are_seen():
-    first, later = (tracked(made(SD_M), until_s=s).cov for s in (0.5, 2.0))
-    assert np.trace(later) >= 2.0 * SD_M**2
-    assert np.trace(first) >= 2.0 * SD_M**2
-
-
 def test_a_fix_is_fused_as_the_joint_posterior_has_it():
     """Place o, tissue x and bias b: the fix sees x + o + b; of x + o the posterior by Bayes' rule for Gaussians."""
     before = tracked(made(0.0))

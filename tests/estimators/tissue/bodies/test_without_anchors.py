@@ -1,10 +1,8 @@
 """A body without anchors is followed by its marks. Truth: a rigid motion, by its closed form."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from dynamics import MassSpringNetwork, rest_shape
+from dynamics import MassSpringNetwork
 from estimators import MarkMeasurement, Status, TissueFilter, coverage, normalised_error_squared
 from tests.estimators.conftest import followed
 from tests.networks import build_network
@@ -30,16 +28,6 @@ def moved(places: np.ndarray, t: float) -> np.ndarray:
     angle = 0.5 * np.sin(1.5 * t)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     return places @ turn.T + 0.1 * np.array([np.sin(2.0 * t), 1.0 - np.cos(1.3 * t)])
-
-
-def test_it_rests_where_it_is_drawn_and_turned():
-    """Without anchors there is no weight, and no shape but its own, wherever it is drawn."""
-    network = square()
-    turned = moved(network.positions, 0.7)
-    np.testing.assert_allclose(rest_shape(replace(network, positions=turned)), turned, rtol=0, atol=1e-9)
-    pulled = replace(network, positions=turned * [1.2, 1.0])
-    lengths = np.linalg.norm(np.diff(rest_shape(pulled)[network.springs], axis=1)[:, 0], axis=1)
-    np.testing.assert_allclose(lengths, network.rest_lengths, rtol=1e-6)
 
 
 def test_the_inside_follows_the_marks():

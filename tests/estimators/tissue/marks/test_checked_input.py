@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from dynamics import HIDDEN, OUTER
-from estimators import MarkMeasurement, TissueFilter
-from tests.estimators.conftest import followed
+from estimators import MarkMeasurement
 from tests.estimators.states import digest
 
 NAN = float("nan")
@@ -69,51 +67,6 @@ def test_a_fix_has_a_place_and_a_covariance(case, warmed):
     before = digest(tissue.snapshot())
     with pytest.raises(ValueError, match=f"^fix{message}"):
         tissue.fix(position, cov)
-    assert digest(tissue.snapshot()) == before
-
-
-def sigma(phantom, rest_state, marks_of, own_m, shared_m, without=()):
-    """Sigma of the target [m] after ten frames whose marks, but for those of `without`, share a shift."""
-    frames = []
-    for k in range(10):
-        marks = [
-            MarkMeasurement(
-                m.node, m.position, own_m**2 * np.eye(2), None if m.node in without else shared_m * np.eye(2)
-            )
-            for m in marks_of(phantom, rest_state)
-        ]
-        frames.append((k / 30.0, marks))
-    return float(np.sqrt(np.trace(followed(TissueFilter(phantom, HIDDEN, OUTER), frames)[-1].cov)))
-
-
-def test_a_mark_that_shares_no_error_leaves_the_others_theirs(phantom, rest_state, marks_of):
-    """A filter does not become more certain by as much as if none of the marks shared an error.
-
-    One frame's R is that of the textbook, D + F F', with a row of zeros in F; sigma lies between all and none.
-    """
-    all_share, one_without, none_share = (
-        sigma(phantom, rest_state, marks_of, 1e-4, 1e-3, without) for without in ((), ("M1",), OUTER)
-    )
-    assert none_share < one_without < all_share
-
-
-def test_a_shift_that_all_marks_share_is_distinguished_from_motion_by_the_anchors(phantom, rest_state, marks_of):
-    together = sigma(phantom, rest_state, marks_of, 1e-4, 4e-3)
-    apart = sigma(phantom, rest_state, marks_of, np.hypot(4e-3, 1e-4), 0.0, OUTER)
-    assert together**2 < 0.8 * apart**2
-
-
-def test_marks_of_a_frame_share_the_same_errors(warmed, phantom, rest_state, marks_of):
-    """Two directions for one mark and one for the other cannot be of one calibration."""
-    tissue = warmed(SD)
-    first, second, _ = marks_of(phantom, rest_state)
-    marks = [
-        MarkMeasurement(first.node, first.position, first.cov, 1e-3 * np.ones((2, 2))),
-        MarkMeasurement(second.node, second.position, second.cov, 1e-3 * np.ones((2, 1))),
-    ]
-    before = digest(tissue.snapshot())
-    with pytest.raises(ValueError, match=r"mark M3 shared: expected 2 directions, found 1"):
-        tissue.update(marks)
     assert digest(tissue.snapshot()) == before
 
 

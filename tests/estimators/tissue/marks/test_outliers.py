@@ -16,13 +16,13 @@ ASIDE = [np.array([0.12, 0.0]), np.array([-0.12, 0.0]), np.array([0.0, 0.12]), n
 class Run:
     """A filter of the phantom at rest, frame by frame, with marks of 1 mm."""
 
-    def __init__(self, sd=SD, settings=None, marked=OUTER):
-        self.tissue = TissueFilter(PHANTOM, HIDDEN, marked, settings)
+    def __init__(self, sd=SD, settings=None, frame_s=FRAME_S):
+        self.tissue, self.frame_s = TissueFilter(PHANTOM, HIDDEN, OUTER, settings), frame_s
         self.rng, self.sd, self.k = np.random.default_rng(0), sd, 0
 
     def frame(self, nodes=OUTER, off=None):
         """The estimate of a frame with the marks of these nodes, some of them off [m]."""
-        self.tissue.predict(self.k * FRAME_S)
+        self.tissue.predict(self.k * self.frame_s)
         self.k += 1
         off = {} if off is None else off
         return self.tissue.update(
@@ -93,25 +93,18 @@ def test_outliers_at_different_places_do_not_confirm_each_other():
 @pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
 def test_a_slow_camera_accepts_an_impulse_at_once(nodes, used):
     """Ten frames a second, longer apart than impulse_s = 0.05 s: these marks 100 mm aside together are taken in."""
-    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
-    for k in range(11):
-        tissue.predict(0.1 * k)
-        off = np.array([0.1, 0.0]) if k == 10 else np.zeros(2)
-        seen = nodes if k == 10 else OUTER
-        estimate = tissue.update([MarkMeasurement(n, AT[n] + off, SD**2 * np.eye(2)) for n in seen])
-    assert estimate.marks_used == used
-    assert not tissue.rejected
+    run = Run(frame_s=0.1)
+    run.frames(10)
+    assert run.frame(nodes, dict.fromkeys(nodes, np.array([0.1, 0.0]))).marks_used == used
+    assert not run.tissue.rejected
 
 
 @pytest.mark.parametrize("off_m", [0.1, 0.15])
 def test_a_slow_camera_rejects_what_the_others_contradict(off_m):
     """M3 alone beside two marks at their places, for one frame of ten a second."""
-    tissue = TissueFilter(PHANTOM, HIDDEN, OUTER)
-    for k in range(15):
-        tissue.predict(0.1 * k)
-        off = {"M3": np.array([0.0, off_m])} if k == 10 else {}
-        marks = [MarkMeasurement(n, AT[n] + off.get(n, 0.0), SD**2 * np.eye(2)) for n in OUTER]
-        assert tissue.update(marks).marks_used == (2 if k == 10 else 3)
+    run = Run(frame_s=0.1)
+    used = [run.frame(off={"M3": np.array([0.0, off_m])} if k == 10 else None).marks_used for k in range(15)]
+    assert used == [3] * 10 + [2] + [3] * 4
 
 
 def test_fixes_at_different_places_do_not_confirm_each_other():

@@ -90,6 +90,7 @@ def test_the_spline_on_real_lungs():
     assert 1e3 * np.concatenate([one.nothing[-1] for one in found]).mean() == pytest.approx(5.19, abs=0.005)
 
 
+@real
 def test_the_filter_on_real_lungs():
     """The left lung of a person, ten landmarks seen: as near as the spline within a twentieth, nine in ten covered."""
     (lung,) = (lung for lung in read_lungs(LUNGS) if lung.name == "case1 left")
