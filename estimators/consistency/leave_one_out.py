@@ -89,7 +89,7 @@ class LeaveOneOut:
             if node not in estimate.information_share:  # an outlier does not test the model
                 continue
             error = seen[0].position - predicted.mean
-            own = seen[0].cov + _with_calibration(other, seen[0])
+            own = other.level.noise**2 * seen[0].cov + _with_calibration(other, seen[0])
             checks[node] = LeaveOneOutCheck(error, float(error @ np.linalg.solve(predicted.cov + own, error)))
             self._scales.learn(error, predicted.cov, own, dt / len(self.without))
         self.checks = checks

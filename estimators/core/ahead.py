@@ -80,7 +80,7 @@ class AheadTables:
         Raises ValueError before the filter's first frame and for a push of another shape.
         """
         times = self.times(tissue)
-        _, means, covs = self.parts(tissue)[-1]
+        _, means, covs = self._moments(tissue, tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s))
         return times, means if push is None else means + self.shift(push), covs
 
     def shift(self, push: Floats) -> Floats:
@@ -99,7 +99,7 @@ class AheadTables:
         network, no node is led.
         """
         n_short, weights = tissue.process.disturbances.n_short, tissue.filter.weights
-        each = np.asarray(expm(tissue.filter.rates * self.cycle_s))  # probability of each mode after a step
+        each = expm(tissue.filter.rates * self.cycle_s)  # probability of each mode after a step
         short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
         for are_kept, chain in [(short == 0, np.tril(each)), (short < 2, each)][: max(1, n_short - 1)]:
             kept = np.where(np.outer(are_kept, are_kept), chain, 0.0)

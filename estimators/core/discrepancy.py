@@ -42,8 +42,7 @@ class Discrepancy:
         Standard deviations of the long field, relative to the body's extent, with equal prior probability; the marks
         determine their posterior [1]; choice.
     noises : tuple of (float, float)
-        Factors on the stated standard deviation of marks, at least 1, and the prior probability of each; the marks
-        determine their posterior [1]; choice.
+        Factors, at least 1, on the stated standard deviation of marks, and their prior probabilities [1]; choice.
     short : float
         Standard deviation of the short field, relative to the long field's [1]; choice.
     lengths : tuple of float
@@ -141,8 +140,8 @@ class LevelPosterior:
         innovation, S : (m,), (m, m)
             Innovation of all observations and its covariance, at the present level and noise.
         fresh, R : (m, m)
-            Covariance of the part of the discrepancy that is new in this frame, at level 1, and of the observations'
-            errors at the present noise.
+            Covariance of the part of the discrepancy that is new in this frame, at level 1, and of the marks' own noise
+            at the present factor.
         groups : sequence of (k, dim) int
             For each name, the rows that are withheld with it, its own first; without groups the level stays as it is.
         """
@@ -154,7 +153,7 @@ class LevelPosterior:
         rows = np.concatenate([group.ravel() for group in groups])
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
         found = withheld_log_likelihoods(covs, innovation, rows, ends, own)
-        self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found))
+        self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found) - np.logaddexp.reduce(self.log_weights))
         self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)
 

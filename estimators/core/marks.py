@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from estimators.arrays import Floats
 from estimators.tissue.estimate import MarkMeasurement
@@ -21,15 +22,21 @@ class Places:
         Map from the state to the position of each point.
     calibration : slice, optional
         States of the errors that the marks share, if these are constant; default: they are new in each frame.
+    noise : float
+        Factor on the stated standard deviation of each mark's own noise [1].
 
     Attributes
     ----------
-    value, cov : (m,), (m, m)
-        Positions, concatenated [m], and the covariance of their errors [m²].
+    value, cov, own : (m,), (m, m), (m, m)
+        Positions, concatenated [m], and the covariance of their errors and of their own noise [m²].
     """
 
     def __init__(
-        self, marks: Sequence[MarkMeasurement], maps: Mapping[str, Floats], calibration: slice | None = None
+        self,
+        marks: Sequence[MarkMeasurement],
+        maps: Mapping[str, Floats],
+        calibration: slice | None = None,
+        noise: float = 1.0,
     ) -> None:
         dim = len(marks[0].position)
         self.names = tuple(mark.node for mark in marks)
@@ -37,13 +44,10 @@ class Places:
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
         shared = _shared(marks)
         self._rows = np.vstack([maps[mark.node] for mark in marks])
-        self.cov = np.zeros((len(self.value), len(self.value)))
-        if calibration is None:
-            self.cov += shared @ shared.T
-        elif shared.shape[1]:
+        self.own = noise**2 * block_diag(*(mark.cov for mark in marks))
+        self.cov = self.own + shared @ shared.T if calibration is None else self.own.copy()
+        if calibration is not None and shared.shape[1]:
             self._rows[:, calibration] = shared
-        for mark, own in zip(marks, self.blocks, strict=True):
-            self.cov[own, own] += mark.cov
 
     def linearize(self, state: Floats) -> tuple[Floats, Floats]:
         """Predicted positions (m,) at a state (n,), and their derivative (m, n)."""

@@ -199,8 +199,7 @@ class TissuePosterior:
         """The marks, one or more, as a single observation, with the posterior noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
-        found = Places(marks, self._maps, self.process.parts.get("calibration"))
-        found.cov *= self.level.noise**2
+        found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
         left_out_m2 = self.level.level**2 * np.array([self._left_out_m2[mark.node] for mark in marks])
         found.cov += np.diag(np.repeat(left_out_m2, self.network.dim))
         return found

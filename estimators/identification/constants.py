@@ -191,7 +191,7 @@ def _searched(
     def of_all(theta: Floats) -> Pass:
         return problem.at(theta, used)
 
-    spread = np.array([START_SPREAD[group.kind] for group in problem.groups]) / problem.sd
+    spread = np.minimum([START_SPREAD[group.kind] for group in problem.groups] / problem.sd, 4.0)  # within the prior
     found = from_starts(counted(one) for one in workers(partial(problem.followed, screened), starts(spread, n_starts)))
     before, best = found[0].at_start, most_probable(found)
     n_agreeing = sum(best.agrees(one) for one in found)

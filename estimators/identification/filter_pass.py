@@ -14,6 +14,7 @@ import numpy as np
 
 from dynamics import MassSpringNetwork, ParameterUncertainty
 from estimators.arrays import Floats
+from estimators.core.discrepancy import Discrepancy
 from estimators.core.track import TissueFilter
 from estimators.filters.unscented import CovarianceError
 from estimators.identification.budget import Budget
@@ -86,7 +87,9 @@ def pass_through(
     information, effect = np.zeros((n, n)), np.zeros((n, n))
     scores, nis, dof, errors = list[Floats](), list[float](), list[float](), list[float]()
     try:
-        tissue = TissueFilter(network, target, marked, exact, uncertainty=small)
+        field = Discrepancy.of(exact, solid=network.continuum is not None)
+        prior = replace(field, noises=field.noises[:1])  # noisy marks would explain wrong constants
+        tissue = TissueFilter(network, target, marked, exact, uncertainty=small, discrepancy=prior)
         own = tissue.process.parts.get("constants", slice(0, 0))
         at_target = tissue.rows_of(tissue.target)
         for time_s, marks in frames:

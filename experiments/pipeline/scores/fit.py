@@ -30,7 +30,7 @@ MOST_NEES = 2.0
 NOISY = 1.5
 """Factor on the stated standard deviation of marks above which it is reported as too small [1]; choice."""
 
-NOISE = "marks are about {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
+NOISE = "marks are at least {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
 
 UNTESTED = "this does not test the hidden target; track --check, a fix or a recording that shows the target does"
 

@@ -57,7 +57,7 @@ def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, res
     mark = next(mark for mark in marks if mark.node == "M3")
     error = mark.position - predicted.mean
     np.testing.assert_allclose(both.checks["M3"].error, error, rtol=0, atol=1e-14)
-    expected = error @ np.linalg.solve(predicted.cov + mark.cov, error)
+    expected = error @ np.linalg.solve(predicted.cov + alone.level.noise**2 * mark.cov, error)
     assert both.checks["M3"].nees == pytest.approx(expected, rel=1e-9)
 
 
