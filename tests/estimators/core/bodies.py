@@ -1,9 +1,12 @@
 """Bodies that the tests of this folder share."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dynamics import MassSpringNetwork
 from dynamics import build_network as named_network
+from estimators.core.protocols import Transition
 from tests.networks import build_network
 
 
@@ -29,3 +32,48 @@ def two_masses(stiffness: float, gravity_m_s2: float = 0.0) -> MassSpringNetwork
         fixed=list("abcd"),
         gravity=[0.0, 0.0, -gravity_m_s2],
     )
+
+
+SPEED = np.array([[1.0, 0.5], [0.0, 1.0]])
+"""Half a second of constant velocity."""
+PUSHED = np.outer([0.125, 0.5], [0.125, 0.5])
+"""Covariance of that motion by a constant acceleration of variance 1."""
+
+
+class Point:
+    """A point on a line with nearly constant velocity, its acceleration of these standard deviations by mode."""
+
+    def __init__(self, sds: Sequence[float], rates: np.ndarray | None = None, bend: float = 0.0) -> None:
+        self.sds, self.bend = np.array(sds), bend
+        self.rates = np.zeros((len(sds),) * 2) if rates is None else rates
+        self.parts = {"position": slice(0, 1), "velocity": slice(1, 2)}
+        self.tolerance = np.array([1e-9, 1e-9]) if bend else np.full(2, np.inf)
+
+    def prior(self, level: float) -> tuple[np.ndarray, np.ndarray]:
+        return np.zeros(2), np.tile(np.diag([4.0, 1.0]), (len(self.sds), 1, 1))
+
+    def variances(self, level: float) -> np.ndarray:
+        return self.sds[:, None] ** 2
+
+    def moved(self, state: np.ndarray, dt: float) -> np.ndarray:
+        assert dt == 0.5
+        return SPEED @ state + self.bend * np.array([0.0, np.sin(state[0])])
+
+    def linearize(self, state: np.ndarray, dt: float, cov: object = None) -> Transition:
+        matrix = SPEED.copy()
+        matrix[1, 0] += self.bend * np.cos(state[0])
+        return Transition(self.moved(state, dt), matrix, PUSHED[None])
+
+    def fresh(self, dt: float) -> float:
+        return 1.0
+
+
+class Seen:
+    """The position, or a function of it with its derivative, with this variance."""
+
+    def __init__(self, value: float, variance: float, of=lambda x: x, slope=lambda x: 1.0) -> None:
+        self.names, self.blocks = ("point",), (slice(0, 1),)
+        self.value, self.cov, self.of, self.slope = np.array([value]), np.array([[variance]]), of, slope
+
+    def linearize(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.array([self.of(state[0])]), np.array([[self.slope(state[0]), 0.0]])

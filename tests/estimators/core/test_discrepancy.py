@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from dynamics import HIDDEN, OUTER, four_mass_phantom
+from dynamics import HIDDEN, OUTER, four_mass_phantom, rest_shape
 from dynamics.elements import matern
 from estimators import MarkMeasurement, TissueFilter
 from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor
@@ -132,3 +132,22 @@ def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
             tissue.fix(places[HIDDEN], 1e-6 * np.eye(2))
         tissue.update([MarkMeasurement(node, places[node], 1e-6 * np.eye(2)) for node in OUTER])
         assert np.isfinite(tissue.level.log_weights).all()
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+def test_marks_noisier_than_stated_are_recognised(noise: float) -> None:
+    """Phantom at rest, 4 s at 30 Hz, marks stated to 3 mm: the target's sigma is that of the true noise."""
+    phantom, rng, sd_m = four_mass_phantom(), np.random.default_rng(11), 3e-3
+    rest = rest_shape(phantom)
+    stated, known = TissueFilter(phantom, HIDDEN, OUTER), TissueFilter(phantom, HIDDEN, OUTER)
+    for k in range(120):
+        errors = noise * sd_m * rng.normal(size=(len(OUTER), 2))
+        found = []
+        for tissue, times in ((stated, 1.0), (known, noise)):
+            cov = (times * sd_m) ** 2 * np.eye(2)
+            tissue.predict(k / 30.0)
+            places = zip(OUTER, errors, strict=True)
+            found.append(tissue.update([MarkMeasurement(n, rest[phantom.index(n)] + e, cov) for n, e in places]))
+    assert found[0].noise == stated.level.noise == pytest.approx(noise, rel=0.05)
+    np.testing.assert_allclose(*(np.sqrt(np.trace(one.cov)) for one in found), rtol=0.1)
+    np.testing.assert_allclose(found[0].mean, found[1].mean, atol=0.2 * float(np.sqrt(found[1].cov[0, 0])))

@@ -9,7 +9,8 @@ from estimators.core.discrepancy import Discrepancy
 from estimators.core.filter import HypothesisFilter
 from estimators.smoothing.smoother import Step, smooth, smoothed_before
 from tests.estimators.conftest import followed, poked_frames
-from tests.estimators.core.test_filter import Point, Saturating, Seen, textbook
+from tests.estimators.core.bodies import Point, Seen
+from tests.estimators.core.test_filter import Saturating, textbook
 
 NONE = np.array([], dtype=int)
 VALUES = (0.3, 0.9, 1.1, 2.2)

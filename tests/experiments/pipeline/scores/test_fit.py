@@ -105,6 +105,14 @@ def test_a_verdict_names_a_test_of_the_target_unless_it_was_made():
     assert "test" not in verdict(fit_of(frames), by_status, checked=True)
 
 
+@pytest.mark.parametrize("noise", [1.1, 2.98])
+def test_a_verdict_names_marks_that_are_noisier_than_stated(noise):
+    frames = [replace(one, noise=noise) for one in estimates([6.0] * 300)]
+    fit = fit_of(frames)
+    assert fit.noise == pytest.approx(noise)
+    assert ("at least 3.0 times as noisy as stated" in verdict(fit, frames_by_status(frames))) == (noise > 2.0)
+
+
 def test_a_verdict_counts_what_was_missed():
     frames = estimates([6.0] * 590) + estimates([None] * 2, status=Status.COASTING)
     frames += estimates([None] * 7, status=Status.LOST) + estimates([6.0], status=Status.DIVERGED)
