@@ -99,12 +99,12 @@ class AheadTables:
         network, no node is led.
         """
         n_short, weights = tissue.process.disturbances.n_short, tissue.filter.weights
-        each = expm(tissue.filter.rates * self.cycle_s)  # probability of each mode after a step
+        chain = expm(tissue.filter.rates * self.cycle_s)  # probability of each mode after a step
         short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
-        for are_kept, chain in [(short == 0, np.tril(each)), (short < 2, each)][: max(1, n_short - 1)]:
-            kept = np.where(np.outer(are_kept, are_kept), chain, 0.0)
+        for are_kept, changes in [(short == 0, np.tril(chain)), (short < 2, chain)][: max(1, n_short - 1)]:
+            kept = np.where(np.outer(are_kept, are_kept), changes, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
-        return [*found, self._moments(tissue, weights, each)]
+        return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
         """Times of the tables [s], (k,), from the filter's time on; raises ValueError before its first frame."""

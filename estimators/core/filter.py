@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
+from scipy.linalg import block_diag, expm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
@@ -19,7 +19,6 @@ from estimators.core.innovations import (
     inverse_roots,
     joined,
     named,
-    own_noise,
     together,
 )
 from estimators.core.kernels import has_outlier, without_outliers
@@ -47,8 +46,8 @@ LEAST_STEP = 0.125
 CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
-SURE, REMEMBERED_S = 1.0, 60.0
-"""Shape of the gamma prior of the factor on rates of onsets [1], and time constant of memory for onsets [s]; choice."""
+ONSET_SHAPE, ONSETS_S = 1.0, 60.0
+"""Shape of the gamma prior of the factor on onset rates [1], and time constant of forgetting onsets [s]; choice."""
 
 STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -142,7 +141,7 @@ class HypothesisFilter:
     @property
     def rates(self) -> Floats:
         """Rates of the modes [1/s], (n_modes, n_modes); those of onsets (to later modes) have an estimated factor."""
-        factor = (SURE + self.weights @ self.onsets) / (SURE + self.exposure)
+        factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
 
@@ -171,15 +170,15 @@ class HypothesisFilter:
         joint = self.weights[live, None] * chain[live]
         weights = joint.sum(axis=0)
         shares = joint / weights
-        kept = np.exp(-dt / REMEMBERED_S)
+        kept = np.exp(-dt / ONSETS_S)
         self.onsets = (shares * (kept * self.onsets[:, None] + np.triu(np.ones_like(chain), 1))[live]).sum(axis=0)
         shares[shares < LEAST_SHARE] = 0.0
         shares /= shares.sum(axis=0)
         self.exposure = kept * self.exposure + dt * float(self.weights @ np.triu(self.process.rates, 1).sum(axis=1))
         if self.level is not None:
             self.level.forget(dt)
-        covs, added = tuple(self.covs[k] for k in live), 0.0 if kick is None else kick
-        before = Prior(self.means[live], covs, self.weights[live], shares, chain, dt, added)
+        covs = tuple(self.covs[k] for k in live)
+        before = Prior(self.means[live], covs, self.weights[live], shares, chain, dt, 0.0 if kick is None else kick)
         self.weights, self._before, self._dt = weights, before, dt
         self._move(before, before.weights @ before.means, lambda: before.cov(int(np.argmax(weights))))
         if self.trace is not None:
@@ -346,4 +345,5 @@ class HypothesisFilter:
         fresh = self.process.fresh(self._dt) * (own @ own.T)
         if self._named != (names, blocks):
             self._named, self._withheld = (names, blocks), self._groups(names, blocks)
-        level.update(found.y[best], found.S[best], fresh, own_noise(observations), self._withheld)
+        R = block_diag(*(getattr(one, "noise_cov", one.cov) for one in observations))
+        level.update(found.y[best], found.S[best], fresh, R, self._withheld)

@@ -63,11 +63,6 @@ def together(observations: Sequence[Observation]) -> tuple[Floats, Floats]:
     return joined([one.value for one in observations]), block_diag(*(one.cov for one in observations))
 
 
-def own_noise(observations: Sequence[Observation]) -> Floats:
-    """Covariance of the errors of all values, without shared errors and discrepancy where these are known, (m, m)."""
-    return np.asarray(block_diag(*(getattr(one, "own", one.cov) for one in observations)))
-
-
 def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
     """Names of all blocks, and the rows of each in the concatenated values."""
     names: list[str] = []

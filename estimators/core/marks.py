@@ -27,8 +27,8 @@ class Places:
 
     Attributes
     ----------
-    value, cov, own : (m,), (m, m), (m, m)
-        Positions, concatenated [m], and the covariance of their errors and of their own noise [m²].
+    value, cov, noise_cov : (m,), (m, m), (m, m)
+        Positions, concatenated [m], and the covariance of their errors and of their own noise alone [m²].
     """
 
     def __init__(
@@ -44,8 +44,8 @@ class Places:
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
         shared = _shared(marks)
         self._rows = np.vstack([maps[mark.node] for mark in marks])
-        self.own = noise**2 * block_diag(*(mark.cov for mark in marks))
-        self.cov = self.own + shared @ shared.T if calibration is None else self.own.copy()
+        self.noise_cov = noise**2 * block_diag(*(mark.cov for mark in marks))
+        self.cov = self.noise_cov + shared @ shared.T if calibration is None else self.noise_cov.copy()
         if calibration is not None and shared.shape[1]:
             self._rows[:, calibration] = shared
 

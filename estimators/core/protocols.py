@@ -96,7 +96,8 @@ class Observation(Protocol):
     value : (m,)
         Observed value, in any unit.
     cov : (m, m)
-        Covariance of the value's error, positive definite; errors of different observations are independent.
+        Covariance of the value's error, positive definite; errors of different observations are independent. If only
+        a part of it is noise whose level is estimated, an attribute `noise_cov` has this part.
     blocks : sequence of slice
         Rows of each name.
     """

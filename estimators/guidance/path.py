@@ -1,7 +1,8 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
 Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
-narrow with one. So the path is a mixture of three parts: no poke until then, a poke, and a node that is led.
+narrow with one. So the path is a mixture of three parts: no force grows until then, a poke or a stronger slow force,
+and a led node.
 """
 
 from __future__ import annotations

@@ -35,6 +35,9 @@ START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {
 """Range of the starts about the given constants, in logarithms; choice: a third to three times; a tenth for rest
 lengths, which are measured in a picture."""
 
+START_SDS = 4.0
+"""Largest such range, in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
+
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
@@ -191,7 +194,7 @@ def _searched(
     def of_all(theta: Floats) -> Pass:
         return problem.at(theta, used)
 
-    spread = np.minimum([START_SPREAD[group.kind] for group in problem.groups] / problem.sd, 4.0)  # within the prior
+    spread = np.minimum([START_SPREAD[group.kind] for group in problem.groups] / problem.sd, START_SDS)
     found = from_starts(counted(one) for one in workers(partial(problem.followed, screened), starts(spread, n_starts)))
     before, best = found[0].at_start, most_probable(found)
     n_agreeing = sum(best.agrees(one) for one in found)

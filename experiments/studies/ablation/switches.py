@@ -110,7 +110,7 @@ SWITCHES: Mapping[str, Switch] = {
     "strengths raised for stiff bodies": Switch(
         "disturbances.Disturbances.raised motion.network._slowest 5", disturbances={"bent": 0.0}
     ),
-    "observed onset rates": Switch("20", patches={"filter.SURE": 1e12}),
+    "observed onset rates": Switch("20", patches={"filter.ONSET_SHAPE": 1e12}),
     "discrepancy": Switch(f"{LEVELS} discrepancy.Discrepancy 28", discrepancy={"levels": (0.0,)}),
     "smooth discrepancy": Switch(
         "4",

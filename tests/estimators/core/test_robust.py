@@ -103,8 +103,8 @@ def test_errors_that_marks_share_are_correlated():
     pairs = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
     for noise in (1.0, 3.0):  # of the marks' own errors
         found = Places(marks, {name: np.eye(2) for name in "abc"}, noise=noise)
-        assert found.own == pytest.approx((noise * own) ** 2 * np.eye(6))
-        assert found.cov == pytest.approx(found.own + shared**2 * np.kron(pairs, np.eye(2)))
+        assert found.noise_cov == pytest.approx((noise * own) ** 2 * np.eye(6))
+        assert found.cov == pytest.approx(found.noise_cov + shared**2 * np.kron(pairs, np.eye(2)))
     with pytest.raises(ValueError, match="mark b shared: expected 2 directions, found 1"):
         Places([marks[0], replace(marks[1], shared=np.ones((2, 1)))], {name: np.eye(2) for name in "ab"})
 
