@@ -95,13 +95,12 @@ class AheadTables:
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
         """Nested cases, the last of them any: the probability of each until each time (k,), and the moments in it.
 
-        First, no force grows: no short force acts, and no slow force becomes stronger than it is now. Second, for a
-        network, no node is led.
+        First, no force grows: no short force acts, and the slow force becomes no stronger than it is now. Second, for
+        a network, no node is led.
         """
-        n_short, weights = tissue.process.disturbances.n_short, tissue.filter.weights
-        chain = expm(tissue.filter.rates * self.cycle_s)  # probability of each mode after a step
-        short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
-        for are_kept, changes in [(short == 0, np.tril(chain)), (short < 2, chain)][: max(1, n_short - 1)]:
+        weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
+        mode, found = np.arange(len(weights)), []
+        for are_kept, changes in [(mode < 2, np.tril(chain)), (mode < 3, chain)][: len(weights) // 2]:
             kept = np.where(np.outer(are_kept, are_kept), changes, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
         return [*found, self._moments(tissue, weights, chain)]

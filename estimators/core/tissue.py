@@ -112,11 +112,11 @@ class TissueProcess:
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
-        strongest = self._strongest[None]
+        usual = self._usual[None]
         before, transition = np.zeros((1, self.n, self.n)), self.linearize(state, PUSHED_S)
-        self._set_forces(before[0], strongest[0])
+        self._set_forces(before[0], usual[0])
         after = moved(before, transition.matrix)
-        add_noise(after, transition, strongest)
+        add_noise(after, transition, usual)
         cov = after[0, :moving, :moving]
         V, own = self.span.matrix, self.span.independent
         spread = float(((V @ cov[:n, :n]) * V).sum()) / len(V)
@@ -124,9 +124,9 @@ class TissueProcess:
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
 
     @property
-    def _strongest(self) -> Floats:
-        """Variance of each source in the strongest mode."""
-        return np.asarray(self.variances(0.0)[self.disturbances.strongest_mode])
+    def _usual(self) -> Floats:
+        """Variance of each source in the poked mode or, of a continuum, under the stronger slow forces."""
+        return np.asarray(self.variances(0.0)[self.disturbances.usual_mode])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Set the covariance of forces and discrepancy in cov (n, n) from the sources' variances (n_sources,)."""
