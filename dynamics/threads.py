@@ -35,7 +35,7 @@ def one_blas_thread() -> Iterator[None]:
 def _libraries() -> tuple[tuple[Callable[[int], object], Callable[[], int]], ...]:
     """Setter and getter of the number of threads, for each OpenBLAS that NumPy and SciPy include.
 
-    They keep the interpreter's lock: releasing it in each frame would wait for other threads.
+    The calls keep the interpreter's lock, because releasing it in each frame would mean waiting for other threads.
     """
     found = []
     for package in (numpy, scipy):

@@ -25,7 +25,7 @@ class Assembly:
     Parameters
     ----------
     positions : (n_nodes, dim)
-        Positions of all nodes [m]; nodes that are not free keep them.
+        Positions of all nodes [m]; nodes that are not free stay there.
     free : (n_free,) int
         Indices of the nodes that move.
     elements : sequence of ForceElement

@@ -57,7 +57,7 @@ LEFT_OUT = 3e-3
 
 POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces for the choice of modes [m/s²], and least displacement of the points under them, relative to the
-body's extent [1]; stiff bodies get larger forces. Choice: as the filter's pokes."""
+body's extent [1]; stiff bodies get larger forces. Choice: those of the filter's pokes."""
 
 DEPENDENT = 1e-5
 """Relative size below which a direction of the modes counts as dependent on the others [1]; numerical."""
@@ -87,7 +87,7 @@ class Points(NamedTuple):
 
 
 def points_of(mesh: TetMesh, outside: Surface, places: Floats) -> Points:
-    """Points inside a mesh, or near its surface and then attached to it. Raises MeshError for a point far outside."""
+    """Points inside a mesh; points just outside are attached to the surface. Raises MeshError for points far off."""
     elements, within = nearest_elements(mesh, places)
     near = within.min(axis=1) < INSIDE
     faces, on, away = locate_on_surface(mesh, outside.faces, places[near])
@@ -111,7 +111,7 @@ def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     """Node weights, (k, n_nodes), of the patch around each point, over which a force on the point is distributed.
 
-    The patch of a surface point has surface nodes, weighted by area; the patch of an inner point has all, by volume.
+    The patch of a surface point has near surface nodes, weighted by area; for an inner point, all near ones, by volume.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas

@@ -25,7 +25,7 @@ from dynamics.arrays import Floats
 LINEAR, COROTATED, NEO_HOOKEAN = range(3)
 
 FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
-"""Permitted reorderings of sums by the compiler; NaN and infinity keep their meaning."""
+"""Reorderings of sums that the compiler may apply; NaN and infinity keep their meaning."""
 
 NEWTON = 30
 """Largest number of iterations for the sum of principal stretches; five suffice if no element is near inversion."""
@@ -48,7 +48,7 @@ class _Scratch(NamedTuple):
     """Scratch arrays for one element.
 
     F, rate: deformation gradient and its rate; A: as above; T: derivative of theta; P: stress per mu; M: scratch
-    cofactors: of F; inverse: (tr V I - V)^-1 of the stretch V = F R'; all (3, 3)
+    cofactors: those of F; inverse: (tr V I - V)^-1 of the stretch V = F R'; all (3, 3)
     h: gradients of the corners' weights, rotated by R or, for the neo-Hookean law, by F^-T, (4, 3)
     """
 
@@ -203,7 +203,7 @@ def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
 def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-untyped-def]
     """Write the energy of each patch [J], (n_patches,), add the force on its corners [N], (n_patches, n_corners, 3).
 
-    x, v: of the corners of each patch, shaped as force; moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
+    x, v: positions, velocities of corners, shaped as force; moduli: lambda, mu [Pa], lambda', mu' [Pa s], (m, 4)
     """
     s = _scratch()
     for q in range(len(x)):

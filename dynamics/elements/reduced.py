@@ -104,7 +104,7 @@ def smooth_shapes(
     places : (n_nodes, dim)
         Positions of the free nodes at rest [m].
     masses : (n_nodes,)
-        [kg]
+        Masses of the nodes [kg].
     forces : (n_nodes dim, n_forces)
         Independent forces, each of one standard deviation [N].
     rates : sequence of float

@@ -36,7 +36,7 @@ def build_network(
     """Build a network of these nodes, with a spring along each edge.
 
     names: unique names of the n_nodes nodes
-    positions: of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
+    positions: positions of the nodes as drawn [m], (n_nodes, dim), dim 2 or 3
     edges: the two ends of each spring, by name or by index among the names; n_springs of them, each pair once
     stiffness, damping: stiffness of the springs [N/m]; damping of the dashpots along them [N s/m]
     masses, drag, friction: masses of the nodes [kg], their viscous drag [N s/m], their Coulomb friction [N]

@@ -12,8 +12,8 @@ from dynamics.forces.tangent import state_matrix
 from dynamics.network.mass_spring import MassSpringNetwork
 
 ROUNDING = 1e-6
-"""Relative size below which rates and imaginary parts count as rounding errors: errors of a double one are as
-large as the square root of the usual errors."""
+"""Relative size below which rates and imaginary parts count as rounding errors: errors of a double root are as large as
+the square root of the usual errors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +21,7 @@ class Oscillations:
     """Natural oscillations of a network about a rest shape, from the eigenvalues z of (z² M + z C + K) u = 0.
 
     frequencies_hz: undamped natural frequencies abs(z) / 2 pi of the oscillating motions, ascending [Hz], (n,)
-    damping_ratios: of these motions, -Re z / abs(z) [1], (n,)
+    damping_ratios: damping ratios of these motions, -Re z / abs(z) [1], (n,)
     decays_s: times in which motions that do not oscillate decay to 1/e, longest first [s], (m,)
     """
 

@@ -145,14 +145,14 @@ def fit_rest_lengths(
 ) -> MassSpringNetwork:
     """Correct the rest lengths so that the network rests where its nodes were measured; returns the new network.
 
-    positions: of all nodes [m], (n_nodes, dim), each coordinate measured with noise of sd_m [m]; known: prior relative
-    standard deviation of the rest lengths.
+    positions: measured positions of all nodes [m], (n_nodes, dim); sd_m: their noise for each coordinate [m]; known:
+    prior relative standard deviation of the rest lengths.
 
     Gauss-Newton on the forces f at the shape x. For relative changes c of the rest lengths and G = df/dc, the next c is
     the smallest solution of G (c - c_now) + f = 0. With noise it is the most probable c: the error of f is then the
     stiffness times the noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
-    is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a
-    rest length would have to change by half, if passes do not converge, or if there is no stable rest near x.
+    is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a rest
+    length would have to change by half or more, if passes do not converge, or if there is no stable rest near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

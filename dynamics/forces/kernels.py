@@ -38,7 +38,7 @@ SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
 
 FASTMATH = {"contract", "reassoc", "nsz", "arcp"}
-"""Permitted reorderings in the loops over a batch by the compiler; NaN and infinity keep their meaning."""
+"""Reorderings that the compiler may apply in the loops over a batch; NaN and infinity keep their meaning."""
 
 
 class SpringConstants(NamedTuple):
@@ -154,7 +154,7 @@ def sliding_force(slide: Numbers, most: Numbers, slip: float) -> Numbers:
 class Packed(NamedTuple):
     """Arrays of a network in the kernels' form.
 
-    springs: (n_springs, 2); weight: of each node [N], (n_nodes, dim), zero for anchors
+    springs: their nodes, (n_springs, 2); weight: weight of each node [N], (n_nodes, dim), zero for anchors
     spring_constants: (n_springs, n_constants), columns as in `SpringConstants`
     node_constants: (n_nodes, n_constants), columns as in `NodeConstants`
     """
@@ -245,7 +245,7 @@ def state_rate(  # type: ignore[no-untyped-def]
     """Time derivative of a state, (n_state,), under forces on the free nodes [N], (n_free, dim).
 
     x: (n_nodes, dim, 1), of which only the anchors are used; v, force: scratch of that shape, with v zero at anchors
-    inverse_mass: (n_free,). The fields of `Packed` are separate: to pass a tuple takes longer than all forces.
+    inverse_mass: (n_free,). The fields of `Packed` are separate, because passing a tuple takes longer than all forces.
     """
     n_free, dim = outside.shape
     half = n_free * dim
@@ -377,7 +377,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Unlike those in `tangents`, they are exact: they include the rotation of dashpots and the decrease of friction.
+    Unlike the matrices of `tangents`, these are exact: they include the rotation of dashpots and decrease of friction.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -435,7 +435,7 @@ TR_BDF2 = 2.0 - np.sqrt(2.0)
 
 NEWTON, MOST_NEWTON = 2, 8
 """Newton iterations of a stage, and the largest number if they do not contract; numerical: with two, a link of 2e7 N/m
-swings as with four."""
+swings as it does with four."""
 
 CONTRACTED = 0.5
 """Ratio of speed changes in successive iterations above which tangents are recomputed at the present state."""
@@ -446,7 +446,7 @@ STILL = 1e-12
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def _solve_triangles(L, right):  # type: ignore[no-untyped-def]
-    """Overwrite `right` (n,) by (L L')^-1 right, L (n, n) lower triangular, row by row, as it is stored."""
+    """Overwrite `right` (n,) with (L L')^-1 right, L (n, n) lower triangular, row by row, as it is stored."""
     n = len(right)
     for i in range(n):
         entry = 0.0
@@ -510,9 +510,9 @@ def _newton(now, target, weight, L, renew, place, nodes, free, masses, p, outsid
 def implicit_steps(states, outside, dt, n_steps, renew, nodes, free, masses, p):  # type: ignore[no-untyped-def]
     """States after n_steps steps of dt by TR-BDF2, (n_points, n_state).
 
-    outside: as in `runge_kutta`; masses: of the free coordinates, (n_half,); renew: whether each Newton iteration
-    computes its tangents, or all use those at the start of the step. Second order; stable with definite tangents at any
-    stiffness. The two stages are the trapezoidal rule and the backward differentiation formula.
+    outside: as in `runge_kutta`; masses: masses of free coordinates, (n_half,); renew: whether each Newton iteration
+    computes its tangents, or all use the tangents at the step's start. Second order; stable with definite tangents at
+    any stiffness. The two stages are the trapezoidal rule and the backward differentiation formula.
     """
     n_points = states.shape[0]
     n_nodes, dim = nodes.shape
@@ -652,11 +652,11 @@ def _needle_forces(x, v, nodes, needle, at, punctured, shaft, share, force):  # 
 
 @njit(cache=True, nogil=True)
 def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass, p, needle, moves, punctured, shaft):  # type: ignore[no-untyped-def]
-    """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether it is punctured.
+    """State after n_steps Runge-Kutta steps of dt under sampled forces and a needle, and whether the skin is punctured.
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, both divided by the interval between samples
-    moves: tip (dim,) and its velocity (dim,), direction (dim,), length in the tissue; punctured: whether at the start
+    moves: tip (dim,) and its velocity (dim,), direction (dim,), length inside; punctured: whether it is at the start
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim
@@ -711,7 +711,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
     """In each state, change of the force on the free coordinates per unit of the log of each of n constants [N].
 
     states: (n_points, n_state); nodes: positions of all nodes, of which only the anchors are used [m], (n_nodes, dim)
-    kinds, indices: of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)
+    kinds, indices: those of the constants as in `dynamics.forces.parameters`; returns (n_points, n, n_state / 2)
     """
     half = states.shape[1] // 2
     dim = nodes.shape[1]

@@ -105,7 +105,7 @@ def strain_uncertainty(
 
     The strain tensor E(X) is symmetric; its components are independent Gaussian fields. Rest lengths along n change by
     n' E n. Springs along n and m have the covariance sd² exp(-d² / 2 l²) (n · m)²; d: distance of their middles.
-    sd: of the strain along any direction [1]; length: l, relative to the body's longest side [1]
+    sd: standard deviation of the strain along any direction [1]; length: l, relative to the body's longest side [1]
     n_directions: largest rank of that covariance, by pivoted Cholesky decomposition: each direction is the strain of
     the spring that the earlier directions leave most uncertain
 

@@ -56,7 +56,7 @@ def damping_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_
 def state_matrix(network: MassSpringNetwork, positions: ArrayLike, *, speed_m_s: float = 0.0) -> Floats:
     """State matrix A of the linear motion d(state)/dt = A (state - rest) about a rest shape, (n_state, n_state).
 
-    positions: of all nodes at rest [m], (n_nodes, dim)
+    positions: positions of all nodes at rest [m], (n_nodes, dim)
     speed_m_s: speed of the nodes for their resistance, see `damping_matrix`
     """
     inverse_mass = 1.0 / np.repeat(network.masses[network.free], network.dim)
@@ -72,9 +72,9 @@ def stable_step(network: MassSpringNetwork) -> float:
     """Longest step at which Runge-Kutta is stable while springs are 0.5 to 1.5 times as long as at rest [s].
 
     In these shapes a spring's tangent stiffness is at most k in every direction, with k the largest dT/dl or T / l.
-    The graph Laplacian weighted by k bounds the stiffness of all such shapes; another one bounds the damping. (Longer
-    linear springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per mass, every
-    eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
+    The graph Laplacian weighted by k bounds the stiffness of all such shapes; another such Laplacian bounds the
+    damping. (Longer linear springs are not stiffer.) With w² and d the largest eigenvalues of stiffness and damping per
+    mass, every eigenvalue of the linearised motion is at most (d + sqrt(d² + 4 w²)) / 2.
     """
     c = spring_constants(network)
     lengths = STRETCHES[:, None] * c.rest_length

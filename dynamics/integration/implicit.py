@@ -15,7 +15,7 @@ from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
 """Number of coordinates up to which each iteration computes its tangents: a link of 2e7 N/m needs this. With more
-coordinates, all use the tangents at the step's start, which suffices up to 2e5 N/m: one factorisation, not five."""
+coordinates, all iterations use those at the step's start: one factorisation, not five. This suffices up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Relative stiffness that counts as a rounding error."""
@@ -28,8 +28,8 @@ DRIVEN = 1e12
 class Linearised:
     """Derivatives of a step for several states.
 
-    F: with respect to the states at its start, (k, n_state, n_state); half: as F, over the second half of the step, or
-    over all of a step that is not divided, (k, n_state, n_state); by_force: with respect to forces on the free
+    F: derivative by the states at the step's start, (k, n_state, n_state); half: as F, over the second half of the
+    step, or over all of a step that is not divided, (k, n_state, n_state); by_force: derivative by forces on the free
     coordinates that are constant in the step [m/N, m/(s N)], (k, n_state, n_state / 2)
     """
 
@@ -125,7 +125,7 @@ def _times(lower: Floats, step: float, right: Floats) -> Floats:
 
 
 def _are_semidefinite(K: Floats) -> bool:
-    """Whether stiffnesses (..., n, n) are all positive up to rounding, as for a body that moves freely."""
+    """Whether all stiffness matrices (..., n, n) are positive semidefinite up to rounding."""
     largest = np.abs(K).max(axis=(-2, -1), keepdims=True)
     try:
         np.linalg.cholesky(K + ROUNDING * largest * np.eye(K.shape[-1]))

@@ -40,7 +40,7 @@ def first_stage(state, h, force, K, C, M, B, rates):  # type: ignore[no-untyped-
 def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  # type: ignore[no-untyped-def]
     """State after the step, and the largest difference between its two stages in any coordinate [m].
 
-    force: at `middle`, the result of the first stage
+    force: force at `middle`, the state after the first stage
     """
     n, g = len(M), GAMMA * h
     f = state[2 * n :]

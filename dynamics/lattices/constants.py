@@ -20,7 +20,7 @@ STEPS, LARGEST, CONVERGED = 20, 2.0, 1e-4
 
 
 def van_gelder(lattice: Lattice, young: Floats) -> Floats:
-    """Stiffness of the springs [N/m], (n_springs,), from Young's modulus of each tetrahedron [Pa], (m,), by van Gelder.
+    """Spring stiffness [N/m], (n_springs,), from each tetrahedron's Young's modulus [Pa], (m,), after van Gelder.
 
     Each tetrahedron of volume V adds E V / l² to an edge of length l [vangelder1998].
     """
@@ -28,7 +28,7 @@ def van_gelder(lattice: Lattice, young: Floats) -> Floats:
 
 
 def lloyd(lattice: Lattice, young: Floats) -> Floats:
-    """Stiffness of the springs [N/m], (n_springs,), from Young's modulus of each tetrahedron [Pa], (m,), by Lloyd.
+    """Spring stiffness [N/m], (n_springs,), from each tetrahedron's Young's modulus [Pa], (m,), after Lloyd.
 
     Each tetrahedron adds 2 sqrt(2) / 25 E l, with l the edge of a regular tetrahedron of its volume [lloyd2007].
     """
@@ -88,8 +88,8 @@ def _elongations(lattice: Lattice) -> csr_array:
 def _linearised(sample: Sample, box: csr_array, factors: Floats) -> tuple[Floats, Floats]:
     """Logs of wanted / present moduli, (6,), and their derivatives with respect to factors, (6, 6).
 
-    At equilibrium the energy's derivative by a stiffness is half the squared elongation e of its spring. Under unit
-    tension therefore d(1/E) = -sum over springs of e² dk / V.
+    At equilibrium the derivative of the energy with respect to a stiffness is half the squared elongation e of its
+    spring. Under unit tension therefore d(1/E) = -sum over springs of e² dk / V.
     """
     nodes, k = sample.lattice.mesh.nodes, directed(sample.lattice, sample.stiffness, factors)
     volume, K = float(np.ptp(nodes, axis=0).prod()), csc_array(box.T @ diags_array(k) @ box)

@@ -30,7 +30,7 @@ FLATTEST = 1e-3
 of the volume."""
 
 MOVES, STEP = 5, 1e-4
-"""Newton steps onto a surface, and width of the differences for its normal, relative to the side; numerical."""
+"""Number of Newton steps onto a surface; width of the differences for its normal, relative to the side; numerical."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,7 +83,7 @@ class Lattice:
         return np.asarray(np.bincount(self.edges.ravel(), np.repeat(shares, 6), minlength=len(self.springs)))
 
     def element_stiffness(self, tissues: Sequence[Tissue]) -> csc_array:
-        """Stiffness matrix of the tetrahedra with these tissues, by region [N/m], (3 n, 3 n), node-major."""
+        """Stiffness matrix of the tetrahedra, given the tissue of each region [N/m], (3 n, 3 n), node-major."""
         young, poisson = (self.of_elements(tissues, key) for key in ("young_pa", "poisson"))
         return rest_stiffness(self.mesh, young, poisson, None, dilatation_patches(self.mesh, poisson))
 
@@ -135,7 +135,7 @@ def lattice_of(structure: Structure, side_m: float, cells: int, rng: np.random.G
 def lattice_network(lattice: Lattice, stiffness: Floats, tissues: Sequence[Tissue]) -> MassSpringNetwork:
     """The network of a lattice, without anchors and weight; it rests as drawn.
 
-    stiffness: of the springs [N/m], (n_springs,); tissues: by region, for masses and damping
+    stiffness: stiffness of the springs [N/m], (n_springs,); tissues: tissue of each region, for masses and damping
     """
     volumes = lattice.mesh.volumes
     damping_s = lattice.of_springs(lattice.of_elements(tissues, "damping_s") * volumes) / lattice.of_springs(volumes)

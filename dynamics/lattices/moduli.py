@@ -114,7 +114,7 @@ def effective_stiffness(K: csc_array, nodes: Floats) -> Floats:
 
 
 def mean_stiffness(K: csc_array, moved: Floats, volume: float) -> Floats:
-    """Stiffness of a box of this volume from the energy of its six tests, (3 n, 6)."""
+    """Stiffness of a box of this volume from the energy of the displacements in six tests, (3 n, 6)."""
     C = moved.T @ (K @ moved) / volume
     C[:3, 3:] = C[3:, :3] = 0.0
     C[3:, 3:] = np.diag(np.diag(C)[3:])

@@ -44,7 +44,7 @@ class MeshCholesky:
     places : (n, 3)
         Positions of the nodes [m].
     cells : (m, n) csr_array
-        Entries at the nodes of each cell; K couples only nodes that share a cell.
+        Nonzero at the nodes of each cell; K couples only nodes that share a cell.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class MeshCholesky:
 
 
 class _Contribution(NamedTuple):
-    """Remaining nodes of a part, for each the number of the part's cells with it, and the Schur complement.
+    """Remaining nodes of a part, number of the part's cells at each of them, and the Schur complement.
 
     nodes and numbers: (k,); schur: lower half, (k dim, k dim)
     """

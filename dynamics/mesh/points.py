@@ -17,7 +17,7 @@ INSIDE = -1e-9
 def locate(mesh: TetMesh, points: Floats) -> tuple[NDArray[np.int64], Floats]:
     """The element that contains each point, (k,) int, and the weights of its corners, (k, 4).
 
-    points: at rest [m], (k, 3); MeshError for a point outside.
+    points: positions at rest [m], (k, 3). Raises MeshError for a point outside.
     """
     elements, weights = nearest_elements(mesh, points)
     for k, (point, own) in enumerate(zip(points, weights, strict=True)):

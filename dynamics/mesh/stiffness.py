@@ -13,7 +13,7 @@ from dynamics.arrays import Floats
 from dynamics.mesh.tet_mesh import TetMesh
 
 PATCH = 12
-"""Number of elements in a patch [1]; choice: the beams of the tests bend equally from 8 on, and with 4 a tenth less."""
+"""Number of elements in a patch [1]; choice: with 8 or more the tests' beams bend equally, with 4 a tenth less."""
 
 
 def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats]:
@@ -23,7 +23,7 @@ def lame(young: Floats | float, poisson: Floats | float) -> tuple[Floats, Floats
 
 
 def lumped_masses(mesh: TetMesh, density: Floats | float) -> Floats:
-    """Mass of each node [kg], (n,): a quarter of each adjacent element's; density [kg/m³], (m,) or one number."""
+    """Mass of each node [kg], (n,): a quarter of each adjacent element's mass; density [kg/m³], (m,) or one number."""
     share = np.repeat(0.25 * mesh.volumes * density, 4)
     return np.asarray(np.bincount(mesh.elements.ravel(), share, minlength=len(mesh.nodes)), dtype=float)
 
@@ -49,7 +49,7 @@ def patches(mesh: TetMesh, size: int = PATCH) -> NDArray[np.int64]:
 
 
 class Strains(NamedTuple):
-    """Matrix of small strains; the sum of their weighted squares is twice the stored energy [J].
+    """Matrix of small strains; the weighted sum of the squared strains is twice the stored energy [J].
 
     Attributes
     ----------

@@ -23,8 +23,8 @@ tip advances by half a millimetre per step."""
 class InsertionHistory:
     """States, forces and puncture of a simulated insertion over time.
 
-    times_s: (n_times,); states: of the network (n_times, n_state)
-    axial_forces: of the needle on the tissue, along the needle [N], (n_times,)
+    times_s: times [s], (n_times,); states: states of the network, (n_times, n_state)
+    axial_forces: forces of the needle on the tissue, along the needle [N], (n_times,)
     punctured_s: time of the skin's puncture [s], None without puncture
     """
 
@@ -64,7 +64,7 @@ def forced_states(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), with n_steps classical Runge-Kutta steps from each time to the next.
 
-    force(t, state): on the free nodes [N], (n_free, dim); evaluated at each stage, which preserves the fourth order
+    force(t, state): force on the free nodes [N], (n_free, dim), computed at each stage, which preserves fourth order
     """
     t = np.asarray(times, dtype=float)
     rate = motion(network)
@@ -96,7 +96,7 @@ def simulate_insertion(
     """Simulate the tissue under a needle from `state` at the first of the times [s], with SciPy's DOP853.
 
     outside(t): other forces on the free nodes [N], (n_free, dim)
-    The puncture is the time at which the contact force reaches the puncture force; there the integration restarts.
+    The puncture is the time at which the contact force reaches the puncture force; the integration restarts then.
     Raises RuntimeError if the integrator fails.
     """
     t = np.asarray(times, dtype=float)

@@ -38,8 +38,8 @@ SHAFT = np.polynomial.legendre.leggauss(8)
 class NeedlePose:
     """Position, direction and speed of a needle at one time.
 
-    tip: [m], (dim,); direction: of insertion, of length 1, (dim,)
-    speed: along the direction [m/s], negative during retraction; inserted_m: length of shaft in the tissue [m]
+    tip: position [m], (dim,); direction: unit vector of insertion, (dim,)
+    speed: speed along the direction [m/s], negative during retraction; inserted_m: length of shaft in the tissue [m]
     """
 
     tip: Floats
@@ -53,9 +53,9 @@ class NeedleMechanics:
     """Motion of a needle and the constants of its forces, which `docs/needle.md` explains.
 
     pose: the needle's pose at a time [s]; entry: where the line of the needle meets the skin at rest [m], (dim,)
-    radius_m: of the shaft [m]
-    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of contact before [N/m]
-    cutting_N: at the tip [N]; friction_N_m: along the shaft, per length [N/m]
+    radius_m: radius of the shaft [m]
+    puncture_N: contact force at which the skin is punctured [N]; contact_N_m: stiffness of contact before that [N/m]
+    cutting_N: cutting force at the tip [N]; friction_N_m: friction along the shaft, per length [N/m]
     reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
     The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are no settings of an estimator.
@@ -103,7 +103,7 @@ def straight_insertion(
 ) -> Callable[[float], NeedlePose]:
     """Pose function of a needle inserted along a line at a constant speed [m/s] from the entry to a depth [m].
 
-    entry: [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
+    entry: position [m], (dim,), reached at start_s; towards: a point on the line beyond it [m], (dim,)
     Before start_s the needle approaches at the same speed; at the depth it stops. Raises ValueError for equal points.
     """
     from_, to = np.asarray(entry, dtype=float), np.asarray(towards, dtype=float)
@@ -123,8 +123,8 @@ def straight_insertion(
 def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) -> Floats:
     """Share of each node in a force at each point, (..., n_nodes), rows sum to one; points [m], (..., dim).
 
-    The shares are a Gaussian kernel of the distance to the drawn nodes: tissue moves by millimetres, and nodes are
-    centimetres apart. Far from all nodes the nearest has the whole force.
+    The shares are a Gaussian kernel of the distance to the nodes as drawn, because tissue moves by millimetres and
+    nodes are centimetres apart. Far from all nodes the nearest has the whole force.
     """
     apart = np.asarray(points, dtype=float)[..., None, :] - network.positions
     exponent = -0.5 * np.einsum("...d,...d->...", apart, apart) / reach_m**2
@@ -135,7 +135,7 @@ def node_weights(network: MassSpringNetwork, points: ArrayLike, reach_m: float) 
 def indentation(network: MassSpringNetwork, needle: NeedleMechanics, t: float, positions: ArrayLike) -> Floats:
     """Depth of the tip beyond the skin, which moves with the nodes [m], (...); negative before contact.
 
-    positions: of all nodes [m], (..., n_nodes, dim)
+    positions: positions of all nodes [m], (..., n_nodes, dim)
     """
     given_way = node_weights(network, needle.entry, needle.reach_m) @ (np.asarray(positions) - network.positions)
     return _dent(needle, needle.pose(t), given_way)
@@ -156,8 +156,8 @@ def needle_load(
 ) -> NeedleLoad:
     """Compute the forces between needle and tissue at time t [s].
 
-    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin is punctured,
-    which is permanent: `simulate_insertion` finds the time.
+    positions [m] and velocities [m/s] of all nodes, (..., n_nodes, dim); punctured: whether the skin is punctured; a
+    puncture is permanent, and `simulate_insertion` finds its time.
     """
     x, v = np.asarray(positions, dtype=float), np.asarray(velocities, dtype=float)
     pose, nothing = needle.pose(t), np.zeros(x.shape[:-2])

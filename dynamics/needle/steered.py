@@ -1,7 +1,7 @@
 """Simulation of tissue under a needle that a robot steers: fine compiled steps for closed-loop experiments.
 
 `dynamics.needle.loads` defines the forces. `simulate_insertion` simulates a needle whose whole motion is known,
-by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare both.
+by DOP853; here the motion is given piece by piece, and a whole insertion takes milliseconds. The tests compare the two.
 
 A continuum moves in its modes. The trapezoidal rule is implicit in cutting and friction, because a needle that hardly
 slides resists far more than inertia does. The part of the points' displacement that the modes omit follows the forces
@@ -25,14 +25,14 @@ from dynamics.network.continuum import FREE
 from dynamics.network.mass_spring import MassSpringNetwork, pack
 
 FINEST_STEP = 1.0 / 1920.0
-"""Longest step [s]; numerical: after 0.5 s of insertion the target is within 2 µm of its place by the adaptive
-integrator, which `tests/dynamics/needle/test_steered.py` checks."""
+"""Longest step [s]; numerical: after 0.5 s of insertion the target is within 2 µm of its place according to the
+adaptive integrator, which `tests/dynamics/needle/test_steered.py` checks."""
 
 SOLID_STEP = 1.0 / 960.0
 """Longest step for a continuum [s]; numerical: 5 µm of error, see `tests/dynamics/needle/test_steered_solid.py`."""
 
 SLIDES, SLID = 50, 1e-3
-"""Most iterations for sliding speeds, and change, relative to the slip velocity, that ends them; numerical."""
+"""Most iterations for sliding speeds; largest change in the last one, relative to the slip velocity; numerical."""
 
 OF_STABLE = 0.25
 """Longest step as a share of the longest stable step; numerical: the fastest vibration is damped by 0.1 % per step."""
@@ -42,8 +42,8 @@ OF_STABLE = 0.25
 class NeedleMotion:
     """Straight motion of a needle until the next command.
 
-    tip: present position [m], (dim,); velocity: of the needle, axial and lateral [m/s], (dim,)
-    direction: of length 1, (dim,); inserted_m: present depth of the tip in the tissue, negative before the skin [m]
+    tip: present position [m], (dim,); velocity: velocity of the needle, axial and lateral [m/s], (dim,)
+    direction: unit vector, (dim,); inserted_m: present depth of the tip in the tissue, negative before the skin [m]
     """
 
     tip: Floats
@@ -54,7 +54,7 @@ class NeedleMotion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SampledForces:
-    """Outside forces on the free nodes [N], (n, n_free, dim), sampled every interval_s [s] from 0, interpolated."""
+    """Outside forces on the free nodes [N], (n, n_free, dim), sampled every interval_s [s] from time 0."""
 
     forces: Floats
     interval_s: float
@@ -71,7 +71,7 @@ class SampledForces:
 
 
 def steady_state(network: MassSpringNetwork, places: Floats) -> Floats:
-    """State (n_state,) with free nodes at rest at these places [m], (n_free, dim); a continuum's modes follow."""
+    """State (n_state,) at rest with free nodes at these places [m], (n_free, dim), and a continuum's matching modes."""
     state, solid = pack(places, np.zeros_like(places)), network.continuum
     if solid is None:
         return state
@@ -92,7 +92,7 @@ def advance_steered(
 ) -> tuple[Floats, bool]:
     """State (n,), ordered as in `steady_state`, at the later of two times [s], and whether the skin is punctured.
 
-    state: at the earlier time, (n,); needle: for its constants; its pose and entry are not used
+    state: state at the earlier time, (n,); needle: gives its constants; its pose and entry are not used
     Raises ValueError if the second time is earlier.
     """
     start, end = between_s
@@ -145,7 +145,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps of dt [s] from a start [s] under these forces, and whether it is punctured.
+    """State of a continuum after n steps of dt [s] from a start [s] under these forces, and whether skin is punctured.
 
     steps: the forces, start, dt, n
     """
@@ -236,8 +236,8 @@ def sliding_friction(
 ) -> Floats:
     """Forces on the free nodes [N], (n, n_free, dim), of a needle that slides forward with its tip at these places.
 
-    tips: [m], (n, dim), punctured; depths: of the tip in the tissue [m], (n,). Cutting and friction have their full
-    size, whatever the tissue's own velocity.
+    tips: positions after the puncture [m], (n, dim); depths: depths of the tips in the tissue [m], (n,). Cutting and
+    friction have their full size, whatever the tissue's own velocity.
     """
     deep = np.maximum(0.0, np.asarray(depths, dtype=float))
     back = 0.5 * deep[:, None] * (SHAFT[0] + 1.0)

@@ -88,16 +88,16 @@ class Continuum:
 
     @property
     def accelerated(self) -> Floats:
-        """Displacement of the points if the whole body is accelerated, as by a change of gravity's direction [s²].
+        """Displacement of the points per acceleration of the whole body, as by a change of gravity's direction [s²].
 
-        (n_free dim, dim): for each axis
+        (n_free dim, dim), one column for each axis
         """
         held = self.rates > LOOSE * self.rates.max()
         return np.asarray(self.shapes[:, held] @ (self.forces[held, :3] / self.rates[held, None]))
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: part of the points' displacement by forces that the modes omit [m/N].
+        """Residual flexibility [macneal1971]: displacement of the points per force, as far as the modes omit it [m/N].
 
         (n_free dim, n_free dim)
         """
@@ -130,7 +130,7 @@ class Continuum:
     def with_driven_wall(self, places: Floats) -> Continuum:
         """The continuum on a wall that moves as a rigid body in an unknown way; places of its points [m], (n_free, 3).
 
-        Further modes shift and turn all points with the wall. The inertia of the body on it is an unknown force.
+        Further modes shift and turn all points with the wall. The body's inertia in this motion is an unknown force.
         """
         arms = (places - places.mean(axis=0)) / self.extent_m
         turns = np.cross(np.eye(3)[:, None], arms).reshape(3, -1).T

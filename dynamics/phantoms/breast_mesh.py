@@ -15,7 +15,7 @@ SEMI_AXES_M = (0.065, 0.065, 0.055)
 """Half width, half height and depth [m]."""
 
 ROUND = 0.8
-"""Share by which a box's grid is rounded towards an ellipsoid [1]; fully rounded, its edges have flat elements."""
+"""Share by which a box's grid is rounded to an ellipsoid [1]; full rounding would flatten elements at its edges."""
 
 CORE = 0.6
 """Extent of the gland, relative to the breast's extent [1]."""

@@ -14,7 +14,7 @@ from dynamics.equilibrium.build import build_network
 from dynamics.network.mass_spring import MassSpringNetwork, NetworkError, spring_lengths
 
 LONGEST = 2.0
-"""Length above which springs of a triangulation bridge hollows and are omitted, relative to their median [1]."""
+"""Length, relative to the median, above which a spring of a triangulation bridges a hollow and is omitted [1]."""
 
 DENSITY_KG_M3 = 1000.0
 SHEET_M = 0.010
@@ -41,9 +41,9 @@ class Phantom:
 
 
 def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Pairs of nodes in the Delaunay triangulation, (n_springs, 2), except pairs of anchors and across gaps.
+    """Pairs of nodes in the Delaunay triangulation, (n_springs, 2), except pairs of anchors and pairs across gaps.
 
-    positions [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line, in space in one plane.
+    positions [m], (n_nodes, dim). Raises NetworkError if the nodes lie on one line or, in space, in one plane.
     """
     n_corners = positions.shape[1] + 1
     try:
@@ -60,7 +60,7 @@ def delaunay_springs(positions: Floats, fixed: NDArray[np.bool_]) -> NDArray[np.
 def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: float) -> float:
     """One stiffness for all springs [N/m], with which a lattice is as stiff as an elastic body.
 
-    positions: of the nodes [m], (n_nodes, dim); springs: their ends, (n_springs, 2)
+    positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: Young's modulus [Pa] of a body in space; for a sheet in the plane, times its thickness [N/m]
     By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
     k l² over springs is n E V, V the body's volume, n the edges of a simplex; equal stiffnesses have the same sum.
@@ -83,7 +83,7 @@ def elastic_body(
 ) -> MassSpringNetwork:
     """An elastic body that rests under gravity along -y with its nodes at these positions [m], (n_nodes, dim).
 
-    young: Young's modulus [Pa], in the plane of a sheet of `SHEET_M`
+    young: Young's modulus [Pa]; in the plane, that of a sheet of thickness `SHEET_M`
     springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
         from that modulus; masses [kg], (n_nodes,), None: the mass of water, divided equally among the free nodes
     Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, and for unusable nodes.
@@ -126,7 +126,7 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
     """Distance from a point inside the convex hull of the nodes to its surface along a unit vector [m].
 
-    positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
+    positions: the nodes' [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
     Raises NetworkError if the hull has no volume.
     """
     facets = _hull(positions).equations

@@ -16,7 +16,7 @@ SPACING_M = 0.120
 
 MASS_KG = 0.1
 STIFFNESS_N_M = 40.0
-"""Spring stiffness per mass of the phantom [N/m]; with any number of masses it sags by about 10 % of its spacing."""
+"""Stiffness of a spring divided by the number of masses [N/m]; any phantom sags by about 10 % of its spacing."""
 
 DAMPING_S = 0.0025
 """Damping of a dashpot divided by the stiffness of its spring [s]."""

@@ -38,9 +38,9 @@ class InterchangeableMarks:
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
-        """Cost of the mark named after node j being on node i, by the filter's present prediction: (n, n).
+        """Cost (n, n) of the assumption that node i bears the mark named after node j, by the filter's prediction.
 
-        The cost is -log of a density; 0 for an absent mark. starting: use the distribution at a start.
+        A cost is -log of a density; 0 for an absent mark. starting: use the distribution at a start.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
@@ -56,9 +56,9 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Other names, with numbers of exchanges, whose cost in this frame is higher by at most `worst`.
+        """Other names, with their numbers of exchanges, whose cost in this frame is higher by at most `worst`.
 
-        At most `most` names, the most probable first.
+        The most probable come first; there are at most `most`.
         """
         if names == self.own and not ambiguous_exchanges(costs, self._pairs, worst):
             return {}

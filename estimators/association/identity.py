@@ -217,8 +217,8 @@ class AssociationFilter:
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
         """The alternative updated with the marks under its names; None if its filter fails.
 
-        Also None if the predicted marks are clearly too improbable. This saves time: an update that would bend the body
-        by wrong names costs a hundred times more than one with the right names.
+        It is also None if the predicted marks are clearly too improbable. This saves time: an update that would bend
+        the body by wrong names costs a hundred times more than one with the right names.
         """
         self.tissue.restore(alternative.state)
         seen = renamed(marks, self.interchangeable.by_node(alternative.names))

@@ -10,11 +10,11 @@ from math import factorial, log
 class IdentitySettings:
     """Settings of the association: when other names of interchangeable marks are followed and adopted.
 
-    If a mark is refused, filters restart with other names, and again at least twice the filter's test_s later.
+    If a mark is refused, filters restart with other names. The next such restart is at least twice test_s later.
 
     decisive: log odds at which names are ruled out or adopted [1]; choice
     exchange: prior log odds against one exchange of two names [1]; choice
-    longest_s: longest time that undecided names are followed, longest pause between failed restarts [s]; choice
+    longest_s: longest time that undecided names are followed, and longest pause between failed restarts [s]; choice
     max_hypotheses: largest number of alternatives [1]; source: 3! - 1, all for three interchangeable marks
     """
 

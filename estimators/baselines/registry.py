@@ -32,7 +32,7 @@ class TrackingProblem:
     """Input of every method: tissue, target (a node or a point relative to nodes), and prior of the forces.
 
     marked: nodes whose marks are measured; uncertainty, n_calibration: as in `TissueFilter`
-    seed: for methods that draw random numbers; fixes: direct measurements of the target, for methods that use them
+    seed: seed of methods that draw random numbers; fixes: direct measurements of the target, for methods that use them
     """
 
     network: MassSpringNetwork

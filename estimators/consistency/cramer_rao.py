@@ -36,8 +36,8 @@ def posterior_bound(
 
     The recursion of [tichavsky1998] for Gaussian noise, in covariance form, because only some states have noise: a
     Kalman filter with the transition matrices of the true states. This is the bound for one trajectory. The bound for
-    many trajectories follows from the mean information matrix; the mean of their bounds is an upper limit of it
-    (Jensen). Here the matrices differ so little that both agree.
+    many trajectories follows from the mean information matrix; the mean of the single bounds is an upper limit of that
+    bound (Jensen). Here the matrices differ so little that both agree.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)
@@ -69,7 +69,7 @@ def posterior_bound(
 def transition(model: TissueModel, state: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:
     """Transition matrix and noise over dt [s] from a state of the network (n_state,), (dim_x, dim_x) each.
 
-    For the motion linearised there: F = exp(A dt), and the integral of exp(A s) D exp(A' s) by Simpson's rule.
+    The motion linearised at this state gives F = exp(A dt); Simpson's rule integrates exp(A s) D exp(A' s).
     """
     network = model.network
     shape = all_positions(network, unpack(state, network.dim)[0])

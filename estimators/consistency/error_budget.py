@@ -1,6 +1,6 @@
 """Error budget of the target: covariances at rest that are due to errors which innovations do not show.
 
-An estimate that follows its marks places the hidden nodes (h) by the model between the marked ones (m).
+An estimate that follows its marks (m) puts the hidden nodes (h) where the model predicts them from the marks.
 An error s of the marks' positions then moves the hidden nodes by -Khh^-1 Khm s, and an unmodelled force g by Khh^-1 gh,
 with K the stiffness at rest: static condensation.
 """
@@ -22,7 +22,7 @@ from estimators.process.process_model import LOOSE
 class ErrorSource:
     """One source of error of the target, with the covariance that it causes.
 
-    name: in a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the
+    name: name in a few words; cov: covariance of the target from this source [m²], (dim, dim); considered: whether the
     filter's covariance includes it
     variance: trace of cov [m²]
     """

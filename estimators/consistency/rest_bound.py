@@ -13,11 +13,11 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Time after which the bound is taken if it has no steady state, as for a part that the marks do not determine
-[s]."""
+"""Time after which the bound is taken if it has no steady state, for example if marks do not determine a part of the
+body [s]."""
 
 SETTLED = 1e-6
-"""Relative change of the bound with twice the number of frames below which it is steady; numerical."""
+"""Relative change of the bound, if the number of frames doubles, below which the bound is steady; numerical."""
 
 STATIONARY_S = 60.0
 """Time after which the motion of a body with friction is stationary under constant forces; numerical."""
@@ -36,7 +36,7 @@ def resting_bound(
 ) -> Floats:
     """Lower bound on the covariance of any unbiased estimate of a body near rest after many frames, (dim_x, dim_x).
 
-    marks: covariance of each mark [m²], (dim, dim), for the nodes visible in every frame; interval_s: of the frames [s]
+    marks: covariance of each mark [m²], (dim, dim), for nodes visible in every frame; interval_s: of frames [s]
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
 
     The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
@@ -50,7 +50,7 @@ def resting_bound(
     for node, cov in marks.items():
         own = body.coordinates(node)
         G[own, own] = np.linalg.inv(cov)
-    # P: before the marks of a frame, 2^k frames after an exact start
+    # P: covariance before the marks of a frame, 2^k frames after an exact start
     identity, moved, information = np.eye(len(P)), F.T, G
     for _ in range(int(np.ceil(np.log2(LONG_RUN_S / interval_s)))):
         W = np.linalg.inv(identity + information @ P)

@@ -2,17 +2,17 @@
 
 A filter explains innovations by forces that come and go. After a spring is cut or a mark is moved, it follows the
 marks with a force that persists: its innovations look right, but the hidden target is elsewhere. The mean force shows
-this. In the mean over a second a body moves slowly. The external force f on the marked nodes is then what the springs
+this. Averaged over a second, a body moves slowly. The external force f on the marked nodes is then what the springs
 do not balance, averaged over the frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
 follow them, and K the stiffness at rest of marked (m) and hidden (h) nodes: static condensation. Near rest f is Kc (z -
-rest); far from rest that would treat the rotation of a spring as a change of its length. A chi-square test compares f
-with its covariance for a right model. That covariance has three causes: pokes, which average out; one force on all
-nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera calibration
-and constants.
+rest); far from rest this form would treat the rotation of a spring as a change of its length. A chi-square test
+compares f with its covariance for a right model. That covariance has three causes: pokes, which average out; one force
+on all nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera
+calibration and constants.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ from estimators.tissue.estimate import MarkMeasurement
 class BalanceSettings:
     """Settings of the static balance: the time over which the force is averaged.
 
-    mean_s: the time [s]; choice: in half of this time pokes do not average out; twice this time would delay the report
-    of a fault that single frames do not show
+    mean_s: averaging time [s]; choice: in half of this time pokes do not average out; twice this time would delay the
+    report of a fault that single frames do not show
     least_share: least share of mean_s with frames, and least share of these frames with a given mark [1]; choice
     often: share of the time in which a poke acts, if the tissue is poked [1]; choice: 0.3 s of every 1.8 s
     """
@@ -78,13 +78,13 @@ class Balance:
 
 
 Calibration = Callable[[Floats], Floats]
-"""Shift of points [m], (n, dim), by one sd along each direction of a calibration [m], (n, dim, n_directions)."""
+"""Function of points [m], (n, dim): shift by one sd along each calibration direction [m], (n, dim, n_directions)."""
 
 
 class StaticBalance:
     """Test of a body's static balance from its marks, frame by frame; no result for a body that may be led.
 
-    uncertainty: of the constants; None: exact; calibration: of the camera; None: exact
+    uncertainty: uncertainty of the constants, None if exact; calibration: errors of the camera, None if exact
     State: the marks of the last frames; cached factors for each set of visible nodes.
     """
 
@@ -194,8 +194,8 @@ class _Condensed:
     """A body condensed statically to the m coordinates of visible nodes.
 
     m, h: indices of these coordinates, and of those of hidden nodes; to_hidden: Kmh Khh^-1 [1], (m, h)
-    stiffness: Kc [N/m], (m, m); forces: on them by one sd of each uncertain constant [N], (m, n)
-    marks: their shift by one sd of each direction of the calibration [m], (m, k)
+    stiffness: Kc [N/m], (m, m); forces: on these coordinates by one sd of each constant [N], (m, n)
+    marks: shift of these coordinates by one sd along each direction of the calibration [m], (m, k)
     """
 
     m: NDArray[np.int64]

@@ -39,8 +39,8 @@ def portmanteau(series: ArrayLike, n_lags: int) -> float:
 def effective_count(series: ArrayLike) -> float:
     """Effective sample size of a stationary series (n,) for its mean, from 1 to n.
 
-    From the initial positive sequence of its autocovariances [geyer1992], section 3.3: sums of adjacent pairs are
-    added until one is not positive. It is 1 for a constant series.
+    It follows from the initial positive sequence of autocovariances [geyer1992], section 3.3: sums of adjacent pairs
+    are added until one is not positive. It is 1 for a constant series.
     """
     x = np.asarray(series, dtype=float)
     n, away = len(x), x - x.mean()

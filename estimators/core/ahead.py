@@ -1,9 +1,9 @@
 """Fast predictions of the target for a live loop, with matrices of the motion about rest that are computed once.
 
 All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
-whole mixture therefore need no merging: m <- T m, P <- T P T' + sum over sources of E[variance] N. The chain of modes
-gives the expected variances. With the target's map H and G_k = H T^k, its covariance after k steps is
-G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
+whole mixture therefore need no merging: m <- T m, P <- T P T' + sum over sources of E[variance] N, with N the noise at
+variance 1. The chain of modes gives the expected variances. With H the map from the state to the target and G_k = H
+T^k, the target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target from unit noise of each source, by the number of steps since that noise.
+        Covariance of the target due to unit noise of each source, for each number of steps since that noise.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target by a unit force on each free coordinate in one step, by the number of steps since [m/N].
+        Shift of the target due to a unit force on each free coordinate in one step, by the number of steps since [m/N].
     """
 
     cycle_s: float
@@ -46,7 +46,7 @@ class AheadTables:
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables of a filter's model; they do not depend on its posterior."""
+        """Tables for a filter's model; they do not depend on the filter's posterior."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
         rest[process.parts["position"]] = process.coordinates(tissue.rest)
@@ -93,10 +93,10 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """Nested cases, the last of them any: the probability of each until each time (k,), and the moments in it.
+        """Nested cases, the last one certain: probability (k,) that each lasts until each time; moments of the target.
 
-        First, no force grows: no short force acts, and the slow force becomes no stronger than it is now. Second, for
-        a network, no node is led.
+        In the first case no short force acts, and the slow force becomes no stronger than it is now. In the second
+        case, only for a network, no node is led.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
         mode, found = np.arange(len(weights)), []
@@ -112,7 +112,7 @@ class AheadTables:
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) of the mode changes in this part of the chain; mean (k, dim) and covariance given them."""
+        """Probability (k,) of only the mode changes in `chain`; mean (k, dim) and covariance of the target then."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

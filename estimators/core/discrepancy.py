@@ -1,4 +1,4 @@
-"""The discrepancy, a random field of unknown level: displacements that the model does not explain; noise of marks."""
+"""The discrepancy: a random field of displacements that the model does not explain; its level and the marks' noise."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: a field of long and one of short correlation length, both zero where the body is fixed.
+    """Prior of the discrepancy: a field of long plus one of short correlation length, zero where the body is fixed.
 
     Attributes
     ----------
     levels : tuple of float
-        Standard deviations of the long field, relative to the body's extent, with equal prior probability; the marks
-        determine their posterior [1]; choice.
+        Possible standard deviations of the long field, relative to the body's extent, equally probable before any mark
+        [1]; choice.
     noises : tuple of (float, float)
         Factors, at least 1, on the stated standard deviation of marks, and their prior probabilities [1]; choice.
     short : float
@@ -48,15 +48,15 @@ class Discrepancy:
     lengths : tuple of float
         Correlation lengths of the two fields, relative to the body's extent [1]; choice.
     lasting_s : float
-        Correlation time [s]; choice.
+        Correlation time of the discrepancy [s]; choice.
     memory_s : float
         Time constant with which the evidence for a level is forgotten [s]; choice.
     weight : float
         Weight of the evidence of one frame, below 1 because frames are correlated [1]; choice.
     rank : int
-        Largest number of functions of the field for each axis; numerical.
+        Largest number of basis functions of the field for each axis; numerical.
     least : float
-        Smallest variance of a function, relative to the largest [1]; numerical.
+        Smallest variance of a basis function, relative to the largest [1]; numerical.
     """
 
     levels: tuple[float, ...] = (0.003, 0.01, 0.03)
@@ -76,7 +76,7 @@ class Discrepancy:
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Functions at level 1 [m], (n, r), at places (n, dim), zero at `held` places; omitted variance [m²], (n,)."""
+        """Basis functions at level 1 [m], (n, r), at places (n, dim), 0 at `held` ones; omitted variance [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -96,11 +96,11 @@ class Discrepancy:
 class LevelPosterior:
     """Posterior of the discrepancy's level and the marks' noise, from how well other marks predict each mark.
 
-    The joint likelihood of all marks is not used: it says little about the prediction of one place from others, which
-    matters for a hidden target, and favours levels that are too small.
+    The joint likelihood of all marks is not used. It says little about the prediction of one place from others, which
+    matters for a hidden target. It also favours levels that are too small.
 
-    State: log-probability of each pair of a level and a noise, (n,); log_withheld, the log likelihood of the marks of
-    the last frame, each given those that are not withheld with it.
+    State: log-probability of each pair of a level and a noise, (n,); log_withheld: log likelihood of the last frame's
+    marks, each given the marks that are not withheld with it.
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -113,12 +113,12 @@ class LevelPosterior:
 
     @property
     def level(self) -> float:
-        """Root mean square of the level [1]."""
+        """Root mean square of the level over its posterior [1]."""
         return self._rms(self.levels)
 
     @property
     def noise(self) -> float:
-        """Root mean square of the factor on the stated standard deviation of marks [1]."""
+        """Root mean square of the factor on the stated standard deviation of marks, over its posterior [1]."""
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
@@ -143,7 +143,7 @@ class LevelPosterior:
             Covariance of the part of the discrepancy that is new in this frame, at level 1, and of the marks' own noise
             at the present factor.
         groups : sequence of (k, dim) int
-            For each name, the rows that are withheld with it, its own first; without groups the level stays as it is.
+            For each mark, the rows that are withheld with it, its own first; without groups the level does not change.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -162,7 +162,7 @@ class LevelPosterior:
 class WithheldGroups:
     """Groups of marks that are withheld together: marks nearer to each other than the target is to any mark.
 
-    The target has no such near marks, so they would make the prediction of a mark too easy.
+    The target has no marks so near, and they would make the prediction of a mark too easy.
 
     Attributes
     ----------
@@ -174,7 +174,7 @@ class WithheldGroups:
 
     @classmethod
     def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
-        """The groups of marks on these nodes of a network, for a target."""
+        """The groups for marks on these nodes of a network, and for this target."""
         places = {name: network.positions[network.index(name)] for name in marked}
         nodes = [network.positions[network.index(name)] for name in point.nodes]
         where = np.average(nodes, axis=0, weights=point.weights)

@@ -12,7 +12,7 @@ from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
 """Strengths of a continuum's slow forces, relative to a poke [1], and correlation time [s]; choice. A continuum is
-always loaded: the two strengths differ in how fast the load changes."""
+always loaded; at the greater strength its load changes faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Disturbances:
     white : float
         Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
-        Correlation times [s]; choice.
+        Correlation times of short and slow forces [s]; choice.
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
     each_s, lasting_s : tuple of float

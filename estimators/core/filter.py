@@ -30,12 +30,12 @@ DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
 
 LEAST_SHARE = 1e-3
-"""Least share with which a mode is mixed into another [1]; choice: smaller shares would only widen it towards states
-that the marks refute."""
+"""Least share with which a mode is mixed into another [1]; choice: smaller shares would only widen the other mode
+towards states that the marks refute."""
 
 REBORN = 0.05
-"""Ratio of a mode's probability to the probability of a change into it, below which it is omitted until such a change
-[1]; choice."""
+"""A mode is omitted until the next prediction if its probability is below this share of the probability of a change
+into it [1]; choice."""
 
 LINEARISATIONS = 10
 """Largest number of linearisations of transition and observation in a frame; turned cables need many; numerical."""
@@ -47,7 +47,7 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""Shape of the gamma prior of the factor on onset rates [1], and time constant of forgetting onsets [s]; choice."""
+"""Shape of the gamma prior of the factor on rates of onsets [1], time constant of forgetting onsets [s]; choice."""
 
 STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -59,7 +59,7 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    All share one linearisation of the transition about their mean. If the marks refute this mean, the linearisation is
+    They share one linearisation of the transition about their mean. If the marks refute this mean, the linearisation is
     repeated about the smoothed mean: an iterated update. Sources: [blom1988], [garciafernandez2017] for the iteration.
 
     Parameters
@@ -68,7 +68,7 @@ class HypothesisFilter:
     level : LevelPosterior, optional
         Level of the discrepancy; default: 1.
     groups : callable, optional
-        Returns, from names and their blocks of rows, the rows that are withheld with each name, (k, dim).
+        Returns the rows that are withheld with each name, (k, dim), from all names and their blocks of rows.
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
@@ -81,7 +81,7 @@ class HypothesisFilter:
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Expected number of onsets so far, given the present mode; their number by the process's rates.
+        Number of onsets so far: its expectation given the present mode, and its prediction from the process's rates.
     outlying : (n_names,) bool
         Which of the last observations are outliers, by the most probable hypothesis.
     found : Innovations or None
@@ -140,7 +140,7 @@ class HypothesisFilter:
 
     @property
     def rates(self) -> Floats:
-        """Rates of the modes [1/s], (n_modes, n_modes); those of onsets (to later modes) have an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes); rates of onsets (to later modes) have an estimated factor."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -287,8 +287,8 @@ class HypothesisFilter:
         """Innovations after linearising the transition about the previous state that fits prior and observations.
 
         Gauss-Newton steps of the initially most probable hypothesis find that state; each is halved until the fit
-        improves. The error at the end of the last step counts as process noise, with its mean square in each part of
-        the state, because the nonlinearity elsewhere is not known.
+        improves. The linearisation error after the last step counts as process noise. Its mean square over each part of
+        the state is used, because the nonlinearity elsewhere is not known.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -338,7 +338,7 @@ class HypothesisFilter:
         return bool(np.all((np.abs(there - linear) <= CURVED * np.sqrt(R.diagonal())) | is_out))
 
     def _weigh_levels(self, level: LevelPosterior, observations: Sequence[Observation], found: Innovations) -> None:
-        """Update the probabilities of the levels, with the now most probable hypothesis."""
+        """Update the probabilities of the levels with the innovations of the most probable hypothesis."""
         best = int(np.argmax(found.logs))
         own = found.H[best % len(found.H)][:, self.process.parts[DISCREPANCY]]
         names, blocks = named(observations)

@@ -1,4 +1,4 @@
-"""Compiled loops of the filter: motion and noise of several steps together, and withheld likelihoods."""
+"""Compiled loops of the filter: motion and noise of several steps together, and likelihoods of withheld marks."""
 
 from __future__ import annotations
 
@@ -57,8 +57,8 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
     """For each S (k, m, m), the sum over groups of the log likelihood of some rows given the rows outside the group.
 
     With W = S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1. With W_gg
-    = L L' and the rows that count last, both follow from the last block of L.
-    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of first rows, which count
+    = L L' and the counted rows last, the last block of L gives error and covariance.
+    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of first rows that count
     """
     totals = np.zeros(len(S))
     for k in range(len(S)):
@@ -103,7 +103,7 @@ def has_outlier(root, white, ends, logs):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _gain(weighted, information, log):  # type: ignore[no-untyped-def]
-    """Log of the ratio of a block's density as an outlier to that as a prediction of the others."""
+    """Log of the ratio of two densities of a block: as an outlier, and as predicted from the other blocks."""
     misfit = weighted @ np.linalg.solve(information, weighted)
     return log + 0.5 * (misfit - np.log(np.linalg.det(information)) + len(weighted) * np.log(2.0 * np.pi))
 

@@ -21,7 +21,7 @@ class Places:
     maps : mapping of str to (dim, n)
         Map from the state to the position of each point.
     calibration : slice, optional
-        States of the errors that the marks share, if these are constant; default: they are new in each frame.
+        States of the errors that the marks share, if these errors are constant; default: new errors in each frame.
     noise : float
         Factor on the stated standard deviation of each mark's own noise [1].
 

@@ -21,7 +21,7 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
     """Covariances T P T' for each of k covariances P (n, n).
 
-    To save time, last states that only decay are scaled, and last columns of zeros in the other rows are skipped.
+    To save time, trailing states that only decay are scaled, and trailing zero columns of other rows are skipped.
     """
     T, fading = matrix, matrix.diagonal()
     acting = T != 0.0
@@ -72,7 +72,7 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 class Prior:
     """Hypotheses before a transition over dt [s].
 
-    means (l, n), covs l times (n, n), weights (l,): of hypotheses that are not omitted; shares (l, k): theirs in each
+    means (l, n), covs l times (n, n), weights (l,): of the hypotheses not omitted; shares (l, k): their shares in each
     mode after dt; chain (k, k): mode probabilities after dt given the mode before; kick (n,): effect of a known force
     """
 

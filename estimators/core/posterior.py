@@ -48,7 +48,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Part of the free nodes' displacement by a known force that a continuum's modes omit [m].
+        Displacement of the free nodes by a known force, as far as a continuum's modes omit it [m].
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """The marks, one or more, as a single observation, with the posterior noise."""
+        """The marks, one or more, as a single observation, with the posterior factor on their noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
@@ -217,9 +217,9 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
-        """By node: relative increase of the target's variance without the last mark, if that is no outlier.
+        """For each node whose last mark is no outlier, relative increase of the target's variance without that mark.
 
-        The most probable hypothesis determines it.
+        The increase is computed for the most probable hypothesis.
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
@@ -254,7 +254,7 @@ class TissuePosterior:
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), if an impulse acted on the node just after its last mark.
+        """The region of `expected`, [m] (dim,), [m²] (dim, dim), if an impulse hit the node just after its last mark.
 
         Before the first marks and after a reset, a node may be anywhere in the network's reach.
         """
@@ -267,13 +267,13 @@ class TissuePosterior:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """As `expected`, [m] (dim,) and [m²] (dim, dim), at rest without marks; the body may be displaced."""
+        """The region of `expected`, [m] (dim,), [m²] (dim, dim), at rest without marks; the body may be displaced."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
         return self.rest[self.network.index(node)].copy(), BESIDE * cov
 
     def expected_of(self, nodes: Sequence[str]) -> tuple[Floats, Floats]:
-        """Positions of free nodes [m], (n, dim), and their covariances [m²], as `expected` gives for each."""
+        """Centres of the search regions of free nodes [m], (n, dim), and their covariances [m²], as in `expected`."""
         dim, possible = self.network.dim, self._possible
         rows = np.vstack([self._maps[node] for node in nodes])
         each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)

@@ -24,7 +24,7 @@ class Transition:
     noises : (n_noises, m, m)
         Covariance of the process noise of each source at unit variance, in the first m states, m <= n.
     independent : (n_independent, n)
-        Variances of further sources at unit variance, whose noise is independent in each state.
+        Variance in each state due to each further source at unit variance; its noise is independent between states.
     spread : (s, s), optional
         Covariance of the linearisation error in the first s states, the same in all modes.
     """
@@ -68,7 +68,7 @@ class ProcessModel(Protocol):
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources): first the `Transition.noises`.
+        """Variance of each source of noise in each mode, (n_modes, n_sources): those of `Transition.noises` first.
 
         level: level of the discrepancy
         """

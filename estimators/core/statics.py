@@ -1,4 +1,4 @@
-"""Constant errors as states: of model constants, camera calibration, bias of fixes, offset of the target."""
+"""Constant errors as states: errors of model constants, calibration, fixes of the target, and the target's offset."""
 
 from __future__ import annotations
 

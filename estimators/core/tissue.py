@@ -34,7 +34,7 @@ class TissueProcess:
     """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
     State: position, velocity, force, discrepancy at level 1 [1], constant errors. A force is the acceleration of a
-    marked node, or the factor of a function of the slow field. `places` gives positions of points, with the
+    marked node, or the coefficient of a basis function of the slow field. `places` gives positions of points, with the
     discrepancy.
 
     Parameters
@@ -108,7 +108,7 @@ class TissueProcess:
         return self.motion.span
 
     def _prior_of_motion(self) -> Floats:
-        """Covariance of position and velocity at the start: at rest until `PUSHED_S` before, then under all forces."""
+        """Covariance of position and velocity at the start, a time `PUSHED_S` after rest, under all forces."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)

@@ -33,7 +33,7 @@ REFUTED_S = 0.5
 """The filter restarts if all n marks were outliers for this time divided by n [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest steps of predictions ahead of marks and under a known force [s]; numerical. Otherwise one step per frame."""
+"""Longest steps ahead of marks and under a known force [s]; numerical. Other predictions take one step per frame."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -41,7 +41,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) when marks last showed the body."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) at the last used marks."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -84,7 +84,7 @@ class TissueFilter(TissuePosterior):
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart at the last positions that marks showed; keep a measured offset of the target unless diverged."""
+        """Restart at the last positions that marks showed; keep a measured target offset unless diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -190,7 +190,7 @@ class TissueFilter(TissuePosterior):
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """Predict the target at a later time [s], such as a needle's arrival, from the marks until now.
 
-        push: known force; the state stays. Raises ValueError before the first frame, for a past or infinite time.
+        push: known force; no state changes. Raises ValueError before the first frame, and for a past or infinite time.
         """
         with self._unchanged():
             self._ahead(time_s, push)
@@ -273,7 +273,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart, as drawn if it had just restarted, and update; returns marks that are no outliers, and their NIS."""
+        """Restart, in the drawn shape if just restarted, and update; returns marks that are no outliers, their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
@@ -295,8 +295,8 @@ class TissueFilter(TissuePosterior):
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Update with a direct measurement of the target at the state's time: position [m], (dim,), covariance [m²].
 
-        A fix beyond the gate is rejected; a following fix near it is used. Raises ValueError for another dimension, for
-        numbers that are not finite, and for a matrix that is no covariance.
+        A fix beyond the gate is rejected; if the next fix is near the rejected one, it is used. Raises ValueError for
+        another dimension, for numbers that are not finite, and for a matrix that is no covariance.
         """
         if self.time_s is None:
             raise ValueError("fix: expected predict(time_s) first, found no time")

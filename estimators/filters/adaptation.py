@@ -14,7 +14,7 @@ class VarianceScale:
     the Fisher information of the last forget_s. An innovation that does not depend on the part leaves `scale` as it is.
     Source: [titterington1984].
 
-    bounds: of the scale, a factor on variances; start_information: weight of the initial scale 1, as a number of
+    bounds: bounds of the scale, a factor on variances; start_information: weight of the initial scale 1, as a number of
     independent coordinates
     State: scale; information of log scale that is not forgotten yet.
     """
@@ -29,7 +29,7 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """The scale after an innovation (m,), dt [s] after the last; part and rest, (m, m), of its covariance."""
+        """The scale after an innovation (m,), dt [s] after the last; part, rest: terms of its covariance, (m, m)."""
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)

@@ -13,7 +13,7 @@ TILE = 32
 """Size of the blocks in which a matrix is mirrored, so that they fit in the cache; numerical."""
 
 FASTMATH = {"contract", "reassoc"}
-"""Permitted reorderings of sums by the compiler; NaN and infinity keep their meaning."""
+"""Reorderings of sums that the compiler may apply; NaN and infinity keep their meaning."""
 
 
 @njit(cache=True, nogil=True)
@@ -45,7 +45,7 @@ def is_finite(x, P):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def is_gaussian(x, P, rounding):  # type: ignore[no-untyped-def]
-    """Whether x (n,) is finite and P (n, n) finite, definite and symmetric up to this share of its largest entry."""
+    """Whether x (n,) is finite and P (n, n) finite, definite and symmetric up to `rounding` of its maximum."""
     n = P.shape[0]
     for i in range(n):
         if not np.isfinite(x[i]):
@@ -146,7 +146,7 @@ def squared_mahalanobis(y, S):  # type: ignore[no-untyped-def]
 def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
     """Reduction of the target's variance by each block of `width` measurements: tr G_i (S^-1_ii)^-1 G_i', (m / width,).
 
-    gain: of the target, (n, m); S_inv: inverse covariance of the innovation, (m, m)
+    gain: Kalman gain of the target, (n, m); S_inv: inverse covariance of the innovation, (m, m)
     """
     traces = np.empty(len(S_inv) // width)
     for i in range(len(traces)):
@@ -207,7 +207,7 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
     """Whether any pair of marks can exchange names at a cost of at most `limit`.
 
-    costs (n, n): of each name on each node, 0 for an absent mark; pairs (n, n): marks that may be exchanged
+    costs (n, n): cost of each name on each node, 0 for an absent mark; pairs (n, n): marks that may be exchanged
     """
     n = len(costs)
     for i in range(n):

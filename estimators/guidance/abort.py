@@ -12,12 +12,12 @@ from estimators.guidance.settings import AdviceSettings
 
 
 class AbortWatch:
-    """State machine that tracks whether a needle is inside the tissue, and gives ABORT where it has to stop.
+    """State machine that tracks whether a needle is inside the tissue, and gives ABORT when it has to stop.
 
     Outside the tissue advice is unchanged. Inside, ABORT replaces NO_GUIDANCE. After GO it replaces any advice with a
     hit probability below `AdviceSettings.abort` times `AdviceSettings.go`. It also replaces any advice if the needle
     entered without GO in the last `AdviceSettings.abort_s`. ABORT ends when the needle is out, or after healthy
-    estimates for `AdviceSettings.abort_s`; after GO or an entry without GO, all their advice must be GO.
+    estimates for `AdviceSettings.abort_s`. After GO or an entry without GO, all these estimates must give GO.
 
     State: whether the needle was inside, None before its first position; time of the last GO outside [s]; whether it
     entered with GO or got GO inside; whether it entered without GO; whether ABORT is given; start of the advice that

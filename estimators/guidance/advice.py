@@ -1,7 +1,7 @@
 """Advice on the needle: insert, wait, realign, stop, or no guidance because the estimate is not healthy.
 
 All numbers come from one predicted path of the target per frame (`estimators.guidance.path`): the arrival time of the
-needle, mean and covariance of the target then, and the probability of a hit now and later. `RULES` turn them
+needle, mean and covariance of the target at that time, and the probability of a hit now and later. `RULES` turn them
 into advice.
 """
 
@@ -48,7 +48,7 @@ class Outlook:
     """Predicted results of insertions along the present direction, for start times starts_s [s], (k,).
 
     arrivals_s: time at which the notch is beside the target [s], inf if it does not arrive on the predicted path
-    probabilities: of a hit, 0 if it does not arrive; both (k,)
+    probabilities: hit probabilities, 0 without arrival; both (k,)
     """
 
     starts_s: Floats
@@ -63,11 +63,11 @@ class Guidance:
     advice, reason: what to do, and why in words. If a needle inserted now never arrives, the numbers up to
     turned_probability are None; if no start time leads to an arrival, the best time is None, too
     arrival_s: time at which the notch (or the tip, for a hit by the tip) is beside the target, for an insertion now [s]
-    probability: of a hit, for an insertion now along the present direction
+    probability: hit probability of an insertion now along the present direction
     aim: predicted position of the target at arrival_s [m], (dim,): where to bring the notch's middle
     cov: covariance of the target at arrival_s [m²], (dim, dim)
     lateral_m: distance of the aim from the needle's line
-    depth_m: distance by which the tip has to advance [m]; if negative, to retract
+    depth_m: distance by which the tip has to advance or, if negative, to retract [m]
     turn_rad, turned_axis, turned_probability: angle by which to turn the needle about its entry, its direction after
         that (dim,), and the probability of a hit along that direction
     best_in_s, best_probability: best time to begin along the present direction, from now [s], and its hit probability
@@ -94,11 +94,11 @@ class Guidance:
 class Prospect:
     """Input of the rules of advice: numbers for an insertion now, later, and after a turn.
 
-    probability: of a hit, for an insertion now along the present direction; 0 if the needle never arrives
-    arrives: whether it arrives within the path's length reach_s [s]
-    best_in_s, best_probability: the best time to begin, from now [s]
-    turn_rad, turned_probability: after a turn towards the target's predicted position
-    depth_m: distance by which the tip has to advance [m]; if negative, to retract
+    probability: hit probability of an insertion now along the present direction; 0 if the needle never arrives
+    arrives: whether the needle arrives within the duration reach_s of the path [s]
+    best_in_s, best_probability: the best time to begin, from now [s], and its hit probability
+    turn_rad, turned_probability: turn towards the target's predicted position, and hit probability after it
+    depth_m: distance by which the tip has to advance or, if negative, to retract [m]
     behind: whether the target lies behind the entry, so that no depth along the present direction reaches it
     target_sd_m, tip_sd_m: largest standard deviation in any direction, of the target at the arrival and of the tip [m]
     """
@@ -214,9 +214,9 @@ def guide(
 ) -> Guidance:
     """Advice from a live filter and its last estimate; now_s: by default the estimate's own time [s].
 
-    The path is predicted only for a healthy estimate, because that takes most of the time. path_at: returns the path at
-    these times [s], (n,), or at more times. None: a `TissueFilter` uses tables, as in `softaim advise`, which the first
-    call computes; another source uses `PathSource.predict_path`
+    The path is predicted only for a healthy estimate, because the prediction takes most of the time. path_at: returns
+    the path at these times [s], (n,), or at more times. None: a `TissueFilter` uses tables, which the first call
+    computes, as in `softaim advise`; another source uses `PathSource.predict_path`
     """
     needle = Needle() if needle is None else needle
     settings = AdviceSettings() if settings is None else settings

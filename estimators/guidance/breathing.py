@@ -6,8 +6,8 @@ Errors of neighbouring frames are correlated: the misfit is scaled to the number
 
 A target may leave the breathing model: by a shift, a breath hold, a cough. Each estimate is compared with the model's
 prediction before it is added. The probability that the model holds follows by Bayes' rule, with a hazard of change;
-once it is improbable a new track begins [adams2007]. In the alternative hypothesis the target departs from the model by
-a random walk.
+once the model is improbable, a new track begins [adams2007]. In the alternative hypothesis the target departs from the
+model by a random walk.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class BreathingSettings:
 class Breath:
     """Breath fitted to a track: period with standard deviation [s], and scatter of the target about the fit [m].
 
-    explained: share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
+    explained: explained share of the track's variance; weights: probabilities of the periods of the grid, (n_periods,)
     """
 
     period_s: float

@@ -23,9 +23,9 @@ class ContradictionSettings:
     away_s: time without use after which a mark must return to where it is expected [s]; choice
     improbable: p-value of the innovations when a mark returns, below which the mark is elsewhere [1]; choice
     unbalanced: `Balance.probability` below which a persistent force contradicts the model [1]; choice
-    together: likelihood ratio of omitting one mark to shifting all, below which all marks moved together;
-    0: not tested [1]; measured: it is at least 1e-4 in frames with pokes of 15 m/s²; at most 1e-7
-        if marks accurate to 1 mm are shifted by 8 mm, 1e-11 by 10 mm
+    together: all marks moved together if the likelihood ratio of omitting one mark to shifting all is below this [1];
+    0: not tested; measured: the ratio is at least 1e-4 in frames with pokes of 15 m/s², and at most 1e-7 if marks
+        accurate to 1 mm are shifted by 8 mm, or 1e-11 if by 10 mm
     """
 
     away_s: float = 0.2
@@ -38,7 +38,7 @@ CONTRADICTION = ContradictionSettings()
 
 
 class Contradiction:
-    """Test whether marks contradict the model, with the reason, from the successive estimates since `forget`.
+    """Detector of a contradiction between marks and model, from the estimates since the last `forget`.
 
     State: the reason, None while there is none; time of the last use of each mark [s].
     """
@@ -60,10 +60,10 @@ class Contradiction:
         self._used_s |= dict.fromkeys(estimate.information_share, estimate.time_s)
 
     def _together(self, estimate: TargetEstimate) -> str | None:
-        """Whether innovations are improbable, a shift of all marks explains them, and no shift of a single mark does.
+        """The reason if innovations are improbable, and a shift of all marks, but not of a single mark, explains them.
 
-        Tissue does not shift like that between frames, but its image does if the camera moves. At a start tissue may,
-        because its velocity is not known yet.
+        Tissue does not shift like that between frames, but its image does if the camera moves. At a start tissue may
+        seem to do so, because its velocity is not known yet.
         """
         shift, settings = estimate.shift, self._settings
         if shift is None or estimate.status is Status.INITIALISING:

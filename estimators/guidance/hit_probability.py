@@ -1,9 +1,9 @@
 """Probability that a needle samples a lesion, and the aim with the highest probability.
 
 Target and tip are Gaussian and independent, so that the sampling point relative to the target is Gaussian with the sum
-of their covariances. A linear map turns the lesion into the unit ball. The probability that a point lies in it is that
-of a generalised chi-square variable [imhof1961]. `hit_kernels` computes it, also for a core of some length, from
-error functions along the needle and Gauss-Legendre sums across it.
+of their covariances. A linear map turns the lesion into the unit ball. The probability that a point lies in this ball
+is that of a generalised chi-square variable [imhof1961]. `estimators.guidance.kernels` computes it, also for a core of
+some length, from error functions along the needle and Gauss-Legendre sums across it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
 
-    target: from `TissueFilter.predict_modes`; a single Gaussian is too low near the aim, too high far away
+    target: from `TissueFilter.predict_modes`; for one Gaussian the result is too low near the aim, too high far away
     axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """

@@ -21,7 +21,7 @@ NODES = np.concatenate([np.polynomial.legendre.leggauss(n)[0] for n in SIZES])
 WEIGHTS = np.concatenate([np.polynomial.legendre.leggauss(n)[1] for n in SIZES])
 
 WIDE = 6.5
-"""Standard deviations beyond which a Gaussian is neglected: its probability there is 8e-11."""
+"""Number of standard deviations beyond which a Gaussian is neglected: its probability there is 8e-11."""
 
 
 STEEP, PARTS = 60.0, 15
@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc`, but in the unit ball in space: m, s, slope (2,) of two independent coordinates across."""
+    """As `_disc`, for the unit ball in space; m, s, slope (2,) are those of two independent coordinates across."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:
@@ -180,7 +180,7 @@ def _moved(F, m, C):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probability that a notch has at least `core` of its length in the lesion; length 0: for its middle.
+    """Probability that a notch has at least `core` of its length in the lesion; for length 0, that its middle is there.
 
     offset (d,), cov (d, d): the notch's middle less the target; axis (d,): unit vector along the needle;
     to_ball (d, d): the linear map of the lesion to the unit ball
@@ -228,7 +228,7 @@ def hit(offset, cov, axis, to_ball, length, core):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def hit_each(offsets, covs, axis, to_ball, length, core):  # type: ignore[no-untyped-def]
-    """Probabilities `hit`, (k,), for several offsets (k, d) and covs (k, d, d)."""
+    """Probabilities as from `hit`, (k,), for several offsets (k, d) and covs (k, d, d)."""
     found = np.empty(offsets.shape[0])
     for i in range(found.shape[0]):
         found[i] = hit(offsets[i], covs[i], axis, to_ball, length, core)
@@ -310,13 +310,13 @@ def _arrival(start, path, needle, aimed):  # type: ignore[no-untyped-def]
 def insert_each(starts, path, needle, spread, to_ball, length, core, aimed):  # type: ignore[no-untyped-def]
     """Results of insertions that begin at each of these times.
 
-    Returns arrivals (k,), depths (k,), the target then, (k, d), and the probabilities of a hit, (k,).
+    Returns arrivals (k,), depths (k,), the target's positions at arrival, (k, d), and hit probabilities, (k,).
 
     path: times (n,), means (n, d) of the target, and as a mixture of c parts: weights (n, c), means relative to the
         overall mean (n, c, d), covs (n, c, d, d)
     needle: entry (d,), axis (d,), speed, present depth, reach from the tip back to the notch's middle
     spread: variance of the tip in every direction, and across the needle per squared depth
-    aimed: the needle is first turned about its entry towards the future target. Without arrival: time inf, p 0.
+    aimed: whether the needle is first turned about its entry to the future target. Without arrival: time inf, p 0.
     """
     times, means, weights, aside, covs = path
     entry, axis, _speed, depth, reach = needle

@@ -58,7 +58,7 @@ class Lesion:
     def core_lengths(self, offsets: Floats, axis: Floats, length_m: float) -> Floats:
         """Lengths inside the lesion [m], (n,), of segments with this length along a unit vector (dim,).
 
-        offsets: of the segments' middles from the target [m], (n, dim)
+        offsets: offsets of the segments' middles from the target [m], (n, dim)
         """
         x, w = offsets @ self.to_ball.T, self.to_ball @ axis
         squared = w @ w

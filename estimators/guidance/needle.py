@@ -10,7 +10,7 @@ import numpy as np
 from estimators.arrays import Floats
 
 STEEP = 0.5
-"""Least cosine, for the depth, of the angle between a tracked needle and the stated direction; choice."""
+"""Least cosine of the angle between a tracked needle and the stated direction in the computation of depth; choice."""
 
 
 class Hit(StrEnum):

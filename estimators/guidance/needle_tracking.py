@@ -42,7 +42,7 @@ class Arrival:
 class NeedleTracker:
     """Kalman filter for the tip of a needle that moves along a line.
 
-    entry: point where the line meets the skin [m], (dim,); direction: of the insertion, normalised, (dim,)
+    entry: point where the line meets the skin [m], (dim,); direction: direction of insertion, normalised, (dim,)
     State: time_s of the estimate, None before the first measurement; x (dim + 1,), P (dim + 1, dim + 1): mean and
     covariance of the tip [m] and the speed along the line [m/s]; nis of the last measurement.
 

@@ -42,7 +42,7 @@ def ball(name: str, centre: Floats, radius_m: float, margin_m: float = 0.0) -> O
 def clearances(starts: Floats, ends: Floats, obstacles: Sequence[Obstacle], radius_m: float = 0.0) -> Floats:
     """Distance of needles from the margins of obstacles [m], (n, n_obstacles); negative inside a margin.
 
-    starts, ends: of the needles [m], (n, dim); radius_m: of the needles [m]
+    starts, ends: ends of the needles [m], (n, dim); radius_m: radius of the needles [m]
     """
     rows = [
         segment_distances(starts, ends, one.start, one.end) - one.radius_m - one.margin_m - radius_m
@@ -77,7 +77,7 @@ def segment_distances(starts: Floats, ends: Floats, start: Floats, end: Floats) 
 
 
 def point_distances(points: Floats, starts: Floats, ends: Floats) -> Floats:
-    """Distances of points from segments [m], (n,); both (n, dim), or (1, dim) for a single one of either."""
+    """Distances of points from segments [m], (n,); both are (n, dim), or (1, dim) for a single one."""
     along = ends - starts
     square = np.einsum("nd,nd->n", along, along)
     part = np.einsum("nd,nd->n", points - starts, along) / np.where(square > 0.0, square, 1.0)

@@ -1,8 +1,8 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
 Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
-narrow with one. So the path is a mixture of three parts: no force grows until then, a poke or a stronger slow force,
-and a led node.
+narrow with one. So the path is a mixture of three parts: no force grows before the arrival, a poke or a stronger slow
+force, and a led node.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LEAST_PART = 1e-6
 """Probability below which a part is omitted, because rounding would dominate it; numerical."""
 
 ASIDE_M = 0.05
-"""Distance added to that from the entry to the target at rest, for the range of the tables [m]; choice."""
+"""Distance added to the distance from the entry to the target at rest, for the range of the tables [m]; choice."""
 
 MOST_S = 30.0
 """Longest range of the tables, even for a slow needle [s]; choice."""
@@ -52,7 +52,7 @@ class PathParts:
 class TargetPath:
     """Predicted path of a target: times [s], (k,), increasing; means [m] (k, dim); covs [m²] (k, dim, dim).
 
-    mixture: the same path as a mixture, for hit probabilities; None: it is Gaussian
+    mixture: the same path as a mixture, for hit probabilities; None: the path is Gaussian
     """
 
     times_s: Floats
@@ -115,7 +115,7 @@ def breathing_ahead(breathing: Breathing, tissue: TissueFilter, times_s: Floats)
 def either_path(one: TargetPath, other: TargetPath, probability: Floats) -> TargetPath:
     """The mixture of two paths at the same times, with its mean and covariance.
 
-    probability: of the first path at each time [1], (k,)
+    probability: probability of the first path at each time [1], (k,)
     """
     share = np.stack([probability, 1.0 - probability], axis=1)
     both = [path.parts for path in (one, other)]
@@ -143,7 +143,7 @@ def time_to(distance_m: float, insertion: Insertion, needle: Needle) -> float:
 
 
 def path_tables(tissue: TissueFilter, ahead_s: float) -> AheadTables:
-    """Tables of a filter's path over this range [s]; they depend on its model, not on its posterior."""
+    """Tables of a filter's path over this range [s]; they depend on the filter's model, not on its posterior."""
     return tissue.tables(_times_until(ahead_s, CYCLE_S), CYCLE_S)
 
 
@@ -188,7 +188,7 @@ def kept_path(tissue: TissueFilter, times_s: Floats) -> TargetPath:
 
 @one_blas_thread()
 def _first_of_tables(tables: AheadTables, tissue: TissueFilter, n: int) -> TargetPath:
-    """As `path_by_tables`, at the first n times."""
+    """The path of `path_by_tables`, at its first n times."""
     times, cases = tables.times(tissue)[:n], [tuple(each[:n] for each in case) for case in tables.parts(tissue)]
     _, means, covs = cases[-1]
     return TargetPath(times, means, covs, _mixture(cases))
@@ -204,9 +204,9 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture of nested cases, by probability (k,), means (k, dim) and covariances (k, dim, dim); the last is any case.
+    """Mixture of nested cases, the last one certain: probability (k,), means (k, dim) and covariances (k, dim, dim).
 
-    Each part is a case without the one before it.
+    Each part of the mixture is a case without the narrower case before it.
     """
     weights, means, covs = (np.stack(each, axis=1) for each in zip(*cases, strict=True))
     apart = means - means[:, -1:]

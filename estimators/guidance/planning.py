@@ -25,13 +25,13 @@ AIMING = 6
 or twice as many change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared and shown; among equal ones more clearance ranks first. On the
-phantom the best path is the same with two to six decimals."""
+"""Decimals to which hit probabilities are compared and shown; of equal ones, the path with more clearance ranks first.
+On the phantom the best path is the same with two to six decimals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlannedTarget:
-    """Lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; radius."""
+    """Lesion to hit: mean [m], (dim,), and covariance [m²], (dim, dim), of its centre at arrival; its radius [m]."""
 
     mean: Floats
     cov: Floats
@@ -42,7 +42,7 @@ class PlannedTarget:
 class PlannedNeedle:
     """Needle of a plan; `dynamics.NeedleMechanics` defines its forces.
 
-    radius_m: of the shaft [m]; source: 16 gauge, the usual core needle
+    radius_m: radius of the shaft [m]; source: 16 gauge, the usual core needle
     cutting_N: force at the tip [N]; source: plan.toml, by default 0.94 N in bovine liver, rounded, [okamura2004]
     friction_N_m: friction per length of shaft [N/m]; source: plan.toml, by default between 11 N/m for sliding
         and 18 N/m for sticking in bovine liver, [okamura2004]
@@ -64,7 +64,7 @@ class PlannedNeedle:
 class Skin:
     """Region where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
 
-    normal: out of the tissue, normalised, (dim,); max_angle_rad: from normal to needle; max_length_m: in the tissue
+    normal: unit vector out of the tissue, (dim,); max_angle_rad, max_length_m: a path's largest angle to it, and length
     """
 
     start: Floats
@@ -97,11 +97,11 @@ class Skin:
 class Plan:
     """Paths with predicted results; rows are in the given order, `order` ranks them.
 
-    entries, directions, tips: (n, dim) [m]; lengths: in the tissue [m], (n,)
+    entries, directions, tips: (n, dim) [m]; lengths: lengths in the tissue [m], (n,)
     pushed: shift of the target by the insertion [m], (n, dim)
-    means, covs: of the target at arrival [m], (n, dim); covs include the tip's error [m²], (n, dim, dim)
+    means, covs: target at arrival [m], (n, dim); covs include the tip's error [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,); clearance: least distance to an obstacle's margin [m], (n,)
-    angles: to the skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
+    angles: angles to skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
     order: rows of the allowed paths from the best to the worst, then of the rejected ones by hits, (n,)
     """
 
@@ -161,7 +161,7 @@ def candidate_paths(
 ) -> tuple[Floats, Floats]:
     """Entries and tips [m], (n n_aims, dim): from each entry to the predicted target, and to points beside it.
 
-    n_aims: odd; one aim at the centre, the others up to 0.6 radii off: on both sides in the plane, all around in space
+    n_aims: odd number; one aim is the centre, others are up to 0.6 radii off: on both sides or, in space, all around
     """
     C = compliance(network, target)
     from_ = np.repeat(entries, n_aims, axis=0)

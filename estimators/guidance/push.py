@@ -18,7 +18,7 @@ class NeedlePush:
     If the needle is already inside, the marks show its push so far. A body without support moves as a whole, which a
     static response does not describe: no push is predicted for it.
 
-    target: a node's name or a point of the tissue; needle: its forces [N, N/m], their width [m] and relative error [1]
+    target: a node's name or a point of the tissue; needle: forces [N, N/m], their width [m] and relative error [1]
     """
 
     def __init__(self, network: MassSpringNetwork, target: str | TargetPoint, needle: PlannedNeedle) -> None:

@@ -22,7 +22,7 @@ class AdviceSettings:
     needle_s: time without a new pose above which a tracked needle counts as unseen [s]; choice: ten poses at 10 Hz
     overshot_m: depth beyond the aim from which a tip has to be retracted [m]; choice
     abort: hit probability, as a share of go, below which a needle inside after GO has to stop; choice
-    abort_s: time of uninterrupted guidance after which such a stop ends [s]; choice
+    abort_s: time of uninterrupted guidance after which the stop ends [s]; choice
     """
 
     go: float = 0.9

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 Workers = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A map, such as that of a process pool; function and arguments can be pickled."""
+"""A `map` function, such as that of a process pool; its function and arguments can be pickled."""
 
 UNLIMITED = float("inf")
 """Time limit that is never reached."""
@@ -46,7 +46,7 @@ class Progress:
         self._advance(self.seen / self.expected)
 
     def passes(self, n_frames: float) -> None:
-        """Count the frames of returned passes, this total number, unless they were counted before."""
+        """Count the frames of passes that returned, in total n_frames, unless they were counted before."""
         self.returned += n_frames
         self.seen = max(self.seen, self.returned)
         self._advance(self.seen / self.expected)

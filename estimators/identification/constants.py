@@ -32,18 +32,18 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Range of the starts about the given constants, in logarithms; choice: a third to three times; a tenth for rest
+"""Range of the starts about the given constants, in logarithms; choice: from a third to three times; a tenth for rest
 lengths, which are measured in a picture."""
 
 START_SDS = 4.0
-"""Largest such range, in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
+"""Largest range of starts, in prior standard deviations [1]; choice: a shape measured at rest has a narrow prior."""
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
     """Settings of the identification: number of starts of the search, and retained share of the covariance.
 
-    kept: share of the target's variance due to the constants that the retained directions explain; choice
+    kept: retained directions explain this share of the target's variance due to the constants; choice
     n_starts: number of points from which the search starts, the given constants first; choice
     """
 
@@ -61,16 +61,16 @@ class IdentificationSettings:
 class IdentificationResult:
     """Constants of a network estimated from a calibration recording, in groups with one factor each.
 
-    network: with the estimated constants
+    network: the network with the estimated constants
     groups, change: the groups, and the log of each group's factor, (n,); 0 if the recording does not determine it
     cov: covariance of these logs, (n, n), inflated for correlated innovations and for ambiguity of the search
     prior_sd: prior standard deviations of the logs, (n,)
     uncertainty: the few directions of the covariance that matter for the target
     passes: number of filter passes; converged: whether the search ended within its tolerance
     residuals: test of the residuals
-    log_likelihood: of the recording's hidden marks; log_likelihood_before: with the given constants
+    log_likelihood: log likelihood of the recording's hidden marks; log_likelihood_before: that with the given constants
     target_error_m, target_error_before_m: median error of the target against its unused mark [m]; None: not measured
-    n_starts, n_agreeing: number of starts, and how many of them led to these constants
+    n_starts, n_agreeing: number of starts, and number of starts that led to these constants
     n_frames: number of frames that were used
     in_time: False if the time was too short for all frames, starts and passes
     n_limited: number of directions in which the covariance would exceed the prior and was limited to it
@@ -113,8 +113,8 @@ class IdentificationResult:
     def identifiable(self) -> tuple[Floats, Floats]:
         """Share of the prior variance left along each direction, worst first, (n,), and the directions, rows (n, n).
 
-        Directions refer to the logs of the constants, in prior standard deviations. Those with most of the variance
-        left are not identified: the Fisher information there is below that of the prior.
+        Directions refer to the logs of the constants, in prior standard deviations. Directions with most of the
+        variance left are not identified: they have less Fisher information than the prior.
         """
         left, directions = np.linalg.eigh(self.cov / np.outer(self.prior_sd, self.prior_sd))
         return left[::-1], directions.T[::-1]
@@ -136,7 +136,7 @@ def identify_constants(
     workers: Workers = map,
     advance: Callable[[float], None] = lambda _share: None,
 ) -> IdentificationResult:
-    """Identify a network's constants of these kinds from a recording, on a log scale; masses are not fitted.
+    """Identify a network's constants of the kinds in prior_sd from a recording, on a log scale; masses are not fitted.
 
     frames: (time [s], marks) in order, including the target's mark; marked: the nodes that may be poked
     rests_as_drawn: whether the drawn shape was measured at rest, see `group_prior_sd`
@@ -164,7 +164,7 @@ class _Found:
     """Result of the search: the best start, the pass with the given constants, number of starts, and how many agree.
 
     used: the frames that were used
-    left_open: mean square of the differences between starts, and of an unfinished last search, (n, n)
+    left_open: mean square of the differences between results, and of an unfinished search's last step, (n, n)
     """
 
     best: Optimum
@@ -289,7 +289,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty turned to the axes of its effect, (n, n), without the smallest, which have less than 1 - kept."""
+    """An uncertainty along the axes of its effect, (n, n), without the smallest axes, in total less than 1 - kept."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -37,9 +37,9 @@ def left_open(ends: Sequence[Optimum], best: Optimum) -> Floats:
 def keeping_undetermined(theta: Floats, cov: Floats) -> tuple[Floats, Floats, int]:
     """Estimated constants, (n,), with undetermined combinations at their given value 0; their covariance (n, n).
 
-    In prior standard deviations; see `within_prior`. A constant with almost no share in any determined combination
-    keeps its value; the others are the most probable ones under that condition. The covariance includes the omitted
-    part. The last result is the number of directions in which the prior limits it.
+    Both are in prior standard deviations; see `within_prior`. A constant with almost no share in any determined
+    combination keeps its value; the others are the most probable ones under that condition. The covariance includes the
+    omitted part. The last result is the number of directions in which the prior limits the covariance.
     """
     kept = (_determined(cov) ** 2).sum(axis=1) < LEAST_PART
     rest, at = ~kept, np.zeros_like(theta)

@@ -28,8 +28,8 @@ LEVEL = 0.003
 marks would be large, to explain wrong constants."""
 
 SMALL = 1e-3
-"""Share of a standard deviation of each constant that the filter considers; numerical: so small that its gains are
-those of exact constants."""
+"""Share of a standard deviation of each constant that the filter considers; numerical: so small that the filter's gains
+are those of exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,7 +39,7 @@ class Pass:
     The log likelihood is composite: a sum over frames that are not independent of each other.
 
     scores: gradient of the log likelihood along each direction, frame by frame, (n_frames, n)
-    information: its Fisher information, (n, n); log_likelihood: of all hidden marks
+    information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
     effect: sum of the squared shares of each direction in the target's error [m²], (n, n)
     target_error_m: median error of the target against its mark [m], None without a mark
@@ -88,7 +88,7 @@ def pass_through(
     scores, nis, dof, errors = list[Floats](), list[float](), list[float](), list[float]()
     try:
         field = Discrepancy.of(exact, solid=network.continuum is not None)
-        prior = replace(field, noises=field.noises[:1])  # noisy marks would explain wrong constants
+        prior = replace(field, noises=field.noises[:1])  # a larger noise of marks would explain wrong constants
         tissue = TissueFilter(network, target, marked, exact, uncertainty=small, discrepancy=prior)
         own = tissue.process.parts.get("constants", slice(0, 0))
         at_target = tissue.rows_of(tissue.target)

@@ -79,7 +79,7 @@ def constant_groups(
 def group_prior_sd(groups: Sequence[ConstantGroup], prior_sd: Mapping[str, float], strain: float = np.inf) -> Floats:
     """Prior standard deviation of the logarithm of each group's factor, (n_groups,).
 
-    strain: error of the drawn shape at rest [1], which limits a factor shared by rest lengths: it changes that shape
+    strain: error of the drawn shape at rest [1]; it limits a common factor of rest lengths, which changes that shape
     """
     limits = [strain if _shares("rest_length", group) else np.inf for group in groups]
     return np.minimum([prior_sd[group.kind] for group in groups], limits)
@@ -91,7 +91,7 @@ def members(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 
 
 def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
-    """All constants that the groups' factors change: their own, and rest lengths of shared stiffness."""
+    """All constants that the groups' factors change: their own, and rest lengths of springs that share a stiffness."""
     rest = (Parameter("rest_length", s) for group in groups if _shares("stiffness", group) for s in group.places)
     return tuple(dict.fromkeys([*members(groups), *rest]))
 
@@ -99,8 +99,8 @@ def touched(groups: Sequence[ConstantGroup]) -> tuple[Parameter, ...]:
 def scale_groups(network: MassSpringNetwork, groups: Sequence[ConstantGroup], change: ArrayLike) -> MassSpringNetwork:
     """The network with all constants of each group multiplied by exp(change), (n_groups,).
 
-    Springs that share a stiffness keep the tension that they have where the network is drawn: a tissue that rests there
-    then does so at any stiffness.
+    Springs that share a stiffness keep the tension that they have where the network is drawn: a tissue at rest in that
+    shape stays at rest at any stiffness.
     """
     logs = np.asarray(change, dtype=float)
     which = members(groups)

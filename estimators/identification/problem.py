@@ -20,7 +20,7 @@ SCREENED = 100
 contain half a swing of the phantom, more take longer. The best start continues with all frames."""
 
 PASSES_A_SEARCH = 6
-"""Expected number of passes of the filter, for the progress and for the number of frames that the time allows."""
+"""Expected number of filter passes of a search, for the progress and for the number of frames that the time allows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class Problem:
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Rows in the logs of the groups' factors, (k, n_groups), as directions of the constants."""
+        """Directions of the constants from rows of changes of the logs of the groups' factors, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 

@@ -38,8 +38,8 @@ def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
     It is the largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a
-    prior of unit variance added to both. Source: [pauli2011]. That source takes the mean ratio; here it is the largest:
-    the model's errors may be all the evidence for one direction.
+    prior of unit variance added to both. Source: [pauli2011]. That source takes the mean ratio. The largest is used
+    here, because the model's errors may be all the evidence for one direction.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:
@@ -52,7 +52,7 @@ def times_counted(found: Pass) -> float:
 def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
     """Covariance of constants at the optimum from information and prior, (n, n), and the test of the residuals.
 
-    In prior standard deviations. The information is divided by `times_counted`.
+    The covariance is in prior standard deviations. The information is divided by `times_counted`.
     """
     prior_precision = np.eye(len(found.information))
     times = times_counted(found)
@@ -70,7 +70,7 @@ def residual_covariance(found: Pass) -> tuple[Floats, ResidualTest]:
 def within_prior(cov: Floats, theta: Floats) -> tuple[Floats, int]:
     """A covariance of constants at theta, (n,), limited by the prior, (n, n), and the number of limited directions.
 
-    cov: in prior standard deviations, (n, n)
+    cov: covariance in prior standard deviations, (n, n)
     The ambiguity of a search is unbounded, but the error of the constants is not. Without information in the data, the
     mean square error of theta is B = 1 + theta theta': the prior variance plus the squared distance from the prior
     mean. In each direction the smaller of cov and B is kept.

@@ -32,7 +32,7 @@ START_SEED = 1
 """Seed of the scrambled Sobol sequence of starts: the same recording gives the same constants."""
 
 At = Callable[[Floats], Pass]
-"""Pass through the recording at a point, (n,), in prior standard deviations."""
+"""Function that returns the pass through the recording at a point, (n,), in prior standard deviations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class Optimum:
         return self.at(self.times)
 
     def at(self, times: float) -> float:
-        """As `log_posterior`, with the likelihood divided by this factor [1]."""
+        """Log posterior as `log_posterior`, with the log likelihood divided by this factor [1]."""
         return self.found.log_likelihood / times - 0.5 * float(self.theta @ self.theta)
 
     @property
@@ -87,7 +87,7 @@ def begun(at: At, start: Floats) -> Optimum:
 
 
 def most_probable(found: Sequence[Optimum]) -> Optimum:
-    """The search with the highest posterior, the first of equal ones; all likelihoods are divided by one factor."""
+    """The search with the highest posterior, the first of equal ones; all log likelihoods are divided by one factor."""
     times = min((one.times for one in found if np.isfinite(one.log_posterior)), default=1.0)
     return max(found, key=lambda one: one.at(times))
 
@@ -95,7 +95,7 @@ def most_probable(found: Sequence[Optimum]) -> Optimum:
 def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
     """The maximum of the posterior from a start; the best point so far if the time is over.
 
-    unit: standard deviation of the log of each constant by the prior, (n,). Raises OutOfTimeError before the first
+    unit: prior standard deviation of the log of each constant, (n,). Raises OutOfTimeError before the first
     pass ends.
     """
     return climbed(at, begun(at, start), unit)

@@ -34,7 +34,7 @@ class TuningResult:
     settings: the settings with that level
     names, values, log_sd: the tuned setting, its value in its unit, and the standard error of the value's logarithm
     [1], each (1,)
-    log_likelihood: of each mark given the others of its frame, summed; log_likelihood_before: at the earlier level
+    log_likelihood: summed over marks, each given the others of its frame; log_likelihood_before: at the earlier level
     n_frames: number of frames that were used; in_time: False if the time was too short for all frames and passes
     """
 
@@ -94,7 +94,7 @@ def tune_strain(
     prior probabilities of the levels.
 
     frames: (time [s], marks) in order; marked: the nodes whose marks are used
-    uncertainty: of the constants
+    uncertainty: uncertainty of the constants
     budget: time limit; workers: processes that share the passes; `advance` is called with the completed share
     is_identified: whether the constants were identified from the tissue; levels below `UNSEEN` are compared only then
     Raises IdentificationError if the time is too short for any result.

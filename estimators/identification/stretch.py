@@ -13,11 +13,11 @@ LEAST_FRAMES = 10
 """Fewest frames for an estimate of constants or noise levels."""
 
 PROBED = 3
-"""Number of frames over which a pass is timed, after as many that load compiled code."""
+"""Number of frames over which a pass is timed, after the same number of frames that load compiled code."""
 
 TIMED = 3
-"""Number of timed passes, of which the quickest counts; numerical: an interruption takes longer than a few frames, and
-a fit that included it would stop although there is time."""
+"""Number of timed passes, of which the quickest counts; numerical: an interruption by other programs takes longer than
+a few frames, and including it would stop a fit too early."""
 
 
 def from_first_marks(frames: Frames) -> Frames:

@@ -1,9 +1,9 @@
-"""Filter for the pose error of a camera or tracker: Kalman filters of the hypotheses that it was moved or not.
+"""Filter for the pose error of a camera or tracker: one Kalman filter per hypothesis of when it was moved.
 
-A reference mark at x is measured at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) is the pose error. The
-calibration errors k have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is noise. The
-motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the camera was
-moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
+A reference mark at x is measured at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) about the centre c is the
+pose error. The calibration errors k have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is
+noise. The motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the
+camera was moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
 """
 
 from __future__ import annotations

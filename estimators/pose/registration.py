@@ -34,7 +34,7 @@ class RegistrationError(ValueError):
 class Registration:
     """Rigid motion fitted to measured points.
 
-    motion: from the drawn to the measured points
+    motion: motion from the drawn to the measured points
     cov: covariance of its error, first the translation [m], then the rotation [rad], (n, n)
     residuals: measured less moved points [m], (k, dim); residual_covs: their expected covariance [m²], (k, dim, dim)
     chi_square: sum of the squared residuals, normalised by the covariances of the points [1]

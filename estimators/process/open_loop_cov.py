@@ -96,9 +96,9 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Effects on the hidden masses: of their own state, of the marked masses' errors at the start and the end.
+        """Effects on the hidden masses of their own state, and of the marked masses' errors at start and end.
 
-        Also the covariance from unknown force.
+        The last result is the covariance from unknown force.
         """
         if self._steps is None or self._steps[0] != dt:
             n, m = self._n, self._m
@@ -113,9 +113,9 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """Columns (n, r) of the slowest motions of these free coordinates while the others are fixed, and their inverse.
+    """Slowest motions of these free coordinates while all others are fixed, columns (n, r), and their inverse.
 
-    by_mass: -K / mass of these, (n, n); if n is small, all n coordinates are returned
+    by_mass: -K / mass of these coordinates, (n, n); if n is small, all n coordinates are returned
     """
     n = len(rows)
     if n <= MOTIONS:

@@ -27,10 +27,10 @@ LONGEST_STEP = 1.0 / 120.0
 with 1/240 s the computation takes twice as long."""
 
 LOOSE = 1e-11
-"""Relative stiffness that counts as a rounding error: nothing resists the motion."""
+"""Relative stiffness below which a motion counts as free, because rounding errors are as large."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
-"""Nodes and weights on (-1, 1); up to steps of twice the correlation time only rounding errors remain."""
+"""Quadrature nodes and weights on (-1, 1); for steps up to twice the correlation time only rounding errors remain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,12 +79,12 @@ class TissueModel:
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
         """Sigma points (n_points, dim_x) after dt [s], each with its own poke, which decays.
 
-        Points: [m], [m/s], [N].
+        The states are in [m], [m/s] and [N].
         """
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Sigma points of each mode, (n_modes, n_points, dim_x), after dt [s]; [m], [m/s], [N]."""
+        """Sigma points of each mode, (n_modes, n_points, dim_x), after dt [s], in [m], [m/s], [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
@@ -188,9 +188,9 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
     """Covariance of position, velocity and poke per mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
 
-    sd: of the force per mass [m/s²]; tau: its correlation time [s]
+    sd: standard deviation of the force per mass [m/s²]; tau: its correlation time [s]
 
-    The integral of g g' over the age s of the noise, where g is the response to noise of that age: Gauss-Legendre.
+    It is the Gauss-Legendre integral of g g' over the age of the noise, with g the response to noise of that age.
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

@@ -50,7 +50,7 @@ class TargetMap:
         return np.asarray(states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant)
 
     def linear(self, columns: Floats) -> Floats:
-        """Change of the target with each column of changes of the state, (..., n, r): (..., dim, r)."""
+        """Change of the target, (..., dim, r), for each column of changes of the state, (..., n, r)."""
         return np.asarray(self.matrix @ columns[..., : self.matrix.shape[1], :])
 
     def cov(self, covs: Floats) -> Floats:

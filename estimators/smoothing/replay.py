@@ -68,7 +68,7 @@ class Replay:
         return self.tissue.snapshot(), tuple(self._kept)
 
     def restore(self, then: tuple[FilterSnapshot, Sequence[_Kept]]) -> None:
-        """Reset both to a snapshot."""
+        """Reset the filter and the history to a snapshot."""
         self.tissue.restore(then[0])
         self._kept = list(then[1])
 

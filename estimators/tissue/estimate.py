@@ -38,7 +38,7 @@ class Status(StrEnum):
 class MarkMeasurement:
     """Measured position of one mark, with its covariance.
 
-    node: node that bears the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
+    node: node with the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
     shared: shift by one standard deviation of each independent error that all marks of a frame share, such as those of
         the camera's calibration [m], (dim, n_shared)
 

@@ -15,7 +15,7 @@ from estimators.tissue.settings import FilterSettings
 class Outlying:
     """The last measurement of a mark or a fix beyond the gate.
 
-    since_s, last_s: time of the first such measurement in an unbroken series, and of the last [s]
+    since_s, last_s: time of the first such measurement in an unbroken series, and time of the last one [s]
     position, cov: the last measurement [m], (dim,), and its covariance [m²], (dim, dim)
     """
 

@@ -46,11 +46,11 @@ def after_frame(
 
     disturbance: probability that a disturbance has just moved the tissue
 
-    INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then TRACKING in each frame
-    with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead to INITIALISING. Frames
-    with marks further apart than lost_s do not lose the target. DIVERGED from any state as soon as the sum of the
-    innovations over test_s is too large, or only repeated disturbances explain them. The filter then restarts,
-    and is TRACKING again after test_s of marks that fit it.
+    The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then it is
+    TRACKING in each frame with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead
+    to INITIALISING. Frames with marks further apart than lost_s do not lose the target. It is DIVERGED from any state
+    as soon as the sum of the NIS over test_s is too large, or only repeated disturbances explain them. The filter then
+    restarts, and is TRACKING again after test_s of marks that fit it.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))

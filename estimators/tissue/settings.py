@@ -26,7 +26,7 @@ class FilterSettings:
     lost_s: time without marks after which the target is LOST [s]; choice
     forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
     test_s: time over which innovations are tested together for divergence [s]; choice
-    test_sigmas: threshold of that test, in standard deviations of a normal variable [1]; choice
+    test_sigmas: threshold of the test for divergence, in standard deviations of a normal variable [1]; choice
     model_only_share: share of the variance without marks above which the estimate is `model_only` [1]; choice
     """
 

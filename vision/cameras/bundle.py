@@ -30,7 +30,7 @@ TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """Board number `board` in camera number `camera`: corners in board axes [m], (n, 3), and as seen [px], (n, 2)."""
+    """Board number `board` in camera number `camera`: corners in board axes [m], (n, 3), and detected [px], (n, 2)."""
 
     camera: int
     board: int

@@ -66,7 +66,7 @@ class SpaceCamera:
     def project(self, points_m: ArrayLike) -> Floats:
         """Projection of points [m], (n, 3), to the picture [px], (n, 2); ValueError for a point behind the camera.
 
-        Far outside the picture a lens model may fold: only for points `in_view` is the projection right.
+        Far outside the picture a lens model may fold: the projection is right only for points `in_view`.
         """
         return self.seen(points_m)[0]
 

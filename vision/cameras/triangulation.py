@@ -35,8 +35,8 @@ class Seen:
 
     camera: the camera; which: indices of the points, each at most once, (m,)
     places_px, covs_px2: positions [px], (m, 2), and their covariances [px²], (m, 2, 2)
-    steps: directions in which its lens and pose are uncertain, one sd each, (n_shared, 15); a row is one direction for
-        all cameras
+    steps: errors of the camera's lens and pose by one sd along independent directions, (n_shared, 15); a row is one
+        direction for all cameras
     """
 
     camera: SpaceCamera
@@ -88,7 +88,7 @@ def triangulated(
 ) -> Triangulated:
     """Triangulate one point that two or more cameras see; the arrays of the result have one entry.
 
-    places_px, covs_px2: by camera [px], (n, 2), [px²], (n, 2, 2)
+    places_px, covs_px2: positions [px], (n, 2), and their covariances [px²], (n, 2, 2), one for each camera
     steps: directions of the calibration by camera, as in `Seen`; default: those of `calibration_steps`
     """
     places, covs = np.asarray(places_px, dtype=float), np.asarray(covs_px2, dtype=float)
@@ -102,8 +102,8 @@ def triangulate(seen: Sequence[Seen], start_m: Floats, start_sd_m: float = np.in
 
     start_m: initial positions [m], (n, 3)
     start_sd_m: standard deviation of start_m per axis [m]; start_m is a further measurement of each point. If it is as
-        large as the body, it does not affect points that two cameras see. A point that one camera sees is then on its
-        ray, with the pixel's covariance across the ray and start_sd_m along the ray.
+        large as the body, start_m does not affect points seen by two cameras. A point that one camera sees is then on
+        its ray, with the pixel's covariance across the ray and start_sd_m along the ray.
 
     The misfit of a point that would move behind one of its cameras is inf.
     Raises ValueError for points that fewer than two cameras see if start_sd_m is infinite.

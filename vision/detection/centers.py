@@ -25,8 +25,8 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 class Component:
     """Connected pixels that may be a mark.
 
-    corner_px: of the patch in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of its pixels and of
-    other marks', 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
+    corner_px: the patch's corner in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of its pixels and
+    of other marks', 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
     """
 
     corner_px: Floats
@@ -52,14 +52,14 @@ def centers_of(
 ) -> list[Center]:
     """Centres of the marks in a component: one whole or partly covered mark, several that touch, or none.
 
-    expected_px: expected positions in the component of marks of its hue, each (2,), from its corner [px]
+    expected_px: expected positions, in the component, of marks of its hue, each (2,), relative to its corner [px]
     """
     factor = trust(seen.noise_sd, settings.centers) if outline.even else 1.0
     return [replace(at, cov_px2=factor * at.cov_px2) for at in _by_outline(piece, seen, outline, expected_px, settings)]
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the outline covariances of even marks, given this noise of alpha per pixel."""
+    """Factors on the outline covariances of marks of one colour, given this noise of alpha per pixel."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 

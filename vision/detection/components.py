@@ -120,7 +120,7 @@ def _check_share(hue: MarkHue, share: float, most: float) -> None:
 class _Search:
     """A picture, the colour classes of its pixels at 1 / scale of its size, and the properties of marks.
 
-    outlines: of whole marks, one for all or one for each expected mark; starts_px: expected positions, (n, 2)
+    outlines: outlines of whole marks, one for all or one for each expected mark; starts_px: expected positions, (n, 2)
     corner_px: this picture's corner in the frame, (2,); hues_deg: hues of expected marks, empty if all are equal
     rejected: receives rejected pixels, if recorded
     """

@@ -1,4 +1,4 @@
-"""Fast detection for the usual case: single, whole, even marks near their expected positions."""
+"""Fast detection for the usual case: single, whole marks of one colour near their expected positions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """The expected mark of each region, if it is the only mark of its hue there, is whole, and nothing is unusual.
+    """The expected mark of each region, if it is whole and the only mark of its hue there, and nothing is unusual.
 
     None in other cases, in which `detect_marks` may find it. regions: left, top, width, height [px]
     """

@@ -57,7 +57,7 @@ def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> P
     """Mask of the pixels of the same colour that are connected to pixel u, v: 1, else 0, (h, w).
 
     In a window around the pixel, Otsu's threshold divides pixels by the distance of their colours from its colour, at
-    any brightness. The window grows until its border is free of such pixels.
+    any brightness. The window grows until no connected pixel is on its border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)

@@ -16,7 +16,7 @@ NARROW_PX = 12
 ON_A_LINE = 1e-6
 """Determinant of a Gram matrix, relative to its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
-"""Variance by rounding to whole grey levels."""
+"""Variance due to rounding to whole grey levels."""
 N_RAYS = 64
 """Number of directions in which the edge is searched; `correlation_px` accounts for correlated errors."""
 RAYS = np.column_stack(
@@ -33,7 +33,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class of each half degree of hue, (HUE_STEPS,) uint8
-    least_value, least_saturation: by class, 0 to 255 and 0 to 256, (n_classes + 1,); [0] is the least of all classes
+    least_value, least_saturation: by class, 0 to 255 and 0 to 256, (n_classes + 1,); entry 0 is the least of all
     """
     height, width = classes.shape
     for row in range(height):
@@ -233,7 +233,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
 
     weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
-    The variance of a mean of n pixels is that sum divided by n. For white noise the sum is its variance, else more.
+    The variance of a mean of n pixels is that sum divided by n. The sum is the variance of white noise, else larger.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -378,8 +378,8 @@ def _leverage(near, core, area, u, v):  # type: ignore[no-untyped-def]
 def _center_cov(edge, center, gram_inv, variances, floor_px2):  # type: ignore[no-untyped-def]
     """Covariance uu, uv, vv of the centre [px²].
 
-    edge: sums over its pixels from `_unmixed`; center: u, v and area; gram_inv: of the background's plane; variances:
-    of alpha at the edge and in the background
+    edge: sums over edge pixels, from `_unmixed`; center: u, v and area; gram_inv: inverse Gram matrix of the
+    background's plane; variances: variance of alpha at the edge and in the background
     """
     (n, sum_u, sum_v, sum_uu, sum_uv, sum_vv), (u, v, area), (at_edge, behind) = edge, center, variances
     # sums of the products of d center / d alpha = (place - center) / area with (1, column, row), and with itself
@@ -499,7 +499,7 @@ def _through(a, b, c):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _candidate(edges, size_sd, near):  # type: ignore[no-untyped-def]
-    """The circle (x, y, size), with a size near 1, through three edges that has most edges on it and few beyond."""
+    """The circle (x, y, size), of a size near 1, through three edges, with the most edges on it and few beyond it."""
     n = len(edges)
     best, fit = -np.inf, np.array([0.0, 0.0, 1.0])
     for spacing in (n // 10, n // 6, n // 4, n // 3):
@@ -646,7 +646,7 @@ def agreed(one, other, share, limits):  # type: ignore[no-untyped-def]
     """Whether two centres of a mark agree, and their squared Mahalanobis distance.
 
     one, other: rows that begin with u, v, uu, uv, vv of a centre and its covariance, from `covered` and `fitted`
-    share: area of the mark relative to that of its outline; limits: from `CenterSettings.for_kernel`
+    share: area of the mark relative to its outline's; limits: from `CenterSettings.for_kernel`
     """
     min_area, max_area, variance, gate = limits
     a, b, c = one[2] + other[2] + variance, one[3] + other[3], one[4] + other[4] + variance
@@ -669,7 +669,7 @@ def _without_gaps(piece):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
-    """Whether a class has one large piece and only negligible others; the piece, (h, w); its rows and columns.
+    """Whether a class has one large piece and only negligible others; mask of the piece, (h, w), its rows and columns.
 
     Pixels are connected by sides and corners; holes count as part of the piece, which must not touch the border.
     """
@@ -780,7 +780,7 @@ def isolated(frame, boxes, classes, outlines, palette, covering, fitting, limits
         saturations as in `classify`
     outlines: shapes, (n, 2, 2); standard deviations of the size and areas, (n, 2)
     covering: border around a mark [px], settings and fit_pixels of `covered`; fitting: settings of `fitted`
-    limits: of `agreed`
+    limits: limits of `agreed`
     Figures, (n, 11): centre u, v, its covariance uu uv vv, size, area, noise of alpha, colour b g r.
     """
     (shapes, sizes), min_share, n = outlines, fitting[4], len(boxes)

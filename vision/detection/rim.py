@@ -1,7 +1,7 @@
 """Detection of a mark's rim if the mark has no uniform colour: a ball with shading, stripes or a highlight.
 
-If the colour varies over the mark, the share of each pixel cannot be estimated; the rim is still a step of colour on
-a circle of about the right size. Image axes: u right, v down, pixels.
+If the colour varies over the mark, the share of each pixel that the mark covers cannot be estimated; the rim is still a
+step of colour on a circle of about the right size. Image axes: u right, v down, pixels.
 """
 
 from __future__ import annotations

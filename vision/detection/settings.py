@@ -44,8 +44,8 @@ class OutlineSettings:
     highest_wave: largest number of waves around the outline, from 2 on, that measure noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
     min_share: least share of directions with the mark's own edge, and least visible share of its area [1]; choice
-    whole_share: share of directions with an edge, or of the area, below which part of the mark is occluded [1]; above
-        the inverse share of the area, a piece may be several touching marks; choice
+    whole_share: a mark is partly occluded if its share of directions with an edge, or of its area, is smaller [1]; a
+        piece larger than the mark's area divided by this share may be several touching marks; choice
     """
 
     reach: float = 2.0
@@ -78,7 +78,7 @@ class RimSettings:
     min_step: least step over two pixels, summed over the colour channels [grey levels]; choice
     wide, narrow_px: largest distance of a step from the circle, in the first [sizes] and last iteration [px]; choice
     min_share: share of all directions, weighted by contrast, below which part of the mark is occluded [1]; choice
-    min_share_alone: least such share if only the rim shows the mark [1]; choice
+    min_share_alone: least share of directions, weighted by contrast, if only the rim shows the mark [1]; choice
     smear_gain: variance of the rim's centre relative to the spread that motion adds to the mark [1]; choice
     shading: shift that shading causes for the rim of a fully visible ball [sizes]; choice
     """
@@ -100,7 +100,7 @@ class ComponentSettings:
 
     max_picture_share: share of the picture above which a hue shows the scene, not marks [1]; choice
     max_elongation: largest ratio of longest to shortest axis [1]; choice
-    max_noise: noise of a pixel relative to the mark's contrast, above which it is a stain, such as blood [1]; choice
+    max_noise: largest noise of a mark's pixels relative to its contrast; a stain such as blood has more [1]; choice
     """
 
     max_picture_share: float = 0.3

@@ -25,7 +25,7 @@ class EventKind(StrEnum):
     SPARSE = "SPARSE"
     """At least half of the pictures are lost, or the source records at most half as many as usual."""
     RESUMED = "RESUMED"
-    """New pictures come after one of these faults, or no more pictures are lost."""
+    """New pictures come after a fault, or no more pictures are lost."""
     RESIZED = "RESIZED"
     """Pictures have another size than before."""
     REFUSED = "REFUSED"

@@ -27,7 +27,7 @@ class EveryFrame(Closing):
 
     frames_dropped = 0
     origin_s = 0.0
-    """Zero of the file's own time [s]: frames have this time."""
+    """Zero of the file's own time on the clock of its frames [s]: frames have the file's own time."""
 
     def __init__(self, frames: FrameFile) -> None:
         self._frames = frames

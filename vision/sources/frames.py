@@ -65,7 +65,7 @@ class Exposure:
 def bgr(picture: Any) -> Image:
     """Convert a picture, grey, BGR or BGRA of 8 or 16 bits, to (height, width, 3) BGR of 8 bits.
 
-    ValueError, "picture: ...", for anything else.
+    Raises ValueError, "picture: ...", for any other picture.
     """
     image = np.asarray(picture)
     levels = {np.dtype(np.uint8): 1, np.dtype(np.uint16): 257}.get(image.dtype)

@@ -74,7 +74,7 @@ def from_file(frames: FrameFile, *, live: bool) -> Source:
 
 
 def played(frames: FrameFile, start: Start | None = None) -> LiveFrames:
-    """Source of a file's newest frames at its own pace; start: shared by films that play together."""
+    """Source of a file's newest frames at its own pace; start: the start of films that play together."""
     playback = Playback(frames, start)
     return LiveFrames(
         lambda: playback,

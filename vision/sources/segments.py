@@ -117,7 +117,7 @@ def join_segments(
 ) -> None:
     """Write the first n_frames of a folder's pieces as one film, which gets its name when it is complete.
 
-    It is lossless: JPEGs are copied, FFV1 is compressed again. advance: gets the completed share. Raises SourceError.
+    The film is lossless: JPEGs are copied, FFV1 is compressed again. advance: gets the share done. Raises SourceError.
     """
     paths = segments_in(folder)
     if paths[0].suffix == SUFFIX["FFV1"]:

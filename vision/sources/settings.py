@@ -23,9 +23,9 @@ class SourceSettings:
     sparse if they take twice their usual time [1]; source: a fault is to be reported within 200 ms
         or three frames
     clock_error_s: largest drift of a device's times from the arrival times [s]; choice
-    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one [s], or relative to that
-    [1], whichever is more, with which arrival times determine exposure times; choice
-    even_s: time without uneven intervals, or without gaps, after which that fault ends [s]; choice
+    uneven_s, uneven_share: largest deviation of an interval from a multiple of the usual one, in [s] and relative to
+        the usual one [1], at which arrival times determine exposure times; the larger counts; choice
+    even_s: time without uneven intervals, or without gaps, after which the fault that they cause ends [s]; choice
     remembered_frames: number of frames whose earliest arrival ties the device's clock to the monotonic one [1]; choice
     backlog: largest number of waiting frames of a device if every frame is to be delivered [1]; choice
     sharp_frames: number of equal parts of a film whose sharpest frames are used for a calibration [1]; choice

@@ -96,7 +96,7 @@ def _tilt(rng: np.random.Generator, largest_deg: float) -> Triple:
 
 
 def _cast(lamp_bgr: Triple, power: float) -> Triple:
-    """A lamp's colour to a power: the part that white balance leaves, or the gains that remove the rest."""
+    """A lamp's colour raised to a power: the part that white balance leaves, or the gains that remove the rest."""
     return _triple(np.array(lamp_bgr) ** power)
 
 

@@ -75,7 +75,7 @@ class Lighting:
     vignetting: decrease of light from the centre to the corners, as a share of full light
     blur_sd_px: standard deviation of the lens's point spread [px]
     noise_sd: the sensor's noise in the dark, after smoothing by the camera [grey levels]
-    shot_noise_sd: noise, proportional to the square root of light, at level 255 [grey levels]
+    shot_noise_sd: noise at level 255, which is proportional to the square root of light [grey levels]
     grain_px: spread of the noise by the camera's smoothing [px], 0 for white noise
     mark_strength: 1 for fresh marks; below 1, the remaining share of a worn mark's colour on the acrylic
     wander_px: standard deviation of each mark's drawn position in each frame, per axis [px]; for errors that no picture

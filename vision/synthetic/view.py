@@ -33,7 +33,7 @@ class SyntheticView:
 
     size_px: width and height of the picture [px]
     matrix: focal lengths and principal point [px], shape (3, 3)
-    rotation, translation_m: from the plane's axes to the lens's, shapes (3, 3) and (3,) [m]
+    rotation, translation_m: motion from the plane's axes to the lens's, shapes (3, 3) and (3,) [m]
     distortion: k1, k2, p1, p2, k3 as in OpenCV
 
     Raises ValueError that names the field.
@@ -136,7 +136,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
     """The share of each pixel in the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
-    Returns shape (bottom - top, right - left), 0 to 1. Accurate to 1e-3 of the disc's area from a radius of 2 px.
+    Returns shape (bottom - top, right - left), 0 to 1. It errs by up to 1e-3 of the disc's area from a radius of 2 px.
     """
     n_samples = SAMPLES_PER_PIXEL if len(path_m) == 1 else MOVING_SAMPLES_PER_PIXEL
     middle = path_m.mean(axis=0)

@@ -48,8 +48,8 @@ class AppearanceMatch:
 class _Template:
     """A mark and its surroundings.
 
-    inside, ring: pixels relative to its centre, (n, 2); colors: of pixels inside, (n, 3); core, behind: median colours
-    inside and in the ring, (3,)
+    inside, ring: pixels relative to its centre, (n, 2); colors: colours of pixels inside, (n, 3); core, behind: median
+    colours inside and in the ring, (3,)
     """
 
     inside: NDArray[np.int64]
@@ -61,7 +61,7 @@ class _Template:
 
     @property
     def blends(self) -> bool:
-        """Whether the background is too similar to the mark to tell a ring from it."""
+        """Whether the background is so similar to the mark that the ring does not differ from the mark."""
         return bool(self.settings.ring_contrast * _squared(self.behind, self.core, self.settings) < 1.0)
 
 
@@ -106,7 +106,7 @@ class AppearanceModel:
 
     @property
     def is_full(self) -> bool:
-        """Whether it has views from the full number of frames."""
+        """Whether the model has views from as many frames as it stores."""
         return len(self._kept) == self._settings.n_views
 
     def remember(self, frame_bgr: Image, center_px: Floats, outline: Outline) -> None:
@@ -133,8 +133,8 @@ class AppearanceModel:
         """The best match of the mark's appearance near its expected position.
 
         about_px: another position, (2,); within_px: the search range around it
-        another: whether to search any mark of this kind, with a known highlight and a fitted, uniform colour
-        None if the mark may be anywhere, or cannot be distinguished from its surroundings.
+        another: whether to search for any mark of this kind, with a known highlight and a fitted, uniform colour
+        Returns None if the mark may be anywhere, or cannot be distinguished from its surroundings.
         """
         settings, outline = self._settings, expected.outline
         reach = REACH_SDS * float(np.sqrt(np.linalg.eigvalsh(expected.cov_px2)[-1]))

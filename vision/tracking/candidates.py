@@ -17,7 +17,7 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; if the ring is unlike it, a smaller part suffices.
+    """Whether a match with a mark's own appearance is the mark; with an unlike ring, fewer similar pixels suffice.
 
     color_distance: squared distance of its colour from that of its kind [gates]; a larger distance needs a better match
     """
@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark; it needs a higher score than a known colour and a ring unlike it.
+    """Whether a match with a fitted colour is a mark: with an unlike ring, and a higher score than for a known colour.
 
     color_distance: as in `is_mark`, for the fitted colour
     """

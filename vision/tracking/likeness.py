@@ -1,7 +1,7 @@
 """Compiled comparison of a picture with a mark's appearance, position by position.
 
 frame: (height, width, 3) uint8; box: range of positions u0, v0, u1, v1 [px] in it; inside, ring: pixels from a mark's
-centre, (n, 2); colors: of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
+centre, (n, 2); colors: colours of those inside, (n, 3); core, behind: medians inside and of the ring, (3,)
 settings: from `AppearanceSettings.for_kernel`
 """
 
@@ -11,14 +11,14 @@ import numpy as np
 from numba import njit
 
 N_FITS = 2
-"""Number of iterations of the fitted colour: more do not change the result."""
+"""Number of iterations in the fit of a colour: more do not change the result."""
 
 
 @njit(cache=True, nogil=True)
 def pixels_of(inverse, half, margin, ring_px):  # type: ignore[no-untyped-def]
     """Pixels inside a mark and in the ring around it, relative to its centre, each (n, 2).
 
-    inverse: of the mark's shape, (2, 2); half: outer distance of the ring [px]; margin, ring_px: as in the settings
+    inverse: inverse of the mark's shape, (2, 2); half: outer distance of the ring [px]; margin, ring_px: see settings
     """
     places = np.empty((2, (2 * half + 1) ** 2, 2), dtype=np.int64)
     pixel = np.sqrt(abs(inverse[0, 0] * inverse[1, 1] - inverse[0, 1] * inverse[1, 0]))
@@ -62,7 +62,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write weights, (n, 3), of squared differences from colours, (n, 3): their mean is 1 for similar pixels."""
+    """Write weights, (n, 3), of squared differences from colours, (n, 3): the weighted mean is 1 for similar pixels."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):
@@ -78,7 +78,7 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 
 @njit(cache=True, nogil=True)
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
-    """For each position in a box: evidence inside, share of similar pixels, evidence around, core; (6, height, width).
+    """At each position: evidence inside, share of similar pixels, evidence around, core colour, (6, height, width).
 
     The evidence of a pixel beside or behind the mark does not depend on the mark's position, so that it is computed
     once, then summed.

@@ -80,7 +80,7 @@ def lost_marks(
 
 
 def _by_size(one: Expected, lost: LostMark) -> LostMark:
-    """The lost mark, with the reason FEW_PIXELS replaced by SMALL if it is expected to be small."""
+    """The lost mark, with the reason FEW_PIXELS replaced by SMALL if the mark is expected to be small."""
     if lost.reason is not Reason.FEW_PIXELS or one.outline is None or one.outline.area_px >= BLOCK_AREA_PX:
         return lost
     across, least = (2.0 * (area_px / np.pi) ** 0.5 for area_px in (one.outline.area_px, BLOCK_AREA_PX))

@@ -46,8 +46,8 @@ class AppearanceSettings:
     margin: distance from the outline within which pixels are neither mark nor background [sizes]; choice
     ring_px: width of the ring around a mark [px]; choice
     blur_px: standard deviation of the smoothing before the comparison [px]; choice
-    shade: difference of similar pixels due to shadow and lamps, relative to their level [1]; choice
-    level: difference of similar pixels due to noise, rms over the colours as for `shade` [grey levels]; choice
+    shade: rms difference of similar pixels due to shadow and lamps, relative to their level [1]; choice
+    level: rms difference of similar pixels over the colours, due to noise [grey levels]; choice
     ring_contrast: factor by which a colour of the ring must be nearer to a fitted colour to be similar [1]; choice
     occluded_cost: cost of a pixel that is neither similar to the mark nor to its background [1]; choice
     ring_weight: weight of the ring relative to that of the inside [1]; choice
@@ -78,11 +78,11 @@ class AppearanceSettings:
 class CandidateSettings:
     """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
 
-    score, share: least score, and least share of its pixels that are similar to the mark [1]; choice
+    score, share: least score of a match, and least share of the mark's pixels that are similar [1]; choice
     free, free_share: similarity below which the ring is unlike the mark, and the share that then suffices [1]; choice
     other_margin: additional similarity to the mark and dissimilarity of the ring that a fitted colour needs [1]; choice
     min_sd_px, max_sd_px: least and largest standard deviation of a match [px]; choice
-    best_score, growth: score above which that deviation is `min_sd_px`, and its exponential growth below [1]; choice
+    best_score, growth: score above which this deviation is min_sd_px, and its exponential growth below that [1]; choice
     rim_gain: standard deviation of the mean of match and rim, relative to their distance [1]; choice
     shared: variance of the mean of outline and match, relative to the mean of independent errors [1]; choice
     """
@@ -129,7 +129,7 @@ class HueTrackingSettings:
     gain: share of the newest frame in the mean colour [1]; choice
     max_drift: largest drift of the hue [half widths]; choice
     hue_sd_deg, saturation_sd: least standard deviations of colours of one kind: hue [degrees], saturation [1]; choice
-    max_scatter: largest standard deviation relative to the least [1]; choice
+    max_scatter: largest standard deviation of colours, relative to these least ones [1]; choice
     n_learned: number of frames after which a learned colour rejects other colours [1]; choice
     gate: largest squared distance in these standard deviations [1]; source: chi-square, 2 dof, 99.9 %
     learning: settings of the first colour range; `paler` and `darker` also relate later limits to the mean colour
@@ -150,7 +150,7 @@ class DistractorSettings:
     """Settings for reports of distractors in a mark's colour.
 
     spacing: distance of the samples [radii of the smallest mark]; choice
-    most_samples: largest number of samples in a frame [1]; choice: 0.1 ms
+    most_samples: largest number of samples in a frame [1]; choice: sampling takes 0.1 ms
     around: distance from a mark within which samples belong to it, due to blur or its reflection [radii]; choice
     stands: number of successive frames that must show an object [1]; source: report a fault within three frames
     settled_frames: number of first frames, whose content counts as known [1]; choice

@@ -29,7 +29,7 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture above which searching regions is not faster than searching all of it: this only saves time."""
+"""Share of the picture above which searching regions is not faster than searching all of it; it only saves time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -83,7 +83,7 @@ class Candidate:
     """A detection that may be a mark.
 
     detection: None to drop a mark that was found; name: None if association decides which mark it is
-    match: match of an appearance model; margin: increase of squared distance if its name is exchanged with another's
+    match: match of an appearance model; margin: increase of squared distance if it exchanges names with another
     """
 
     detection: Detection | None
@@ -249,7 +249,7 @@ def _by_appearance(search: Search) -> Iterator[Candidate]:
 
 
 def _is_match(search: Search, candidate: Candidate, seen: Detection) -> bool:
-    """Whether a match is not another mark, and is similar enough to the mark."""
+    """Whether a match lies apart from all found marks, and is similar enough to its own mark."""
     match = candidate.match
     if match is None or not search.is_apart(seen):
         return False
@@ -267,19 +267,19 @@ def _in_other_light(search: Search) -> Iterator[Candidate]:
 
 
 def _is_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection is not another mark."""
+    """Whether a detection lies apart from all found marks."""
     return search.is_apart(seen)
 
 
 def _by_rim(search: Search) -> Iterator[Candidate]:
-    """Missing marks of unknown appearance, by a rim near their expected positions."""
+    """Missing marks of unknown appearance that show a rim near their expected positions."""
     for one in search.missing:
         if one.name not in search.templates:
             yield Candidate(detect_by_rim(search.frame_bgr, one, search.settings.detection))
 
 
 def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> bool:
-    """Whether a detection has the colour of its kind and is not another mark."""
+    """Whether a detection has the colour of its kind and lies apart from all found marks."""
     return search.color_distance(seen) <= 1.0 and search.is_apart(seen)
 
 

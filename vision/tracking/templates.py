@@ -68,7 +68,7 @@ class AppearanceTemplates:
     def checked(
         self, frame_bgr: Image, one: Expected, seen: Detection, color_distance: Callable[[Detection], float]
     ) -> Detection | None:
-        """A detection after comparison with the mark's appearance: unchanged, fused with a match, the match, or None.
+        """A detection compared with the mark's appearance: unchanged, fused with or replaced by a match, or None.
 
         frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's
             [gates]

@@ -28,7 +28,7 @@ SIGNS = np.array([1.0, -1.0])
 """Signs of the two states of a force: the lasting state, and the state that decays within the smooth time [1]."""
 
 SAME_S = 1e-9
-"""Largest rounding difference between frame intervals [s]; numerical."""
+"""Largest difference of frame intervals that counts as rounding [s]; numerical."""
 
 NODES, PANEL = 16, 8.0
 """Nodes of a panel of Gauss quadrature, and the panel's length times the integrand's rate [1]; numerical."""
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Effect of one standard deviation of error in each constant, (2 n, n_constants); forces are at their mean."""
+        """Effect of an error of one standard deviation in each constant, (2 n, n_constants), with mean forces."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))
@@ -202,7 +202,7 @@ class ContinuumMotion:
 
 
 def _effective(push: Floats, by_force: Floats) -> Floats:
-    """The fewest columns (n_modes, any) of accelerations with the same displacements up to a share `LEFT_OUT`.
+    """The fewest columns of accelerations (n_modes, any) with the same displacements except for a share `LEFT_OUT`.
 
     by_force: displacement of each mode per unit of its acceleration [s²], (n_modes, 1)
     """

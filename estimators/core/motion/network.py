@@ -39,7 +39,7 @@ FLAT = 1e-3
 """Relative extent in a direction below which a body is thin there [1]; choice."""
 
 RANK = 20
-"""Largest number of functions of a slow force for each axis; numerical."""
+"""Largest number of basis functions of a slow force for each axis; numerical."""
 
 GROWING = (0.5, 5.0, 30.0)
 """Growth rates of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
@@ -153,7 +153,7 @@ class NetworkMotion:
     def moved_each(self, states: Floats, dt: float) -> Floats:
         """Coordinates and velocities of states (k, 2 n + n_f or more) after dt [s], (k, 2 n), by explicit steps.
 
-        Forces are constant at their mean over dt.
+        Over dt each force is constant at its mean.
         """
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
@@ -200,7 +200,7 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """The fewest columns with the effect of columns (n, any), whose coefficients are independent with equal variance.
+    """The fewest columns L with nearly the same covariance L L' as these columns (n, any).
 
     If all columns matter, they are returned unchanged.
     """

@@ -16,7 +16,7 @@ def by_sigma_points(
 ) -> Transition:
     """A transition whose first m states are linearised by regression over sigma points.
 
-    The mean moves as the tangent predicts, plus the difference between the mean of the moved points and the moved mean.
+    The mean moves as the tangent predicts, plus the mean of the moved points minus the point to which it moves itself.
     The points are the mean ± sqrt(m) times each column of the covariance's root: the unscented transform with kappa =
     0, whose central point has no weight. The residual of the regression counts as noise.
     Source: [julier1997], [garciafernandez2017].
@@ -30,7 +30,7 @@ def by_sigma_points(
     m : int
         Number of first states whose motion is nonlinear.
     moved : callable
-        The next first m states, (k, m), from states (k, n); it may simplify forces if it does so for all states.
+        Returns the next first m states, (k, m), from states (k, n); it may simplify forces, but equally for all states.
     """
     root = np.linalg.cholesky(cov[:m, :m])
     steps = np.sqrt(m) * root.T
