@@ -28,7 +28,7 @@ def faults(
     force: Force = False,
     page: Annotated[bool, typer.Option("--page", help="Rewrite docs/faults.md in the current folder.")] = False,
 ) -> Answer:
-    """Test live runs with faults of camera, tissue, needle and system; run again to continue."""
+    """Test live runs with faults of camera, tissue, needle and system; to resume, run again."""
     from experiments.extras import require
 
     require("faults", "cluster", "live")

@@ -25,7 +25,7 @@ def sweep(
     scheduler: Scheduler = None,
     force: Force = False,
 ) -> Answer:
-    """Run methods on simulated recordings over a parameter grid and seeds; run again to continue."""
+    """Run methods on simulated recordings over a parameter grid and seeds; to resume, run again."""
     from experiments.extras import require
 
     require("sweep", "cluster")

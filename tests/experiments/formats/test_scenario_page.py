@@ -52,5 +52,5 @@ def test_defaults_are_those_of_the_program(name: str, model: type[BaseModel]):
 
 
 def test_every_shipped_scenario_is_on_the_page():
-    assert all(f"| `{name}` |" in PAGE for name in shipped())
+    assert all(f"- `{name}`: " in PAGE for name in shipped())
     assert all(f"`{key}`" in PAGE for key in (OF_PHANTOM - {"phantom", "camera"}) | set(tables.Camera.model_fields))
