@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
+from math import isfinite
 from pathlib import Path
 
 LONGEST_SHOWN = 60
@@ -28,6 +30,26 @@ class InputError(Exception):
         return cls.at(path, expected, (error.strerror or type(error).__name__).lower())
 
 
+@contextmanager
+def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
+    """In this context, convert exceptions of these kinds into InputError, `place: message`."""
+    try:
+        yield
+    except kinds as error:
+        raise InputError(f"{place}: {error}".removeprefix(": ")) from error
+
+
+@contextmanager
+def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
+    """In this context, convert errors of the operating system, all or those with these numbers, into InputError."""
+    try:
+        yield
+    except OSError as error:
+        if numbers and error.errno not in numbers:
+            raise
+        raise InputError.refused(path, expected, error) from error
+
+
 def shown(value: object) -> str:
     """A found value as text for a message: on one line, written as in a file, shortened if long."""
     if isinstance(value, dict):
@@ -37,6 +59,17 @@ def shown(value: object) -> str:
     # json does not escape some line separators
     text = "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 1] + "…"
+
+
+def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
+    """The n finite numbers of an option's value, separated by commas; InputError, which says what is expected."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if len(found) != n or not all(map(isfinite, found)):
+        raise InputError.at(option, expected, shown(text))
+    return found
 
 
 def no_node(name: object, names: Iterable[str]) -> str:

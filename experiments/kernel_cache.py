@@ -1,4 +1,4 @@
-"""Folder of compiled kernels: numba uses that of the code or of the user, and fails if it can write to neither."""
+"""Folder of compiled kernels. numba fails if it can write neither beside the code nor in the user's folder."""
 
 from __future__ import annotations
 

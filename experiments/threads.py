@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import os
 import signal
-import threading
+from collections import deque
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from queue import Queue
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 
@@ -50,32 +50,16 @@ def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
 
     An exception during the preparation of an item is raised at its place. The thread ends with the context.
     """
-    made: Queue[tuple[bool, Item | BaseException | None]] = Queue(AHEAD)
-    wanted = True
-
-    def make() -> None:
-        try:
-            for item in items:
-                if not wanted:
-                    return
-                made.put((True, item))
-            made.put((False, None))
-        except BaseException as fault:
-            made.put((False, fault))
+    end: Any = object()
+    coming, thread = iter(items), ThreadPoolExecutor(1, "ahead")
+    made = deque(thread.submit(next, coming, end) for _ in range(AHEAD))
 
     def taken() -> Iterator[Item]:
-        while (one := made.get())[0]:
-            yield one[1]  # type: ignore[misc]
-        if one[1] is not None:
-            raise one[1]  # type: ignore[misc]
+        while (item := made.popleft().result()) is not end:
+            made.append(thread.submit(next, coming, end))
+            yield item
 
-    thread = threading.Thread(target=make, name="ahead", daemon=True)
-    thread.start()
     try:
         yield taken()
     finally:
-        wanted = False
-        while thread.is_alive():
-            while not made.empty():
-                made.get()
-            thread.join(0.01)
+        thread.shutdown(cancel_futures=True)

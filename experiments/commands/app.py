@@ -36,6 +36,7 @@ from experiments.commands.prepare.record import record
 from experiments.commands.prepare.register import register
 from experiments.commands.prepare.simulate import simulate
 from experiments.commands.run import subcommand
+from experiments.errors import InputError
 from experiments.interrupts import as_interrupts, terminations
 from experiments.kernel_cache import keep_kernels
 from experiments.threads import one_thread_each
@@ -135,7 +136,6 @@ def _end(text: str, code: int) -> NoReturn:
 def is_bad_input(fault: Exception) -> bool:
     """Whether the fault is in the input, not in the program."""
     from dynamics import NetworkError
-    from experiments.errors import InputError
     from vision import CalibrationError, HueError, SourceError
 
     if isinstance(fault, OSError):

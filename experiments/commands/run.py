@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import logging
 import os
 import re
 import sys
@@ -14,20 +15,22 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from experiments.commands.options import AsJson, Verbose
-from experiments.commands.terminal import progress
+from experiments.commands.terminal import print_table, progress
+from experiments.errors import InputError, shown
+from experiments.log import LOG, SHOWN, Kept
 from experiments.plain import plain
 
 if TYPE_CHECKING:
     import typer
 
     from experiments.formats.scene.scene import Scene
-    from experiments.formats.scene.steps import StepName
-    from experiments.log import Kept
+    from experiments.formats.scene.schema import StepName
     from experiments.pipeline.events import Command
 
 Advance = Callable[[float], None]
@@ -35,13 +38,13 @@ Advance = Callable[[float], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The result of a subcommand: a record for programs (--json), and a function that prints text for people.
+    """The result of a subcommand: a record for programs (--json), and tables and lines of text for people.
 
     fault: exception to raise after the result is printed, if a part of the work failed
     """
 
     record: Mapping[str, Any]
-    show: Callable[[], None]
+    shown: Sequence[object]
     fault: Exception | None = None
 
 
@@ -68,8 +71,6 @@ class Run:
 
     def stage(self, name: str) -> Advance:
         """Begin a stage of the work; returns a function to call with the completed share, 0 to 1."""
-        from experiments.log import LOG
-
         if self._stage is None:
             self._stage = self.opened.enter_context(progress())
         advance, began = self._stage(name), time.perf_counter()
@@ -84,16 +85,12 @@ class Run:
 
     def only_with(self, other: str, *options: str) -> None:
         """Raise InputError if one of the options was given without another that it needs."""
-        from experiments.errors import InputError
-
         for option in options if other not in self.given else ():
             if option in self.given:
                 raise InputError.at(option, f"{other} beside it", "none")
 
     def not_with(self, other: str, *options: str) -> None:
         """Raise InputError if one of the options was given with another that disables it."""
-        from experiments.errors import InputError, shown
-
         for option in options if other in self.given else ():
             if option in self.given:
                 raise InputError.at(other, f"no {option} beside it", shown(self.given[option])[1:-1])
@@ -103,7 +100,6 @@ class Run:
 
         Raises InputError if a filter of the scene's network would be too slow for this command.
         """
-        from experiments.log import LOG
         from experiments.pipeline.events import scene_line, steps_left_out
 
         if before not in (None, "simulate"):
@@ -117,8 +113,6 @@ class Run:
 
     def begun(self) -> None:
         """Report the steps that the scene lacks, once. After bad input, only the error is reported."""
-        from experiments.log import LOG
-
         if not self._reported:
             self._reported = True
             for line in self._left_out.values():
@@ -132,7 +126,6 @@ class Run:
 
         inputs: files and folders that are read, None if not given; growing: use `growing_folder` instead
         """
-        from experiments.errors import InputError
         from experiments.formats.outputs import growing_folder, output_folder
 
         read = [one for one in inputs if one is not None and one.is_dir()]
@@ -151,7 +144,6 @@ class Run:
         """Write the run's provenance and log to an existing folder with the final name `named`."""
         from experiments.formats.outputs import write_together
         from experiments.formats.provenance import LOG_FILE, PROVENANCE
-        from experiments.log import LOG
 
         text = self._provenance(inputs)
         self.begun()
@@ -208,18 +200,14 @@ class Run:
             self.begun()
 
     def _provenance(self, inputs: Sequence[Path | None]) -> str:
-        from datetime import UTC, datetime
-
         from experiments.engine.runs import program
-        from experiments.formats.provenance import Provenance, content_digest, provenance_text
+        from experiments.formats.provenance import content_digest, provenance_text
 
         began = datetime.fromtimestamp(self.began, UTC)
         # any other input is a device, an address or a shipped scenario
         read = {one: content_digest(one) for one in inputs if one is not None and (one.is_file() or one.is_dir())}
         times = began, datetime.now(UTC)
-        return provenance_text(
-            Provenance(self.command, self.arguments, program(), *times, read, self._scene, tuple(self._left_out))
-        )
+        return provenance_text(self.command, self.arguments, program(), times, read, self._scene, tuple(self._left_out))
 
 
 def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
@@ -249,7 +237,8 @@ def subcommand(command: Callable[..., Answer | None]) -> Callable[..., None]:
         if as_json:
             print(json.dumps(plain(answer.record), indent=2, ensure_ascii=False, allow_nan=False))
         else:
-            answer.show()
+            for one in answer.shown:
+                print(one) if isinstance(one, str) else print_table(one)
         if answer.fault is not None:
             raise answer.fault
 
@@ -278,8 +267,6 @@ def _given(context: typer.Context) -> dict[str, str]:
 
 def _check_names(given: Mapping[str, str]) -> None:
     """Raise InputError for a name or current folder that is not UTF-8: some libraries fail on them."""
-    from experiments.errors import InputError
-
     with suppress(OSError):
         given = {"the current folder": os.getcwd(), **given}
     for name, text in given.items():
@@ -292,9 +279,6 @@ def _check_names(given: Mapping[str, str]) -> None:
 
 @contextmanager
 def _logged(name: str, verbose: bool, given: Mapping[str, str]) -> Iterator[Run]:
-    import logging
-
-    from experiments.log import LOG, SHOWN, Kept
     from experiments.version import version
 
     kept = Kept()

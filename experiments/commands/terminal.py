@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 FIRST_S = 10.0
@@ -93,14 +93,3 @@ def print_table(table: object) -> None:
 
     # without markup: it would hide units in brackets
     Console(width=None if sys.stdout.isatty() else 110, markup=False).print(table)
-
-
-def print_lines(lines: Sequence[tuple[str, str]]) -> None:
-    """Print pairs of subject and sentence to standard output, in two columns."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table.grid(padding=(0, 2))
-    for subject, sentence in lines:
-        table.add_row(subject, sentence)
-    Console(width=None if sys.stdout.isatty() else 110, highlight=False, markup=False).print(table)

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 from experiments.formats.outputs import write_whole
 from experiments.formats.toml_file import (
     VERSION,
@@ -106,10 +106,8 @@ def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
 def read_camera_toml(path: Path) -> SpaceCamera:
     """The camera of a file; raises InputError, `camera.toml: key: expected …, found …`, for the first fault."""
     file = read_toml(path, CameraFile)
-    try:
+    with placed(path, ValueError):
         lens, pose = checked_lens(file.matrix, file.distortion), checked_pose(file.rotation, file.translation_mm)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     if len(file.reprojection_rms_px_each) != len(file.images_used):
         raise InputError.at(
             f"{path}: reprojection_rms_px_each",

@@ -13,7 +13,7 @@ from dynamics import MassSpringNetwork
 from estimators import AdviceSettings, Hit, Insertion, Lesion, Needle, NeedlePush, PlannedNeedle
 from estimators.process.target import TargetPoint
 from experiments.errors import InputError, shown
-from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, check_axes, read_toml
+from experiments.formats.toml_file import Coordinates, NotNegative, Positive, Strict, check_axes, in_metres, read_toml
 
 Part = Annotated[float, Field(ge=0, le=1)]
 USUAL, SETTINGS = Needle(), AdviceSettings()
@@ -139,19 +139,12 @@ def read_needle(path: Path, radius_m: float, dim: int) -> NeedlePlan:
     file = read_toml(path, NeedleFile)
     for key in ("entry_mm", "direction"):
         check_axes(f"{path}: {key}", getattr(file, key), dim)
-    needle = Needle(
-        Hit(file.hit),
-        1e-3 * file.notch_offset_mm,
-        1e-3 * file.notch_length_mm,
-        1e-3 * file.core_mm,
-        1e-3 * file.tip_sd_mm,
-        file.bending_sd_mm_per_mm,
-    )
+    lengths = in_metres(file.model_dump(include={"notch_offset_mm", "notch_length_mm", "core_mm", "tip_sd_mm"}))
+    needle = Needle(Hit(file.hit), bending_sd=file.bending_sd_mm_per_mm, **lengths)
     insertion = Insertion(
         1e-3 * np.array(file.entry_mm), np.array(file.direction), 1e-3 * file.speed_mm_s, 1e-3 * file.depth_mm
     )
-    thresholds = file.advice.model_dump()
-    settings = AdviceSettings(overshot_m=1e-3 * thresholds.pop("overshot_mm"), **thresholds)
+    settings = AdviceSettings(**in_metres(file.advice.model_dump()))
     return NeedlePlan(needle, insertion, _lesion(path, file.lesion, radius_m, dim), settings, file.forces)
 
 

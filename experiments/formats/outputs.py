@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
-from experiments.errors import InputError
+from experiments.errors import InputError, accepted
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,7 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     _check_free(path, final, force, work=None)
     work: Path | None = None
     try:
-        with _accepted(path, "room to write", FULL):
+        with accepted(path, "room to write", FULL):
             work = _fresh_folder(path, final)
             yield work
             _check_free(path, final, force, work)  # tested again: other programs may have written there meanwhile
@@ -46,17 +46,6 @@ def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = (
     finally:
         if work is not None:
             shutil.rmtree(work, ignore_errors=True)
-
-
-@contextmanager
-def _accepted(path: Path, expected: str, errors: Sequence[int] = ()) -> Iterator[None]:
-    """Convert errors of the operating system, all or those with these numbers, into InputError with the path."""
-    try:
-        yield
-    except OSError as error:
-        if errors and error.errno not in errors:
-            raise
-        raise InputError.refused(path, expected, error) from error
 
 
 def _probe(final: Path, folder: Path) -> None:
@@ -78,7 +67,7 @@ def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = 
         check_apart(path, source)
     _check_free(path, final, force, work=None)
     made = not final.is_dir()
-    with _accepted(path, "a folder that can be written"):
+    with accepted(path, "a folder that can be written"):
         final.mkdir(parents=True, exist_ok=True)
         _probe(final, final)
     try:
@@ -149,10 +138,10 @@ def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] =
     """
     final = _final(path)
     part = _part_of(final, final.parent)
-    with _accepted(path, "a file that can be written"):
+    with accepted(path, "a file that can be written"):
         file = part.open("xb")
     try:
-        with _accepted(path, "room to write", FULL):
+        with accepted(path, "room to write", FULL):
             with file:
                 yield file
                 file.flush()
@@ -169,7 +158,7 @@ def check_new(path: Path, force: bool) -> None:
         raise InputError.at(path, "a new file", "an existing one; --force replaces it")
     if not final.parent.is_dir():
         raise InputError.at(path, "a file in an existing folder", "none" if not final.parent.exists() else "a file")
-    with _accepted(path, "a file that can be written"):
+    with accepted(path, "a file that can be written"):
         _probe(final, final.parent)
 
 
@@ -206,7 +195,7 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
         if os.path.exists(final):
             raise InputError.at(path, "a folder", "a file")
         return
-    with _accepted(path, "a folder that can be read"):
+    with accepted(path, "a folder that can be read"):
         taken = any(entry != work for entry in final.iterdir())
     if taken and not force:
         raise InputError.at(path, "an empty or new folder", "files in it; --force adds to them or replaces them")
@@ -235,7 +224,7 @@ def _fresh_folder(path: Path, final: Path) -> Path:
 
 
 def _hand_over(path: Path, work: Path, final: Path) -> None:
-    with _accepted(path, "a folder that can be written"):
+    with accepted(path, "a folder that can be written"):
         if final.is_dir():
             _merge(path, work, final)
         else:

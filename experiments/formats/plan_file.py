@@ -12,7 +12,16 @@ from pydantic import Field, model_validator
 from dynamics import GAUGES_MM
 from estimators import Obstacle, PlannedNeedle, Skin
 from experiments.errors import InputError
-from experiments.formats.toml_file import Coordinates, Name, NotNegative, Positive, Strict, check_axes, read_toml
+from experiments.formats.toml_file import (
+    Coordinates,
+    Name,
+    NotNegative,
+    Positive,
+    Strict,
+    check_axes,
+    in_metres,
+    read_toml,
+)
 
 Kind = Literal["rib", "vessel", "other"]
 
@@ -121,12 +130,7 @@ def read_task(path: Path, dim: int) -> Task:
     table, entry = file.needle, file.entry
     return Task(
         needle=PlannedNeedle(
-            radius_m=0.5e-3 * GAUGES_MM[table.gauge],
-            cutting_N=table.cutting_N,
-            friction_N_m=table.friction_N_m,
-            reach_m=1e-3 * table.reach_mm,
-            force_sd=table.force_sd,
-            tip_sd_m=1e-3 * table.tip_sd_mm,
+            radius_m=0.5e-3 * GAUGES_MM[table.gauge], **in_metres(table.model_dump(exclude={"gauge"}))
         ),
         skin=Skin(
             1e-3 * np.array(entry.from_mm),

@@ -119,6 +119,10 @@ class Recording:
             raise InputError.at(self.folder, "a video or frames", found)
         return open_pictures(self.source, self.exposures_s.tolist())
 
+    def open_films(self) -> dict[str, Pictures]:
+        """The frames of each camera in space by its name, or those of a single camera by ""; raises InputError."""
+        return {film.camera: film.open_frames() for film in self.films} or {"": self.open_frames()}
+
 
 def read_recording(
     folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
@@ -224,7 +228,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """The frame nearest to each time [s], (n,), the earlier of two equally near, and the time between [s], (n,)."""
+    """Index of the frame nearest to each time [s], (n,), the earlier of two equal ones, and its distance [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -17,6 +16,7 @@ from experiments.formats.scene.scene import usable_scene
 from experiments.formats.toml_file import Name, NotNegative, Positive, Strict, check_axes, read_toml
 
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
+SCENARIOS = Path(__file__).parents[1] / "scenarios"
 STEPS = "STEPS.md"
 """File name of a project's page of steps, beside its scenarios."""
 
@@ -163,8 +163,7 @@ class Scenario(Strict):
 
 def shipped() -> list[str]:
     """Names of the shipped scenarios."""
-    folder = resources.files("experiments") / "scenarios"
-    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    return sorted(path.stem for path in SCENARIOS.glob("*.toml"))
 
 
 def read_scenario(name: str) -> Scenario:
@@ -178,16 +177,9 @@ def read_scenario(name: str) -> Scenario:
 
 def read_scenario_file(name: str) -> Scenario:
     """Read a scenario by its name or TOML file, without comparing its nodes with its tissue; raises InputError."""
-    if name in shipped():
-        with resources.as_file(resources.files("experiments") / "scenarios" / f"{name}.toml") as path:
-            return _read(path)
-    path = Path(name)
+    path = SCENARIOS / f"{name}.toml" if name in shipped() else Path(name)
     if not path.is_file():
         raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
-    return _read(path)
-
-
-def _read(path: Path) -> Scenario:
     scenario = read_toml(path, Scenario)
     if scenario.scene is None:
         return scenario

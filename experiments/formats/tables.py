@@ -56,7 +56,7 @@ class Table:
             self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
-        """Raise InputError for the first row whose number is less than that before it, or equal if `strictly`.
+        """Raise InputError for the first number that is less than the one before it or, if `strictly`, equal to it.
 
         groups: group of each row, (n_rows,); a row is then compared with the last row of its own group
         """

@@ -133,6 +133,29 @@ def _reported(error: ErrorDetails) -> str:
     return f"{key_path(loc)}: expected {expected}, found {found}"
 
 
+def in_metres(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A table with lengths in metres: each key that ends in _mm, such as `radius_mm`, becomes `radius_m`."""
+    return _scaled(table, "_mm", "_m", 1e-3)
+
+
+def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields with lengths in millimetres, as in a file: each name that ends in _m ends in _mm."""
+    return _scaled(fields, "_m", "_mm", 1e3)
+
+
+def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dict[str, Any]:
+    """Values whose names end in `old`, multiplied and renamed; lists become tuples, None stays."""
+    scaled: dict[str, Any] = {}
+    for key, value in values.items():
+        if not key.endswith(old):
+            scaled[key] = value
+        elif value is None or isinstance(value, float | int):
+            scaled[key.removesuffix(old) + new] = value and factor * value
+        else:
+            scaled[key.removesuffix(old) + new] = tuple(factor * x for x in value)
+    return scaled
+
+
 def toml_number(value: float) -> str:
     """A number with 15 digits: 178.9 and not 178.90000000000001; the relative error is at most 1e-15."""
     text = f"{value:.15g}"

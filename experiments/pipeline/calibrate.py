@@ -6,13 +6,12 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 from experiments.formats.camera_file import camera_text, write_camera_toml
 from experiments.formats.camera_yaml import LensFile, opencv_text, ros_text
-from experiments.formats.outputs import check_new, output_folder, write_together
+from experiments.formats.outputs import check_new
 from vision import (
     DICTIONARIES,
     FILMS,
@@ -29,32 +28,6 @@ from vision import (
     grey_pictures,
 )
 from vision.cameras.board import larger_board
-
-Picture = Callable[[Calibration, str], bytes]
-"""Function that draws a calibration and returns the content of a file: png, pdf or svg."""
-
-Write = Callable[[Mapping[Path, str | bytes]], None]
-"""Function that writes files together, by their paths."""
-
-
-@dataclass(frozen=True, slots=True)
-class AlsoWrite:
-    """Optional files besides camera.toml: those for other programs, and a vector graphic, pdf or svg."""
-
-    opencv_yaml: Path | None = None
-    ros_yaml: Path | None = None
-    vector: str | None = None
-
-    @property
-    def forms(self) -> tuple[str, ...]:
-        """File formats of a plot."""
-        return ("png",) if self.vector is None else ("png", self.vector)
-
-    def pictures(self, out: Path) -> dict[str, Path]:
-        """Paths of a calibration's plot by format, such as camera.png beside camera.toml. Raises InputError."""
-        if out.suffix.lower() != ".toml":
-            raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
-        return {form: out.with_suffix(f".{form}") for form in self.forms}
 
 
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
@@ -81,10 +54,8 @@ def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm:
     if marker_mm is None or not 0 < marker_mm < square_mm:
         found = "none" if marker_mm is None else str(marker_mm)
         raise InputError.at("--marker-mm", "a length above 0 and below --square-mm", found)
-    try:
+    with placed("--charuco", ValueError):
         return Board(columns, rows, 1e-3 * square_mm, dictionary, 1e-3 * marker_mm)
-    except ValueError as error:
-        raise InputError(f"--charuco: {error}") from None
 
 
 def views_of(
@@ -134,42 +105,6 @@ def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
     return [*pictures] if among or inside else [*pictures, plane]
 
 
-def calibrate_one(
-    views: CameraViews, plane: Path | None, out: Path, also: AlsoWrite, picture: Picture, write: Write = write_together
-) -> Calibration:
-    """Calibrate one camera; write camera.toml, its plot and optional files together."""
-    done = calibrate(
-        views.views, views.size_px, None if plane is None else plane.name, name=views.name, left_out=views.left_out
-    )
-    files: dict[Path, str | bytes] = {out: camera_text(done)}
-    files |= {path: picture(done, form) for form, path in also.pictures(out).items()}
-    if also.opencv_yaml is not None:
-        files[also.opencv_yaml] = opencv_text(LensFile(done.lens, done.size_px))
-    if also.ros_yaml is not None:
-        files[also.ros_yaml] = ros_text(LensFile(done.lens, done.size_px, done.name))
-    write(files)
-    return done
-
-
-def calibrate_many(
-    board: Board,
-    cameras: Sequence[CameraViews],
-    plane: Path | None,
-    into: AbstractContextManager[Path],
-    *,
-    also: AlsoWrite,
-    picture: Picture,
-) -> list[Calibration]:
-    """Calibrate the cameras of one scene jointly; write NAME.toml and plots of each camera into a folder."""
-    with into as folder:
-        done = calibrate_together(board, cameras, None if plane is None else plane.name)
-        for camera in done:
-            write_camera_toml(camera, folder / f"{camera.name}.toml")
-            for form in also.forms:
-                (folder / f"{camera.name}.{form}").write_bytes(picture(camera, form))
-    return done
-
-
 def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
     """Folders by camera from texts like `left=DIR`; InputError for anything else."""
     folders: dict[str, Path] = {}
@@ -194,28 +129,49 @@ def command(
     out: Path,
     *,
     plane: Path | None,
-    also: AlsoWrite,
-    picture: Picture,
+    opencv_yaml: Path | None,
+    ros_yaml: Path | None,
+    vector: str | None,
+    picture: Callable[[Calibration, str], bytes],
     force: bool,
     stage: Callable[[str], Callable[[float], None]],
-    write: Write = write_together,
-    folder: Callable[[Path], AbstractContextManager[Path]] = output_folder,
+    write: Callable[[Mapping[Path, str | bytes]], None],
+    folder: Callable[[Path], AbstractContextManager[Path]],
 ) -> list[Calibration]:
-    """Calibrate one camera from pictures, or several from a folder each. Raises errors for bad input.
+    """Calibrate one camera from pictures, or several jointly from a folder each. Raises errors for bad input.
 
-    write: writes files together; folder: opens the output folder for several cameras
+    One camera gives camera.toml, its plot and optional files; several give NAME.toml and plots of each in a folder.
+    vector: pdf or svg, a further format of plots; picture: draws a calibration and returns the content of a file
+    write: writes files together, by their paths; folder: opens the output folder for several cameras
     """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"
         raise InputError.at("calibrate", "pictures of one camera or --camera NAME=FOLDER of several", found)
+    ground, forms = None if plane is None else plane.name, ["png", *([vector] if vector else [])]
     if pictures:
-        for path in (out, *also.pictures(out).values(), also.opencv_yaml, also.ros_yaml):
+        if out.suffix.lower() != ".toml":
+            raise InputError.at(f"--out {out}", "a file name that ends in .toml", "another")
+        plots = {form: out.with_suffix(f".{form}") for form in forms}
+        for path in (out, *plots.values(), opencv_yaml, ros_yaml):
             if path is not None:
                 check_new(path, force)
-        seen_by_one = views_of(board, with_plane(pictures, plane), out.stem, stage("boards"))
-        return [calibrate_one(seen_by_one, plane, out, also, picture, write)]
-    if also.opencv_yaml is not None or also.ros_yaml is not None:
+        own = views_of(board, with_plane(pictures, plane), out.stem, stage("boards"))
+        one = calibrate(own.views, own.size_px, ground, name=own.name, left_out=own.left_out)
+        files: dict[Path, str | bytes] = {out: camera_text(one)}
+        files |= {path: picture(one, form) for form, path in plots.items()}
+        if opencv_yaml is not None:
+            files[opencv_yaml] = opencv_text(LensFile(one.lens, one.size_px))
+        if ros_yaml is not None:
+            files[ros_yaml] = ros_text(LensFile(one.lens, one.size_px, one.name))
+        write(files)
+        return [one]
+    if opencv_yaml is not None or ros_yaml is not None:
         raise InputError.at("--opencv-yaml, --ros-yaml", "pictures of one camera", "--camera")
-    folders = named_folders(cameras)
-    seen = [views_of(board, [pictured], name, stage(name)) for name, pictured in folders.items()]
-    return calibrate_many(board, seen, plane, folder(out), also=also, picture=picture)
+    seen = [views_of(board, [pictured], name, stage(name)) for name, pictured in named_folders(cameras).items()]
+    with folder(out) as inside:
+        done = calibrate_together(board, seen, ground)
+        for camera in done:
+            write_camera_toml(camera, inside / f"{camera.name}.toml")
+            for form in forms:
+                (inside / f"{camera.name}.{form}").write_bytes(picture(camera, form))
+    return done

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from estimators import METHODS, CovarianceError, Method, TrackingProblem, make_method
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 from experiments.formats.recording import Fix, Recording
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, OPEN_LOOP, Step, with_bias_of_fixes
@@ -53,10 +53,8 @@ def compare(
     made = {name: make_method(name, problem) for name in others}
     done = track(recording, stage("track"))
     for name, method in made.items():
-        try:
+        with placed(f"{recording.folder}: {name}", CovarianceError):
             done = replace(done, steps=_with_method(done, name, method, stage(name)))
-        except CovarianceError as error:
-            raise InputError(f"{recording.folder}: {name}: {error}") from error
     return done
 
 

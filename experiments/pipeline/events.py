@@ -36,18 +36,18 @@ def rest_offsets(scene: Scene) -> Floats:
 
 def rest_is_known(scene: Scene) -> bool:
     """Whether rest lengths were identified from the tissue at rest, and the network has not been edited since then."""
-    return any(step.name == "at-rest" for step in scene.steps) and not _edited(scene)
+    return any(step.step == "at-rest" for step in scene.steps) and not _edited(scene)
 
 
 def _edited(scene: Scene) -> bool:
-    return bool(scene.steps) and scene.steps[-1].network != network_digest(scene)
+    return bool(scene.steps) and scene.steps[-1].network_sha256 != network_digest(scene)
 
 
 def rest_line(scene: Scene) -> str | None:
     """A message if the network does not rest as drawn, which displaces the predicted target; else None.
 
-    Usually the rest lengths are then the drawn lengths, which are right only without gravity. None, too, if they were
-    identified: then changes of other constants may have moved the rest shape.
+    Usually rest lengths then equal the drawn lengths, which is right only without gravity. Also None if they were
+    identified: later changes of other constants may have moved the rest shape.
     """
     if rest_is_known(scene):
         return None
@@ -71,7 +71,7 @@ def scene_line(scene: Scene) -> str:
     return (
         f"scene: {len(network.free)} free nodes and {held} in {network.dim} dimensions, "
         f"marks measured on {', '.join(scene.measured_nodes)}, target {scene.target.node}; constants {known}; "
-        f"noise levels {'stated' if own else 'default'}; done: {', '.join(s.name for s in scene.steps) or 'nothing'}"
+        f"noise levels {'stated' if own else 'default'}; done: {', '.join(s.step for s in scene.steps) or 'nothing'}"
     )
 
 
@@ -96,21 +96,21 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 def is_identified(scene: Scene) -> bool:
     """Whether the constants are the tissue's: identified from a recording, or used for its simulation."""
-    return any(step.name in CONSTANTS for step in scene.steps) and not _edited(scene)
+    return any(step.step in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
 def _unidentified(scene: Scene) -> str | None:
     """Reason why the constants are not the tissue's; None if they are identified or their uncertainty is stated."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
-    found = any(step.name in CONSTANTS for step in scene.steps)
-    since = f" since the network was changed after softaim {scene.steps[-1].name}" if found else ""
+    found = any(step.step in CONSTANTS for step in scene.steps)
+    since = f" since the network was changed after softaim {scene.steps[-1].step}" if found else ""
     return f"constants were not identified{since} (softaim identify): covariances do not include their errors"
 
 
 def _untuned(scene: Scene) -> str | None:
     """Reason why the noise levels are not the tissue's; None if they were tuned or are stated."""
-    usual, names = FilterSettings(), [step.name for step in scene.steps]
+    usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):
         why = "not tuned"

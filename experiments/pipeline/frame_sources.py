@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import cast
 
 import vision
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.recording import Recording, read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, usable_scene, with_step
@@ -52,12 +52,10 @@ def open_source(
             exposures=lambda: vision.stated_exposure_time,
         )
         return (seen if scene is None else scene), frames
-    try:
+    with placed("", vision.SourceError):
         if fps is None and Path(spec).is_dir():
             fps = usual_fps
         return scene, vision.open_source(spec.removeprefix(FILM), live=live, fps=fps)
-    except vision.SourceError as error:
-        raise InputError(str(error)) from error
 
 
 def open_live(
@@ -66,26 +64,27 @@ def open_live(
     """The newest frames of a source, or of several cameras in space, and the scene, as in `open_source`."""
     named = by_camera(specs)
     if "" not in named:
-        scene = None if scene_path is None else scene_in_space(scene_path, named)
-        cameras = cast(Mapping[str, vision.LiveFrames], open_cameras(named, live=True, fps=fps))
-        return scene, vision.SeveralFrames(cameras)
+        scene, cameras = open_each(specs, scene_path, live=True, fps=fps)
+        return scene, vision.SeveralFrames(cast(Mapping[str, vision.LiveFrames], cameras))
     recording = _recording_in(named[""], scene_path, fps)
     if recording is not None:
-        films = {one.camera: one.open_frames() for one in recording.films}
-        played = vision.played_together(films) if films else vision.from_file(recording.open_frames(), live=True)
+        films = recording.open_films()
+        played = vision.played_together(films) if recording.films else vision.from_file(films[""], live=True)
         return recording.scene, played
     return open_source(named[""], scene_path, live=True, fps=fps, phantom=phantom)
 
 
 def open_each(
-    specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None
+    specs: Sequence[str], scene_path: Path | None, *, live: bool, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """Every frame of a source, by the key "", or of several cameras, by name; and the scene as in `open_source`."""
+    """The frames of a source, by the key "", or of several cameras, by name; and the scene as in `open_source`."""
     named = by_camera(specs)
     if "" in named:
-        scene, frames = open_source(named[""], scene_path, live=False, fps=fps)
+        scene, frames = open_source(named[""], scene_path, live=live, fps=fps)
         return scene, {"": frames}
-    return None if scene_path is None else scene_in_space(scene_path, named), open_cameras(named, live=False, fps=fps)
+    scene = None if scene_path is None else scene_in_space(scene_path, named)
+    with placed("", vision.SourceError):
+        return scene, {name: vision.open_source(spec, live=live, fps=fps) for name, spec in named.items()}
 
 
 def _recording_in(spec: str, scene_path: Path | None, fps: float | None) -> Recording | None:
@@ -107,14 +106,6 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
             raise InputError.at("source", expected, vision.shown_source(spec))
         named[name] = source
     return named
-
-
-def open_cameras(named: Mapping[str, str], *, live: bool, fps: float | None = None) -> dict[str, vision.Source]:
-    """The frames of each camera's source, opened by `vision.open_source`; raises InputError."""
-    try:
-        return {name: vision.open_source(spec, live=live, fps=fps) for name, spec in named.items()}
-    except vision.SourceError as error:
-        raise InputError(str(error)) from error
 
 
 def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:

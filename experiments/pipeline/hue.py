@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, coordinates, placed
 from experiments.pipeline.frame_sources import open_source
 from vision import NOMINAL_FPS, HueError, learn_hue
 
@@ -14,21 +12,14 @@ def hue_lines(source: str, at: str, number: int) -> list[str]:
 
     Raises InputError if there is no such frame, position or mark.
     """
-    try:
-        u, v = (float(part) for part in at.split(","))
-        if not (math.isfinite(u) and math.isfinite(v)):
-            raise ValueError(at)
-    except ValueError:
-        raise InputError(f"--at: expected two numbers, U,V, found {shown(at)}") from None
+    u, v = coordinates("--at", at, 2, "two numbers, U,V")
     _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)
     with frames:
         frame = next((frame for frame in frames if frame.index == number), None)
     if frame is None:
         raise InputError(f"{source}: expected a frame {number}, found fewer")
-    try:
+    with placed(f"{source}: frame {number}", HueError, ValueError):
         hue = learn_hue(frame.image, (u, v))
-    except (HueError, ValueError) as error:
-        raise InputError(f"{source}: frame {number}: {error}") from None
     return [
         f"hue_deg = {hue.hue_deg:.1f}",
         f"half_width_deg = {hue.half_width_deg:.1f}",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from estimators import (
     tune_strain,
 )
 from estimators.identification import MAX_VARIANCE_LEFT, Workers
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.recording import Recording
 from experiments.formats.scene.mesh import SceneMesh
 from experiments.formats.scene.scene import Scene
@@ -34,14 +34,14 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Ratio of the target's errors, predicted without its mark, after and before identification, above which no scene is
-written; choice: a recording of a minute determines the ratio to a tenth."""
+"""Largest ratio of the target's error after identification to the error before, both predicted without its mark; above
+it no scene is written; choice: a recording of a minute determines the ratio to a tenth."""
 
 MOST_SHARED = 0.5
 """Squared correlation of two constants above which they are reported as confounded; choice."""
 
 NAMED = 4
-"""Largest number of constants named for a combination, largest weights first, and of pairs named in a line."""
+"""Largest number of constants that are named for a combination, and of pairs that are named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if marks on these nodes are for scoring only in a film in space, where they are not searched."""
+    """Raise InputError if these nodes have marks for scoring only, which are not searched in films in space."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -80,10 +80,8 @@ def resting_scene(recording: Recording, frames: Frames) -> Scene:
             raise InputError.at(recording.folder, f"a mark on {node} in a picture of the tissue at rest", "none")
         positions[i] = np.mean([mark.position for mark in seen], axis=0)
         variances.append(np.mean([np.trace(mark.cov) for mark in seen]) / network.dim / len(seen))
-    try:
+    with placed(recording.folder, NetworkError):
         fitted = fit_rest_lengths(network, positions, sd_m=float(np.sqrt(np.mean(variances))))
-    except NetworkError as error:
-        raise InputError(f"{recording.folder}: {error}") from None
     return replace(recording.scene, network=fitted)
 
 
@@ -100,7 +98,7 @@ def identified_scene(
     Raises InputError if the target's mark is not visible, or if the result fits worse than the scene.
     """
     scene = recording.scene
-    try:
+    with placed(recording.folder, IdentificationError):
         found = identify_constants(
             scene.network,
             frames,
@@ -113,8 +111,6 @@ def identified_scene(
             workers=workers,
             advance=advance,
         )
-    except IdentificationError as error:
-        raise InputError(f"{recording.folder}: {error}") from None
     check_fit(recording, found)
     return replace(scene, network=found.network, uncertainty=found.uncertainty), found
 
@@ -150,7 +146,7 @@ def tuned_scene(
     Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
-    try:
+    with placed(recording.folder, IdentificationError):
         found = tune_strain(
             scene.network,
             frames,
@@ -163,8 +159,6 @@ def tuned_scene(
             workers=workers,
             advance=advance,
         )
-    except IdentificationError as error:
-        raise InputError(f"{recording.folder}: {error}") from None
     return replace(scene, settings=found.settings), found
 
 
@@ -187,9 +181,9 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 
 
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
-    """Combinations that the recording determines less than the prior does.
+    """Combinations of constants that the recording determines less than the prior does.
 
-    Each has the remaining share of its prior variance, and the constants with the largest weights.
+    Each has the share of its prior variance that remains, and the constants with the largest weights.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -201,16 +195,8 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     return combinations
 
 
-@dataclass(frozen=True, slots=True)
-class Confounded:
-    """Two confounded constants, or two kinds whose means are confounded: names, and correlation of the errors."""
-
-    constants: tuple[str, str]
-    correlation: float
-
-
-def confounded(found: IdentificationResult) -> list[Confounded]:
-    """Confounded pairs of constants, or of the means of whole kinds, strongest correlation first.
+def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
+    """Confounded pairs of constants, or of the means of whole kinds, strongest correlation of errors first.
 
     A combination of the two is known better than either; an error in one causes an error in the other.
     """
@@ -225,7 +211,7 @@ def confounded(found: IdentificationResult) -> list[Confounded]:
     pairs = [(a, b) for a in range(len(names)) for b in range(a + 1, len(names)) if (a < n) == (b < n)]
     together = [(a, b) for a, b in pairs if correlation[a, b] ** 2 > MOST_SHARED]
     together.sort(key=lambda pair: -abs(correlation[pair]))
-    return [Confounded((names[a], names[b]), float(correlation[a, b])) for a, b in together]
+    return [{"constants": [names[a], names[b]], "correlation": float(correlation[a, b])} for a, b in together]
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
@@ -245,7 +231,7 @@ def identification_report(found: IdentificationResult, mesh: SceneMesh | None = 
         "directions": len(found.uncertainty.directions),
         "constants": constants(found, mesh),
         "undetermined_combinations": undetermined(found),
-        "confounded": [asdict(pair) for pair in confounded(found)],
+        "confounded": confounded(found),
         "not_determined": not_determined(found),
         "starts": {"followed": found.n_starts, "agreeing": found.n_agreeing},
         "residuals": {
@@ -286,11 +272,13 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
         before, after = 1e3 * found.target_error_before_m, 1e3 * found.target_error_m
         with_noise = "Median error of the target predicted without its mark, mark noise included"
         lines += [f"{with_noise}: {before:.2f} mm before, {after:.2f} mm after"]
-    if not found.in_time:
-        lines += [
-            f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
-        ]
-    return lines
+    return lines + time_lines(found, minutes)
+
+
+def time_lines(found: IdentificationResult | TuningResult, minutes: float) -> list[str]:
+    """A line on a result that the time limit has cut short."""
+    best = f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
+    return [] if found.in_time else [best]
 
 
 def _known_badly(found: IdentificationResult) -> list[str]:
@@ -302,7 +290,7 @@ def _known_badly(found: IdentificationResult) -> list[str]:
         why = "" if found.network.continuum is None else f"; {ONLY_BY_FAST_MOTION}"
         lines += [f"Not determined by this recording, so the scene's values were kept: {counts}{why}"]
     if pairs := confounded(found):
-        named = "; ".join(f"{' and '.join(pair.constants)} ({pair.correlation:+.2f})" for pair in pairs[:NAMED])
+        named = "; ".join(f"{' and '.join(p['constants'])} ({p['correlation']:+.2f})" for p in pairs[:NAMED])
         more = f"; {len(pairs) - NAMED} more pairs with --json" if len(pairs) > NAMED else ""
         lines += [f"Confounded constants, with the correlation of their errors: {named}{more}"]
     return lines

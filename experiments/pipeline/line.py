@@ -289,7 +289,7 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
     """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
 
-    Except at a start, the estimate lists the used marks; after an exchange of names another filter made the counts.
+    The estimate lists the used marks, except in the first frame. The counts are used only if it lists none.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))

@@ -19,7 +19,7 @@ import numpy as np
 
 import vision
 from experiments.arrays import Floats
-from experiments.errors import InputError
+from experiments.errors import InputError, accepted, placed
 from experiments.formats.films.pictures import FOLDERS, MARKS, SEGMENTS, VIDEOS, growing_in, source_in
 from experiments.formats.outputs import check_apart, write_together
 from experiments.formats.recording import read_frames, write_frames_csv
@@ -68,12 +68,10 @@ class Recorder:
         self._last_s = -float("inf")
         self._piece = _Piece(0, len(HEADER))
         self._fault: InputError | None = None
-        try:
+        with accepted(folder, "a folder that can be written"):
             (folder / SEGMENTS).mkdir(parents=True)
             with (folder / "frames.csv").open("xb") as rows:
                 rows.write(HEADER)
-        except OSError as error:
-            raise InputError.refused(folder, "a folder that can be written", error) from error
         self._pieces = vision.SegmentWriter(folder / SEGMENTS, size_px, codec)
 
     @property
@@ -134,15 +132,6 @@ class Recorder:
             self._fault = InputError(str(error))
             raise self._fault from error
         self._piece = _Piece(piece.first_row + len(piece.times_s), piece.begins_at + len(lines))
-
-
-@dataclass(frozen=True, slots=True)
-class Recorded:
-    """Number of recorded frames and of dropped frames of the source, and whether there is a scene."""
-
-    n_frames: int
-    n_dropped: int
-    has_scene: bool
 
 
 def record(
@@ -213,14 +202,12 @@ def remove_recording(folder: Path) -> None:
     """Remove a recording's files from a folder, except its scene; other files stay. Raises InputError."""
     of_cameras = [*_growing(folder), *(path for path in folder.glob("video.*.*") if f"video{path.suffix}" in VIDEOS)]
     of_cameras += [path for path in folder.glob("frames.*") if path.is_dir() or path.match("frames.*.csv")]
-    try:
+    with accepted(folder, "a folder that can be written"):
         for path in (*(folder / name for name in (*VIDEOS, *TABLES, *FOLDERS)), *of_cameras):
             if path.is_dir():
                 shutil.rmtree(path)
             else:
                 path.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError.refused(folder, "a folder that can be written", error) from error
 
 
 def check_folder(out: Path, force: bool, read: Sequence[Path]) -> None:
@@ -284,7 +271,7 @@ def _join(folder: Path, advance: Advance) -> int:
         raise InputError.at(folder, f"{SEGMENTS}/ of a killed recording", "none")
     exposures_s = read_frames(folder / "frames.csv", torn=True)
     n_frames = len(exposures_s)
-    try:
+    with placed("", vision.SourceError), accepted(folder, "a folder that can be written"):
         if source_in(folder).name not in VIDEOS:
             pieces = vision.segments_in(folder / SEGMENTS)
             film = folder / f"video{pieces[0].suffix}"
@@ -293,10 +280,6 @@ def _join(folder: Path, advance: Advance) -> int:
         shutil.rmtree(folder / SEGMENTS)
         for partial in folder.glob(".video.*.partial.*"):
             partial.unlink()
-    except vision.SourceError as error:
-        raise InputError(str(error)) from error
-    except OSError as error:
-        raise InputError.refused(folder, "a folder that can be written", error) from error
     return n_frames
 
 
@@ -310,16 +293,17 @@ def record_source(
     fps: float | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
     force: bool = False,
-) -> Recorded:
+) -> tuple[int, int, bool]:
     """Record a source, or one for each of several cameras, NAME=SOURCE, to the new or empty folder `out`, and join it.
 
+    Returns the numbers of recorded and of dropped frames, and whether there is a scene.
     force: whether `out` may have files; a recording in it is replaced when the first frame comes
     Raises InputError; if the source fails, the frames recorded before are joined first.
     """
     if codec not in ("FFV1", "MJPG"):
         raise InputError.at("--codec", "FFV1 or MJPG", codec)
     check_folder(out, force, [path for path in map(Path, by_camera(sources).values()) if path.exists()])
-    scene, frames = open_each(sources, scene_path, fps=fps)
+    scene, frames = open_each(sources, scene_path, live=False, fps=fps)
     fault: Exception | None = None
     with ExitStack() as opened:
         for one in frames.values():
@@ -347,4 +331,4 @@ def record_source(
     if fault is not None:
         kept = f"; {counted(n_frames, 'frame')} until then in {out}" if n_frames else ""
         raise InputError(f"{', '.join(map(vision.shown_source, sources))}: {fault}{kept}")
-    return Recorded(n_frames, sum(one.frames_dropped for one in frames.values()), scene is not None)
+    return n_frames, sum(one.frames_dropped for one in frames.values()), scene is not None

@@ -11,7 +11,7 @@ import numpy as np
 
 from estimators import Registration, RegistrationError, register_points, weighted_mean, without_each
 from experiments.arrays import Floats
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.films.pictures import MARKS
 from experiments.formats.marks.drawing import LENGTHS_MM, fits
 from experiments.formats.marks.rows import MarkRow
@@ -40,7 +40,7 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: each point's distance from its prediction by the others, and that distance expected [m]; None if unknown
+    left_out: distance of each point from its prediction by the other points, and the expected distance [m], or None
     suspect: the point without which the fit improves most; None if no point can be omitted
     target_sd_m: error of the registration at the target for each axis [m]
     stated: whether the scene states the error of the target's place
@@ -61,21 +61,17 @@ class Registered:
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """The scene moved to points measured in the first seconds of a table, or of a folder's table; raises InputError.
+    """The scene, moved to fit points measured in the first seconds of a table, or of a folder's table.
 
-    mesh_file: file of the moved mesh
+    mesh_file: file of the moved mesh. Raises InputError.
     """
     path = table / MARKS if table.is_dir() else table
     points = _points(scene, path, seconds)
-    try:
+    with placed(path, RegistrationError), placed(f"{path}: the moved scene", SceneError):
         found = register_points(points.drawn, points.measured, points.covs)
         if found.p_value < CONTRADICTED:
             _check_reading(path, points, found.rms_m)
         moved = moved_scene(scene, found.motion, mesh_file)
-    except RegistrationError as error:
-        raise InputError(f"{path}: {error}") from None
-    except SceneError as error:
-        raise InputError(f"{path}: the moved scene: {error}") from None
     others = without_each(points.drawn, points.measured, points.covs)
     left = {one.chi_square: name for name, one in zip(points.names, others, strict=True) if one is not None}
     sd_m, before_m = _target_sd(scene, found), scene.target.position_sd_m

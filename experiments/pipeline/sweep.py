@@ -23,7 +23,7 @@ from dynamics import KINDS, MassSpringNetwork, parameters, scale_parameters
 from experiments.engine.runs import KEY_DIGITS, Case, program
 from experiments.engine.study import Study, run_study
 from experiments.engine.workers import Workers
-from experiments.errors import InputError, read_text, shown
+from experiments.errors import InputError, placed, read_text, shown
 from experiments.formats.outputs import write_whole
 from experiments.formats.page import markdown_table
 from experiments.formats.scenario import Scenario, SeenMarks, completed
@@ -76,10 +76,8 @@ def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, 
     true = true_scene(text, scenario, str(sweep.scene))
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
-    try:
+    with placed(sweep.path, InputError):
         complete = completed(scenario, true.network, true.measured_nodes, "scenario")
-    except InputError as fault:
-        raise InputError(f"{sweep.path}: {fault}") from None
     tables = complete.model_dump(exclude_unset=True, exclude_none=True)
     if text is None:
         return tables
@@ -92,12 +90,10 @@ def _column(value: Any) -> str | int | float:
 
 def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
     """Before all runs, raise InputError for forces that do not fit the tissue."""
-    try:
+    with placed(sweep.path, InputError):
         network = true_scene(text, scenario, str(sweep.scene)).network
         brief = scenario.model_copy(update={"duration_s": min(scenario.duration_s, CHECKED_S)})
         start_and_forces(network, brief, np.random.default_rng(0))
-    except InputError as fault:
-        raise InputError(f"{sweep.path}: {fault}") from None
 
 
 def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:

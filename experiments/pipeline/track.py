@@ -175,8 +175,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    The position of the target's node is from truth.csv or from the node's mark for scoring; the map from the node to
-    the target is that of all estimates.
+    The position of the target's node comes from truth.csv or from its mark for scoring. All estimates use the same map
+    from the node to the target.
     """
     scene = recording.scene
     node = scene.target.node

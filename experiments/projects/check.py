@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import vision
 from dynamics import SAME_STEP, Oscillations, oscillations, rest_shape, stable_step
@@ -193,23 +192,22 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """The result of a search for marks in a picture of the line's scene; in space, in one picture of each camera."""
-    scene = line.scene
-    if not scene.space_cameras:
-        return line.see(0.0, _picture(scene, recording))
-    if recording is None:
-        x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
+    """The result of a search for marks in each camera's first picture or, without a recording, in synthetic ones."""
+    scene, images = line.scene, {}
+    x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
+    if recording is not None:
+        for name, film in recording.open_films().items():
+            with film as frames:
+                images[name] = next(iter(frames)).image
+    elif scene.space_cameras:
         images = {one.name: draw_in_space(scene, one, x, light, rng) for one in scene.space_cameras}
     else:
-        images = {}
-        for film in recording.films:
-            with film.open_frames() as frames:
-                images[film.camera] = next(iter(frames)).image
-    return line.see_all(vision.Exposure(0.0, images))
+        images = {"": draw(scene, x, light, rng, strays=[])}
+    return line.see_all(vision.Exposure(0.0, images)) if scene.space_cameras else line.see(0.0, images[""])
 
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
-    """Shared error of a mark at a position due to the camera's calibration; None if that is exact."""
+    """Shared error of a mark at a position due to the camera's calibration; None for an exact calibration."""
     if scene.space_cameras and scene.n_calibration and not scene.reference.marks:
         return calibration_shifts(scene)(place[None])[0]
     camera = scene.cameras[0] if scene.cameras else None
@@ -230,14 +228,6 @@ def _in_rows(
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)
-
-
-def _picture(scene: Scene, recording: Recording | None) -> NDArray[np.uint8]:
-    """The first frame of a film, or a synthetic picture of the scene as drawn."""
-    if recording is None:
-        return draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
-    with recording.open_frames() as frames:
-        return next(iter(frames)).image
 
 
 def _after_rest(

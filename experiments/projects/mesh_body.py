@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dynamics.mesh import MeshError, TetMesh, far_apart, locate, locate_on_surface
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, coordinates, placed, shown
 from experiments.formats.mesh.body import Body, read_body
 from experiments.formats.mesh.held import PLANE, REGION, WALL, beyond, extents, held
 from experiments.formats.mesh.project_file import ProjectMesh, mesh_content
@@ -202,10 +202,8 @@ def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.i
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
-    try:
+    with placed("--fixed", ValueError):
         held(ProjectMesh(of.mesh, nodes), fixed)
-    except ValueError as error:
-        raise InputError(f"--fixed: {error}") from None
     return nodes, fixed
 
 
@@ -262,13 +260,7 @@ def _listed(path: Path, mesh: TetMesh, faces: NDArray[np.int64]) -> dict[str, Fl
 
 def _place(text: str) -> Floats:
     """The position [m], (3,), that `--target` states; raises InputError."""
-    try:
-        place = 1e-3 * np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        place = np.empty(0)
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise InputError.at("--target", "x,y,z [mm]", shown(text))
-    return place
+    return 1e-3 * np.array(coordinates("--target", text, 3, "x,y,z [mm]"))
 
 
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
@@ -312,10 +304,8 @@ def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> f
 
 def _scene(content: bytes, of: MeshChoice, table: MeshTable, marks: dict[str, Floats]) -> Scene:
     """The scene of a mesh: marks on its surface, and a mark of the target for scoring only."""
-    try:
+    with placed(of.path, SceneError):
         mesh, network = mesh_network(content, of.path, table)
-    except SceneError as error:
-        raise InputError(f"{of.path}: {error}") from None
     places = np.array([*marks.values()])
     apart = np.linalg.norm(places[:, None] - places, axis=2) + np.diag(np.full(len(places), np.inf))
     extent = float(np.ptp(places, axis=0).max()) if len(places) > 1 else 0.06

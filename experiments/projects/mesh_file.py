@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dynamics import NetworkError, Phantom, elastic_body, on_hull
 from dynamics.phantoms.lattice import volume
 from experiments.arrays import Floats
-from experiments.errors import InputError, no_node, shown
+from experiments.errors import InputError, no_node, placed, shown
 from experiments.formats.scene.network import is_node_name
 from experiments.formats.tables import Table, read_rows, read_table
 
@@ -47,10 +47,8 @@ def read_mesh(nodes: Path, springs: Path | None, young: float) -> tuple[Phantom,
     if masses is not None:
         table.check("mass_kg", (masses > 0.0) | fixed, "more than 0")
     positions = 1e-3 * np.stack([table.numbers[axis] for axis in axes], axis=1)
-    try:
+    with placed(nodes, NetworkError):
         volume(positions)
-    except NetworkError as error:
-        raise InputError(f"{nodes}: {error}") from None
     hues = _hues(table, fixed) if "hue_deg" in has else {}
     chosen = _target(table, target, fixed, positions)
     outer = [name for name in hues if name != chosen] or _outside(names, positions, fixed, chosen)

@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle pushes; numerical: the last changes it by < 10 µm."""
+"""Number of iterations for the aim at a target that the needle pushes; numerical: the last one moves it by < 10 µm."""
 
 N_ENTRIES = 200
 """Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""

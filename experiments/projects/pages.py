@@ -20,7 +20,7 @@ from experiments.projects.template import CALIBRATION_SD_PX, RADIUS_MM, Template
 
 FRAMES_PER_S = 30
 MOVED_M = 0.01
-"""Displacement of a mesh's target by breathing, and of its marks by a constant poke [m]."""
+"""Displacement of a mesh's target by breathing [m]."""
 
 POKED_M = 0.02
 """Displacement of a continuum's softest mark if its strongest poke were constant [m]: as large as by a probe."""
@@ -29,10 +29,10 @@ WAVE = 2.5
 """Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""Strongest poke by dimension [m/s²]; for a soft breast, whose masses are 40 g, 40 m/s² would be 1 to 2 N."""
+"""Strongest poke by dimension [m/s²]; choice: 40 m/s² on the masses of 40 g in a soft breast would be 1.6 N."""
 
 HORIZON_S = 1.0
-"""Time searched for a better start [s]: five periods of a breast's oscillation, half the default of two seconds."""
+"""Time within which a better start is searched [s]: five periods of a breast's oscillation, half the default."""
 
 SPEED_MM_S = 100.0
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from dynamics import NetworkError, breast_phantom, planar_phantom
 from dynamics.phantoms.breast import YOUNG_PA
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.outputs import write_together, write_whole
 from experiments.formats.scene.scene import mesh_beside
 from experiments.projects.mesh_body import MeshChoice, mesh_template
@@ -23,7 +23,7 @@ UP, FROM_THE_FRONT = (0.3, 1.0), (0.4, 0.3, 1.0)
 """Directions from the target to the needle's entry, in the plane and in space."""
 
 STILL_S, CALIBRATION_S, SCORED_S, BREATHING_S = 2.0, 20.0, 10.0, 20.0
-"""Durations of the recordings [s]. That with breathing has five breaths; the breathing model predicts after two."""
+"""Durations of the recordings [s]. The last has five breaths; the breathing model predicts after two."""
 
 
 class Kind(StrEnum):
@@ -60,7 +60,7 @@ def project(
         if value is not None and not known:
             raise InputError.at(f"--kind {kind}", f"no {option}", str(value))
     young = YOUNG_PA if young_kpa is None else 1e3 * young_kpa
-    try:
+    with placed(f"--kind {kind}", NetworkError):
         if mesh is not None:
             return mesh_template(mesh, young_pa=young if young_kpa is not None else None, seed=seed)
         if kind is Kind.MESH:
@@ -76,8 +76,6 @@ def project(
         phantom = breast_phantom(n_masses, young)
         way = np.array(FROM_THE_FRONT)
         return template(f"A soft breast of {n_masses} masses", phantom, {}, way, seed=seed)
-    except NetworkError as error:
-        raise InputError(f"--kind {kind}: {error}") from None
 
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:

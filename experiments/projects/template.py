@@ -20,7 +20,7 @@ from dynamics import (
     to_outside,
 )
 from experiments.arrays import Floats
-from experiments.errors import InputError
+from experiments.errors import placed
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
@@ -63,7 +63,6 @@ class Template:
     assumed: the user's scene; it rests as drawn
     truth: the scene of the simulated tissue, drawn at its rest: it has other constants, and the same marks and target
     entry_m, direction: where a needle enters the tissue, and its direction to the pushed target, each (dim,)
-    notes: what the user should know
     """
 
     title: str
@@ -71,7 +70,6 @@ class Template:
     truth: Scene
     entry_m: Floats
     direction: Floats
-    notes: tuple[str, ...] = ()
 
     @property
     def truth_all_seen(self) -> Scene:
@@ -89,10 +87,8 @@ def template(title: str, phantom: Phantom, hues: dict[str, float], way: Floats, 
     factors = _off(phantom, np.random.default_rng(seed))
     which = parameters(network)
     changed = scale_parameters(network, which, [factors[one.kind][one.index] for one in which])
-    try:
+    with placed(f"--seed {seed}: simulated tissue", NetworkError):
         actual = replace(changed, positions=rest_shape(changed))
-    except NetworkError as error:
-        raise InputError(f"--seed {seed}: simulated tissue: {error}") from None
     start = network.positions[network.index(phantom.target)]
     out = way / np.linalg.norm(way)
     reach = max(to_outside(network.positions, start, out), 1e-3 * LEAST_REACH_MM)

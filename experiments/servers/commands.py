@@ -48,7 +48,7 @@ class Fix(_Command):
 
 
 class Hue(_Command):
-    """Set the colour of a mark to that at this position in the picture [px]."""
+    """Set the colour of a mark to the colour at this position in the picture [px]."""
 
     command: Literal["hue"]
     node: Annotated[str, Field(max_length=200)]
@@ -87,7 +87,7 @@ def read_command(found: Any) -> Command:
 
 
 def is_needle(found: Any) -> bool:
-    """Whether a decoded JSON object, or its text, is a needle, valid or not: a refused one counts as `UNSEEN`."""
+    """Whether a decoded JSON object, or its text, is a needle command; an invalid one counts as `UNSEEN`."""
     if isinstance(found, str | bytes):
         try:
             found = json.loads(found)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,12 +20,6 @@ class Moment:
     number: int
     text: bytes
     picture: bytes | None
-
-    @property
-    def state(self) -> Message:
-        """The state, decoded."""
-        found: Message = json.loads(self.text)
-        return found
 
 
 class Feed:

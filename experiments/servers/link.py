@@ -90,12 +90,8 @@ class Link:
 
     def requests(self) -> Iterator[Mapping[str, Any]]:
         """The requests of clients, in order; requests not taken from the iterator wait for the next call."""
-        while True:
-            with self._changed:
-                if not self._requests:
-                    return
-                first = self._requests.popleft()
-            yield first
+        while self._requests:
+            yield self._requests.popleft()
 
     def close(self) -> None:
         """End the serving process."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from estimators import Guidance, Insertion, TargetEstimate
 from experiments.arrays import Floats
-from experiments.film.overlay import MarkDrawn, NeedleDrawn, Overlay, within_95
+from experiments.film.overlay import Overlay, within_95
 from experiments.film.strokes import Colour
 from experiments.formats.needle_file import NeedlePlan
 from experiments.formats.scene.outside import outside_of
@@ -160,6 +160,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
     """Annotation in pixels of the picture; an ellipse is its centre and two semi-axes as vectors."""
+    needle = overlay.needle
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],
         "target_px": _px(overlay.target_px),
@@ -169,29 +170,26 @@ def _picture(overlay: Overlay) -> dict[str, Any]:
         "status_colour": _colour(overlay.status_colour),
         "advice_colour": _colour(overlay.advice_colour) if overlay.advice else None,
         "notes": list(overlay.notes),
-        "marks": [_mark(one) for one in overlay.marks],
-        "needle": None if overlay.needle is None else _needle_drawn(overlay.needle),
-    }
-
-
-def _needle_drawn(needle: NeedleDrawn) -> dict[str, Any]:
-    return {
-        "shaft_px": [_px(one) for one in needle.shaft_px],
-        "ahead_px": [_px(one) for one in needle.ahead_px],
-        "aim_px": _px(needle.aim_px),
-        "aim_ellipse_px": _ellipse(needle.aim_cov_px2),
-    }
-
-
-def _mark(mark: MarkDrawn) -> dict[str, Any]:
-    return {
-        "node": mark.name,
-        "fate": str(mark.fate),
-        "why": mark.why,
-        "center_px": _px(mark.center_px),
-        "expected_px": _px(mark.expected_px),
-        "expected_ellipse_px": _ellipse(mark.expected_cov_px2),
-        "shape_px": mark.shape_px.tolist(),
+        "marks": [
+            {
+                "node": mark.name,
+                "fate": str(mark.fate),
+                "why": mark.why,
+                "center_px": _px(mark.center_px),
+                "expected_px": _px(mark.expected_px),
+                "expected_ellipse_px": _ellipse(mark.expected_cov_px2),
+                "shape_px": mark.shape_px.tolist(),
+            }
+            for mark in overlay.marks
+        ],
+        "needle": None
+        if needle is None
+        else {
+            "shaft_px": [_px(one) for one in needle.shaft_px],
+            "ahead_px": [_px(one) for one in needle.ahead_px],
+            "aim_px": _px(needle.aim_px),
+            "aim_ellipse_px": _ellipse(needle.aim_cov_px2),
+        },
     }
 
 

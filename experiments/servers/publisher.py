@@ -6,7 +6,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Self
 
 import numpy as np
@@ -85,17 +85,16 @@ class Shows:
         since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
         nowhere = TargetEstimate(time_s, np.full(self._dim, np.nan), None, Status.INITIALISING, 0)
         guidance = None if self._plan is None else Guidance(Advice.NO_GUIDANCE, PREPARING)
-        utc_s, events = time.time() - since_s, list(self._events.lines)
-        counters = counters_message(Counters(not_used=n_shown), None, self._memory_mb)
         self.link.publish(
-            lambda: state_message(
+            partial(
+                state_message,
                 nowhere,
-                utc_s=utc_s,
+                utc_s=time.time() - since_s,
                 from_frame=False,
-                counters=counters,
+                counters=counters_message(Counters(not_used=n_shown), None, self._memory_mb),
                 guidance=guidance,
                 fault=PREPARING,
-                events=events,
+                events=list(self._events.lines),
             ),
             frame.image if frame is not None and self.link.wants_picture else None,
         )
@@ -112,25 +111,22 @@ class Shows:
             nodes_m = line.filter.positions
         if not shown.counters.frames % 64:
             self._memory_mb = memory_mb()
-        counters = counters_message(shown.counters, shown.interval_s, self._memory_mb)
-        utc_s = shown.at_s + time.time() - time.monotonic()
-        needle = None if shown.plan is None else shown.plan.insertion
-        events, recording, paused = list(self._events.lines), self._recording, self._paused
         self.link.publish(
-            lambda: state_message(
+            partial(
+                state_message,
                 shown.estimate,
-                utc_s=utc_s,
+                utc_s=shown.at_s + time.time() - time.monotonic(),
                 from_frame=shown.step is not None,
-                counters=counters,
+                counters=counters_message(shown.counters, shown.interval_s, self._memory_mb),
                 overlay=overlay,
                 nodes_m=nodes_m,
                 nis_band=nis_band(shown.estimate.marks_used * line.scene.network.dim),
                 guidance=shown.guidance,
-                needle=needle,
+                needle=None if shown.plan is None else shown.plan.insertion,
                 fault=shown.fault,
-                events=events,
-                recording=recording,
-                paused=paused,
+                events=list(self._events.lines),
+                recording=self._recording,
+                paused=self._paused,
                 errors=shown.errors,
             ),
             image,
@@ -140,7 +136,7 @@ class Shows:
         """Handle the requests since the last cycle of the loop, and report failed requests.
 
         It ends after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
-        Addresses are printed with the first frame, or later without one: for bad input only the error is printed.
+        Addresses are printed with the first frame or after `TELLS_S`: for bad input only the error is printed.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()

@@ -61,7 +61,7 @@ def test_a_live_run_ends_well_by_it(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Session, "take", take)
     done = live([str(tmp_path / "rec")], None, lambda _scene: nullcontext(out))
-    assert (done.frames, done.fault) == (1, None)
+    assert (done["frames"], done["fault"]) == (1, None)
 
 
 @POSIX

@@ -56,7 +56,7 @@ def test_the_tutorial_leads_to_advice(tmp_path, monkeypatch):
     true = read_scene(Path("truth/scene.toml")).network.positions
     before, after = (np.abs(one.network.positions - true).max() for one in (assumed, found))
     assert after < 0.5 * before
-    assert [step.name for step in found.steps] == ["at-rest", "identify", "tune"]
+    assert [step.step for step in found.steps] == ["at-rest", "identify", "tune"]
     assert Path("advice/advice.csv").is_file()
     figures = json.loads(Path("track/summary.json").read_text(encoding="utf-8"))
     assert figures["filter"]["mae_mm"] < min(figures["open-loop"]["mae_mm"], 1.0)

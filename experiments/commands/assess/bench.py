@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def bench(run: Run) -> Answer:
@@ -12,4 +11,4 @@ def bench(run: Run) -> Answer:
     from experiments.studies.bench import bench as measured
 
     report = measured(run.stage("bench"))
-    return Answer(report, lambda: print_table(bench_table(report)))
+    return Answer(report, [bench_table(report)])

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from experiments.commands.options import Force, Out, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force = False) -> Answer:
@@ -16,11 +15,8 @@ def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force 
 
     with run.folder(out, force=force) as folder:
         figures = done(folder, vector=vector, stage=run.stage)
-
-    def show() -> None:
-        print_table(demo_table(figures))
-        for scenario in figures:
-            print(f"Pictures: {out / scenario / 'path.png'}, error.png, sigma.png, consistency.png beside it")
-        print(f"All figures, with a verdict for each: {out / 'summary.json'}")
-
-    return Answer({"out": out, "summary": figures}, show)
+    pictures = (
+        f"Pictures: {out / name / 'path.png'}, error.png, sigma.png, consistency.png beside it" for name in figures
+    )
+    verdicts = f"All figures, with a verdict for each: {out / 'summary.json'}"
+    return Answer({"out": out, "summary": figures}, [demo_table(figures), *pictures, verdicts])

@@ -10,7 +10,7 @@ import typer
 
 from experiments.commands.options import Force, Out, Processes, Scheduler
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
+from experiments.extras import require
 
 PAGE = Path("docs") / "faults.md"
 
@@ -29,8 +29,6 @@ def faults(
     page: Annotated[bool, typer.Option("--page", help="Rewrite docs/faults.md in the current folder.")] = False,
 ) -> Answer:
     """Test live runs with faults of camera, tissue, needle and system; to resume, run again."""
-    from experiments.extras import require
-
     require("faults", "cluster", "live")
     run.not_with("--scheduler", "--processes")
     from experiments.commands.console import faults_table
@@ -43,9 +41,6 @@ def faults(
     if page:
         rewrite_page(PAGE, {"faults": markdown(rows)})
     run.finish(out, out)
-
-    def show() -> None:
-        print_table(faults_table(cells(rows)))
-        print(f"Table in {out / 'faults.csv'}; wrong GO: {rows['go_shown_while_faulty'].sum()}")
-
-    return Answer({"out": out, "faults": json.loads(rows.to_json(orient="records"))}, show)
+    line = f"Table in {out / 'faults.csv'}; wrong GO: {rows['go_shown_while_faulty'].sum()}"
+    record = {"out": out, "faults": json.loads(rows.to_json(orient="records"))}
+    return Answer(record, [faults_table(cells(rows)), line])

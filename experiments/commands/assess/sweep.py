@@ -10,7 +10,8 @@ import typer
 
 from experiments.commands.options import Force, Out, Processes, Scheduler
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
+from experiments.extras import require
+from experiments.log import LOG
 from experiments.plain import counted
 
 MOST_SHOWN = 5
@@ -26,14 +27,11 @@ def sweep(
     force: Force = False,
 ) -> Answer:
     """Run methods on simulated recordings over a parameter grid and seeds; to resume, run again."""
-    from experiments.extras import require
-
     require("sweep", "cluster")
     run.not_with("--scheduler", "--processes")
     from experiments.commands.console import sweep_table
     from experiments.engine.workers import Workers
     from experiments.formats.sweep_file import read_sweep
-    from experiments.log import LOG
     from experiments.pipeline.sweep import cells, run_sweep
 
     read = read_sweep(study)
@@ -44,11 +42,7 @@ def sweep(
     if failed:
         LOG.warning("%d of %d runs failed", len(failed), done.n_runs)
     run.finish(out, out, [study, read.scenario, read.scene])
-
-    def show() -> None:
-        print_table(sweep_table(cells(summary)))
-        print(f"{counted(done.n_runs, 'run')}, {done.n_done} of them new; tables in {out}")
-
+    line = f"{counted(done.n_runs, 'run')}, {done.n_done} of them new; tables in {out}"
     record = {
         "out": out,
         "runs": done.n_runs,
@@ -56,4 +50,4 @@ def sweep(
         "failures": list(failed),
         "summary": json.loads(summary.to_json(orient="records")),
     }
-    return Answer(record, show, typer.Exit(1) if failed else None)
+    return Answer(record, [sweep_table(cells(summary)), line], typer.Exit(1) if failed else None)

@@ -8,7 +8,6 @@ import typer
 
 from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def compare(
@@ -39,10 +38,5 @@ def compare(
         write_comparison(done, folder)
         write_comparison_plot(done, folder, vector)
     figures = summary(done)
-
-    def show() -> None:
-        print_table(track_table(figures))
-        print(f"{FILTER}: {sentence(verdict_of(done))}")
-        print(f"Tables and a picture in {out}")
-
-    return Answer({"out": out, "summary": figures}, show)
+    lines = [f"{FILTER}: {sentence(verdict_of(done))}", f"Tables and a picture in {out}"]
+    return Answer({"out": out, "summary": figures}, [track_table(figures), *lines])

@@ -9,7 +9,6 @@ import typer
 
 from experiments.commands.options import Minutes, Replace, SceneFile, SceneOut
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def identify(
@@ -47,17 +46,12 @@ def identify(
         run.write_scene(resting_scene(opened, frames), out, "at-rest", recording=recording, inputs=[scene])
         next_line = f"next: softaim identify CALIBRATION --scene {out} --out identified.toml"
         rests = f"Scene in {out}, with the rest shape of the recording; {next_line}"
-        return Answer({"out": out}, lambda: print(rests))
+        return Answer({"out": out}, [rests])
     with spare_cores(ahead=opened.marks is None) as workers:
         frames = marks_in(opened, run.stage("marks"))
         found_scene, found = identified_scene(opened, frames, minutes, run.stage("identify"), workers)
     report = identification_report(found, found_scene.mesh)
     kept = [one["name"] for one in constants(found, found_scene.mesh) if one["kept"]]
     run.write_scene(found_scene, out, "identify", recording=recording, inputs=[scene], kept=kept)
-
-    def show() -> None:
-        print_table(constants_table(report))
-        print("\n".join(fit_lines(found, minutes)))
-        print(f"Scene in {out}; next: softaim tune REC --out tuned.toml --scene {out}")
-
-    return Answer({"out": out, **report}, show)
+    next_line = f"Scene in {out}; next: softaim tune REC --out tuned.toml --scene {out}"
+    return Answer({"out": out, **report}, [constants_table(report), *fit_lines(found, minutes), next_line])

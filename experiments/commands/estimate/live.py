@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +12,7 @@ import typer
 
 from experiments.commands.options import Force, Fps, SceneFile, WithFilm
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError
 from experiments.plain import counted
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ def live(
     if phantom is not None:
         run.opened.callback(phantom.release)
 
-    from experiments.errors import InputError
     from experiments.film.live_film import LiveFilm
     from experiments.pipeline.live.following import live as followed
     from experiments.pipeline.live.session import ADVICE
@@ -104,26 +103,23 @@ def live(
         record=record,
         phantom=phantom,
     )
-
-    def show() -> None:
-        refused = "".join(f", {n} {kind}" for kind, n in (done.refused or {}).items())
-        by_status = ", ".join(f"{n} {status}" for status, n in done.statuses.items())
-        print(
-            f"{counted(done.frames, 'frame')}, {counted(done.without_frame, 'prediction')} without one ({by_status}), "
-            f"{done.dropped} dropped, {done.not_used} not used{refused}; "
-            f"latency median {done.p50_ms:.1f} ms, 99th percentile {done.p99_ms:.1f} ms, "
-            f"worst {done.worst_ms:.1f} ms, {counted(done.deadlines_missed, 'deadline')} missed"
-        )
-        print(f"Estimates in {path / 'estimates.csv'}")
-        if done.advice is not None:
-            print(f"Advice in {path / ADVICE}: {', '.join(f'{name} {n}' for name, n in done.advice.items())}")
-
-        for folder in done.recordings:
-            print(f"Recording in {folder}; next: softaim replay {folder}")
-        for one in films:
-            paths = ", ".join(str(path / file.name) for file in one.written)
-            print(f"Film in {paths or 'no file'}: {counted(one.n_written, 'frame')}, {one.n_dropped} dropped")
-
-    fault = done.fault or next((f"film: {one.fault}" for one in films if one.fault is not None), None)
+    refused = "".join(f", {n} {kind}" for kind, n in (done["refused"] or {}).items())
+    by_status = ", ".join(f"{n} {status}" for status, n in done["statuses"].items())
+    frames, predictions = counted(done["frames"], "frame"), counted(done["without_frame"], "prediction")
+    counts = (
+        f"{frames}, {predictions} without one ({by_status}), "
+        f"{done['dropped']} dropped, {done['not_used']} not used{refused}; "
+        f"latency median {done['p50_ms']:.1f} ms, 99th percentile {done['p99_ms']:.1f} ms, "
+        f"worst {done['worst_ms']:.1f} ms, {counted(done['deadlines_missed'], 'deadline')} missed"
+    )
+    lines = [counts, f"Estimates in {path / 'estimates.csv'}"]
+    if done["advice"] is not None:
+        given = ", ".join(f"{name} {n}" for name, n in done["advice"].items())
+        lines.append(f"Advice in {path / ADVICE}: {given}")
+    lines += [f"Recording in {folder}; next: softaim replay {folder}" for folder in done["recordings"]]
+    for one in films:
+        paths = ", ".join(str(path / file.name) for file in one.written)
+        lines.append(f"Film in {paths or 'no file'}: {counted(one.n_written, 'frame')}, {one.n_dropped} dropped")
+    fault = done["fault"] or next((f"film: {one.fault}" for one in films if one.fault is not None), None)
     written = {"film": [{"frames": one.n_written, "dropped": one.n_dropped} for one in films]} if film else {}
-    return Answer({"out": path, **asdict(done), **written}, show, None if fault is None else InputError(fault))
+    return Answer({"out": path, **done, **written}, lines, None if fault is None else InputError(fault))

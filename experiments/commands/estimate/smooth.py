@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def smooth(
@@ -23,9 +22,5 @@ def smooth(
         write_smoothed(done, folder)
         write_comparison_plot(done, folder, vector)
     figures = summary(done)
-
-    def show() -> None:
-        print_table(track_table(figures))
-        print(f"Tables and a picture in {out}; estimates.csv has the smoother's estimates")
-
-    return Answer({"out": out, "summary": figures}, show)
+    line = f"Tables and a picture in {out}; estimates.csv has the smoother's estimates"
+    return Answer({"out": out, "summary": figures}, [track_table(figures), line])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from typing import Annotated
 
 import typer
 
 from experiments.commands.options import Force, Out, RecordingFolder, SceneFile, Vector, WithFilm
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def track(
@@ -24,8 +24,6 @@ def track(
     force: Force = False,
 ) -> Answer:
     """Track the hidden target in a recording with the paper's method and Softaim's filter; write tables and plots."""
-    from contextlib import nullcontext
-
     from experiments.commands.console import fit_lines, marks_table, sentence, track_table, withheld_table
     from experiments.film.film import Film
     from experiments.formats.recording import read_recording
@@ -50,18 +48,13 @@ def track(
                 report_move(step.reference.moved)
     figures = summary(done)
     ours = figures[FILTER]
-
-    def show() -> None:
-        print_table(track_table(figures))
-        print(*fit_lines(ours), sep="\n")
-        if any(one.found < 1.0 for one in done.marks.values()):
-            print_table(marks_table(ours))
-        if ours.get("marks_verdict"):
-            print(sentence(ours["marks_verdict"]))
-        if check:
-            if done.withheld:
-                print_table(withheld_table(ours))
-            print(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
-        print(f"Tables and pictures in {out}")
-
-    return Answer({"out": out, "summary": figures}, show)
+    shown = [track_table(figures), *fit_lines(ours)]
+    if any(one.found < 1.0 for one in done.marks.values()):
+        shown.append(marks_table(ours))
+    if ours.get("marks_verdict"):
+        shown.append(sentence(ours["marks_verdict"]))
+    if check and done.withheld:
+        shown.append(withheld_table(ours))
+    if check:
+        shown.append(sentence(withheld_words(done.withheld, float(done.counts["check_scale"] or 1.0))))
+    return Answer({"out": out, "summary": figures}, [*shown, f"Tables and pictures in {out}"])

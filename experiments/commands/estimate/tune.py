@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from experiments.commands.options import Minutes, RecordingFolder, Replace, SceneFile, SceneOut
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
-from experiments.plain import counted
 
 
 def tune(
@@ -21,7 +19,7 @@ def tune(
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new
     from experiments.formats.recording import read_recording
-    from experiments.pipeline.identify import marks_in, tuned_scene, tuning_report
+    from experiments.pipeline.identify import marks_in, time_lines, tuned_scene, tuning_report
 
     opened = read_recording(recording, scene, run.stage("read"))
     check_new(out, force)
@@ -31,13 +29,5 @@ def tune(
         found_scene, found = tuned_scene(opened, frames, minutes, run.stage("tune"), workers)
     run.write_scene(found_scene, out, "tune", recording=recording, inputs=[scene])
     report = tuning_report(found)
-
-    def show() -> None:
-        print_table(levels_table(report))
-        if not found.in_time:
-            print(
-                f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
-            )
-        print(f"Scene in {out}; next: softaim track REC --scene {out} --out DIR")
-
-    return Answer({"out": out, **report}, show)
+    next_line = f"Scene in {out}; next: softaim track REC --scene {out} --out DIR"
+    return Answer({"out": out, **report}, [levels_table(report), *time_lines(found, minutes), next_line])

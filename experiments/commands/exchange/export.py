@@ -9,6 +9,7 @@ import typer
 
 from experiments.commands.options import RecordingFolder, Replace, SceneFile
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError, shown
 from experiments.plain import counted
 
 ENDINGS = {"mcap": (".mcap",), "plus": (".igs.mha", ".seq.mha")}
@@ -34,7 +35,6 @@ def export(
     force: Replace = False,
 ) -> Answer:
     """Write a recording and its estimates for Foxglove and ROS 2, or for PLUS and 3D Slicer."""
-    from experiments.errors import InputError, shown
     from experiments.formats.recording import read_recording
     from experiments.pipeline.exchange.exported import exported
 
@@ -58,4 +58,4 @@ def export(
                 off_mm = found["picture_off_mm"] = picture_off_mm(opened.recording.scene)
                 lines.append(f"The pictures' affine map to the plane errs by up to {off_mm:.2f} mm at drawn marks")
     lines.append(f"Written to {out}")
-    return Answer(found, lambda: print(*lines, sep="\n"))
+    return Answer(found, lines)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from math import isfinite, nan
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +9,7 @@ import typer
 
 from experiments.commands.options import Force, Out
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError, coordinates
 from experiments.plain import counted
 
 
@@ -50,7 +50,6 @@ def import_table(
     force: Force = False,
 ) -> Answer:
     """Convert positions of DeepLabCut or SLEAP into a recording, with the scene's camera."""
-    from experiments.errors import InputError
     from experiments.pipeline.exchange.marks import ImportSettings, plane_scale, write_imported
     from experiments.pipeline.exchange.marks import import_table as imported
 
@@ -59,7 +58,10 @@ def import_table(
         raise InputError("import: expected --fps or --frames, found " + ("neither" if times is None else "both"))
     if (mm_per_px is None) != (origin_px is None):
         raise InputError("import: expected --mm-per-px and --origin-px, found one of them")
-    scale = None if mm_per_px is None or origin_px is None else plane_scale(mm_per_px, _place_px(origin_px))
+    scale = None
+    if mm_per_px is not None and origin_px is not None:
+        u, v = coordinates("--origin-px", origin_px, 2, "U,V: a position [px]")
+        scale = plane_scale(mm_per_px, (u, v))
     settings = ImportSettings(least, sd_px)
     with run.folder(out, force=force, inputs=[table, scene, frames]) as folder:
         done = imported(
@@ -68,15 +70,13 @@ def import_table(
         run.use(done.scene)
         write_imported(done, folder)
     counts = done.counts()
-
-    def show() -> None:
-        seen = ", ".join(f"{node} {n}" for node, n in counts.items())
-        print(f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}")
-        print(f"Positions omitted: {done.unlikely} with likelihood below {least:g}, {done.outside} outside the picture")
-        if done.manual:
-            print(f"Positions set manually, used without a likelihood: {done.manual}")
-        print(f"Recording in {out}; next: softaim identify if it shows the target, else softaim track")
-
+    seen = ", ".join(f"{node} {n}" for node, n in counts.items())
+    lines = [
+        f"{counted(len(done.exposures_s), 'frame')}; seen in: {seen}",
+        f"Positions omitted: {done.unlikely} with likelihood below {least:g}, {done.outside} outside the picture",
+        *([f"Positions set manually, used without a likelihood: {done.manual}"] if done.manual else []),
+        f"Recording in {out}; next: softaim identify if it shows the target, else softaim track",
+    ]
     report = {
         "frames": len(done.exposures_s),
         "marks": counts,
@@ -84,19 +84,7 @@ def import_table(
         "outside": done.outside,
         "manual": done.manual,
     }
-    return Answer({"out": out, **report}, show)
-
-
-def _place_px(text: str) -> tuple[float, float]:
-    from experiments.errors import InputError, shown
-
-    try:
-        u, v = (float(part) for part in text.split(","))
-    except ValueError:
-        u = v = nan
-    if not (isfinite(u) and isfinite(v)):
-        raise InputError.at("--origin-px", "U,V: a position [px]", shown(text))
-    return u, v
+    return Answer({"out": out, **report}, lines)
 
 
 import_table.__name__ = "import"  # a keyword of Python cannot name a function

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -22,8 +23,6 @@ def advise(
     force: Force = False,
 ) -> Answer:
     """Advise for each frame whether to insert, wait, realign or abort; write a table and a picture."""
-    from contextlib import nullcontext
-
     import numpy as np
 
     from experiments.commands.console import advice_line, reliability_line
@@ -44,15 +43,10 @@ def advise(
         write_advice_plot(done, folder, vector)
     counts, reliable = done.counts(), reliability(done)
     pushed_mm = 1e3 * float(np.linalg.norm(push_m(opened.scene, plan)))
-
-    def show() -> None:
-        print(advice_line(counts))
-        if (line := reliability_line(reliable)) is not None:
-            print(line)
-        if pushed_mm > 0.0:
-            print(f"Predicted push of the needle on the target: {pushed_mm:.2g} mm ± {plan.forces.error:.0%}")
-        print(f"Table and picture in {out}")
-
-    return Answer(
-        {"out": out, "frames": len(done.times_s), "advice": counts, "reliability": reliable, "push_mm": pushed_mm}, show
-    )
+    lines = [advice_line(counts)]
+    if (line := reliability_line(reliable)) is not None:
+        lines.append(line)
+    if pushed_mm > 0.0:
+        lines.append(f"Predicted push of the needle on the target: {pushed_mm:.2g} mm ± {plan.forces.error:.0%}")
+    record = {"frames": len(done.times_s), "advice": counts, "reliability": reliable, "push_mm": pushed_mm}
+    return Answer({"out": out, **record}, [*lines, f"Table and picture in {out}"])

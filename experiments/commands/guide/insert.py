@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ import typer
 
 from experiments.commands.options import Force, Out, Processes, ScenarioName, Scheduler, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
+from experiments.errors import InputError
 
 
 def insert(
@@ -41,11 +42,8 @@ def insert(
 ) -> Answer:
     """Insert a simulated needle into moving tissue with five policies; report misses, predicted and observed hits."""
     run.not_with("--scheduler", "--processes")
-    from dataclasses import replace
-
     from experiments.commands.console import insertion_lines, insertion_table
     from experiments.engine.workers import Workers, workers_for
-    from experiments.errors import InputError
     from experiments.formats.scenario import read_scenario, scenario_file, scene_file
     from experiments.plots.insertion import write_insertion_plots
     from experiments.simulation.cases import case_of
@@ -71,11 +69,5 @@ def insert(
         write_insertions(done, folder)
         write_insertion_plots(done, folder, vector)
     report = summary(done)
-
-    def show() -> None:
-        print_table(insertion_table(report))
-        for line in insertion_lines(report):
-            print(line)
-        print(f"Tables and pictures in {out}")
-
-    return Answer({"out": out, "summary": report}, show)
+    lines = [*insertion_lines(report), f"Tables and pictures in {out}"]
+    return Answer({"out": out, "summary": report}, [insertion_table(report), *lines])

@@ -9,7 +9,6 @@ import typer
 
 from experiments.commands.options import Force, Out, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def plan(
@@ -32,12 +31,6 @@ def plan(
         write_plan(done, folder)
         write_picture(plan_figure(done), folder / "plan.png", vector)
     figures = report(done)
-
-    def show() -> None:
-        if figures["best"] is None:
-            print(f"No path is allowed; reasons in {out / 'plan.csv'}")
-        else:
-            print_table(plan_table(figures))
-        print(f"Table and picture in {out}")
-
-    return Answer({"out": out, "plan": figures}, show)
+    none = f"No path is allowed; reasons in {out / 'plan.csv'}"
+    shown = none if figures["best"] is None else plan_table(figures)
+    return Answer({"out": out, "plan": figures}, [shown, f"Table and picture in {out}"])

@@ -10,7 +10,6 @@ import typer
 
 from experiments.commands.options import Force, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def calibrate(
@@ -31,12 +30,11 @@ def calibrate(
     """Estimate lens and pose of cameras, with their uncertainty, from pictures of a board."""
     from experiments.commands.console import calibration_lines, calibration_table
     from experiments.formats.camera_file import camera_text
-    from experiments.pipeline.calibrate import AlsoWrite, board_of
+    from experiments.pipeline.calibrate import board_of
     from experiments.pipeline.calibrate import command as calibrated
     from experiments.plots.calibration import calibration_picture
 
     printed = board_of(board, square_mm, charuco, marker_mm)
-    also = AlsoWrite(opencv_yaml, ros_yaml, vector)
     read = [*(pictures or []), *(Path(text.partition("=")[2]) for text in camera or []), plane]
     done = calibrated(
         pictures or [],
@@ -44,20 +42,15 @@ def calibrate(
         printed,
         out,
         plane=plane,
-        also=also,
+        opencv_yaml=opencv_yaml,
+        ros_yaml=ros_yaml,
+        vector=vector,
         picture=calibration_picture,
         force=force,
         stage=run.stage,
         write=lambda files: run.write_files(files, read),
         folder=lambda path: run.folder(path, force=force, inputs=read),
     )
-
-    def show() -> None:
-        for one in done:
-            print_table(calibration_table(one))
-            print(*calibration_lines(one), sep="\n")
-        print(
-            f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}"
-        )
-
-    return Answer({"out": out, "cameras": [tomllib.loads(camera_text(one)) for one in done]}, show)
+    shown = [line for one in done for line in (calibration_table(one), *calibration_lines(one))]
+    line = f"Camera in {out}; a picture of the residuals beside it" if pictures else f"Cameras and pictures in {out}"
+    return Answer({"out": out, "cameras": [tomllib.loads(camera_text(one)) for one in done]}, [*shown, line])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +11,6 @@ import typer
 
 from experiments.commands.options import Force, Vector
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_lines
 
 
 def check(
@@ -28,10 +29,8 @@ def check(
     force: Force = False,
 ) -> Answer:
     """Check a scene: rest shape, motion, best possible accuracy of the target, and missing steps."""
-    import json
-    from contextlib import nullcontext
-
     run.only_with("--out", "--vector", "--force")
+    from experiments.commands.console import lines_table
     from experiments.plots.check import check_figure
     from experiments.plots.style import write_picture
     from experiments.projects.check import checked
@@ -44,10 +43,5 @@ def check(
         report, lines = check_report(done), check_lines(done)
         if folder is not None:
             (folder / "check.json").write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-
-    def show() -> None:
-        print_lines(lines)
-        if out is not None:
-            print(f"Picture in {out / 'check.png'}")
-
-    return Answer({"out": out, **report}, show)
+    picture = [] if out is None else [f"Picture in {out / 'check.png'}"]
+    return Answer({"out": out, **report}, [lines_table(lines), *picture])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -40,26 +41,19 @@ def _learned(source: str, at: str, frame: int) -> Answer:
 
     lines = hue_lines(source, at, frame)
     keys = {key: float(value) for key, _, value in (line.partition(" = ") for line in lines)}
-    return Answer(keys, lambda: print(*lines, sep="\n"))
+    return Answer(keys, lines)
 
 
 def _taken(
     run: Run, source: str, scene: Path | None, out: Path | None, *, film: bool, fps: float | None, force: bool
 ) -> Answer:
-    from contextlib import nullcontext
-
     from experiments.commands.console import sentence, taken_table
-    from experiments.commands.terminal import print_table
     from experiments.film.taken import taken_over, verdicts
 
     with nullcontext() if out is None else run.folder(out, force=force, inputs=[Path(source), scene]) as folder:
         done = taken_over(source, scene, folder, film=film, fps=fps)
     figures, words = done.figures(), verdicts(done)
-
-    def show() -> None:
-        print_table(taken_table(figures, len(done.times_s)))
-        print(*(sentence(one) for one in words), sep="\n", end="\n" if words else "")
-        if out is not None:
-            print(f"Table and pictures in {out}")
-
-    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": words}, show)
+    shown = [taken_table(figures, len(done.times_s)), *(sentence(one) for one in words)]
+    if out is not None:
+        shown.append(f"Table and pictures in {out}")
+    return Answer({"out": out, "frames": len(done.times_s), "kinds": figures, "verdicts": words}, shown)

@@ -101,10 +101,9 @@ def new(
             Kind(kind), masses=masses, young_kpa=young_kpa, nodes=nodes, springs=springs, mesh=choice, seed=seed
         )
         write_project(made, work, seed=seed)
-
-    def show() -> None:
-        target = made.assumed.target.node
-        print(f"{made.title}, target {target}, in {folder}")
-        print(f"Next: cd {folder}; softaim check scene.toml --out check; STEPS.md has all steps")
-
-    return Answer({"out": folder, "title": made.title, "target": made.assumed.target.node}, show)
+    node = made.assumed.target.node
+    lines = [
+        f"{made.title}, target {node}, in {folder}",
+        f"Next: cd {folder}; softaim check scene.toml --out check; STEPS.md has all steps",
+    ]
+    return Answer({"out": folder, "title": made.title, "target": node}, lines)

@@ -9,6 +9,7 @@ import typer
 
 from experiments.commands.options import Force, Fps
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError
 from experiments.plain import counted
 
 
@@ -32,20 +33,21 @@ def record(
 ) -> Answer:
     """Record frames and their times until Ctrl-C; a killed recording loses at most its last second."""
     run.not_with("--recover", "--scene", "--codec", "--seconds", "--fps", "--force")
-    from experiments.errors import InputError
     from experiments.pipeline.recorder import join, record_source
 
     if recover is not None and not source and out is None:
         n_frames = join(recover, run.stage("join"))
         run.finish(recover, recover)
-        return Answer({"out": recover, "frames": n_frames}, lambda: print(f"{counted(n_frames, 'frame')} in {recover}"))
+        return Answer({"out": recover, "frames": n_frames}, [f"{counted(n_frames, 'frame')} in {recover}"])
     if recover is not None or not source or out is None:
         raise InputError("record: expected SOURCE and --out REC, or --recover REC, found neither or both")
-    done = record_source(source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force)
+    n_frames, n_dropped, has_scene = record_source(
+        source, out, scene, codec=codec, seconds=seconds, fps=fps, stage=run.stage, force=force
+    )
     run.finish(out, out, [*map(Path, source), scene])
-    dropped = f", {done.n_dropped} dropped" if done.n_dropped else ""
-    track = f"; next: softaim track {out} --out {out}-track" if done.has_scene else ""
+    dropped = f", {n_dropped} dropped" if n_dropped else ""
+    track = f"; next: softaim track {out} --out {out}-track" if has_scene else ""
     return Answer(
-        {"out": out, "frames": done.n_frames, "dropped": done.n_dropped},
-        lambda: print(f"{counted(done.n_frames, 'frame')}{dropped} in {out}{track}"),
+        {"out": out, "frames": n_frames, "dropped": n_dropped},
+        [f"{counted(n_frames, 'frame')}{dropped} in {out}{track}"],
     )

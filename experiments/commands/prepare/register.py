@@ -9,7 +9,6 @@ import typer
 
 from experiments.commands.options import Replace
 from experiments.commands.run import Answer, Run
-from experiments.commands.terminal import print_table
 
 
 def register(
@@ -38,10 +37,5 @@ def register(
     done = registered(drawn, points, seconds, mesh)
     run.write_scene(done.scene, out, "register", recording=points, inputs=[scene], force=force)
     report = registration_report(done)
-
-    def show() -> None:
-        print_table(registration_table(report))
-        print(*registration_lines(done), sep="\n")
-        print(f"Scene in {out}{f', its mesh in {mesh}' if drawn.mesh else ''}; next: softaim check {out}")
-
-    return Answer({"out": out, **report}, show)
+    line = f"Scene in {out}{f', its mesh in {mesh}' if drawn.mesh else ''}; next: softaim check {out}"
+    return Answer({"out": out, **report}, [registration_table(report), *registration_lines(done), line])

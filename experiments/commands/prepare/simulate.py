@@ -8,6 +8,7 @@ import typer
 
 from experiments.commands.options import Force, Out, ScenarioName
 from experiments.commands.run import Answer, Run
+from experiments.errors import InputError
 
 
 def simulate(
@@ -22,7 +23,6 @@ def simulate(
     force: Force = False,
 ) -> Answer:
     """Simulate a scenario's tissue; write a recording with film or marks, and true positions."""
-    from experiments.errors import InputError
     from experiments.formats.scenario import STEPS, read_scenario, scenario_file, scene_file
     from experiments.simulation.simulate import scene_of
     from experiments.simulation.simulate import simulate as write_recording
@@ -43,17 +43,14 @@ def simulate(
                 filmed=film,
                 advance=lambda share, done=k: advance((done + share) / len(names)),  # type: ignore[misc]
             )
-
-    def show() -> None:
-        own = scenario_file(scenario)
-        steps = None if own is None else own.with_name(STEPS)
-        page = steps.read_text("utf-8", "replace") if steps is not None and steps.is_file() else ""
-        if own is not None and f"simulate {own.name} " in page:  # in a project each recording has its own next step
-            print(f"Recording{'s' if runs else ''} in {out}; next: the following step in {steps}")
-        elif runs is None:
-            print(f"Recording in {out}; next: softaim track {out} --out {out}-track")
-        else:
-            where = f"{out}/{names[0]}"
-            print(f"{runs} recordings in {where} ...; next: softaim track {where} --out {out}-track")
-
-    return Answer({"out": out, "recordings": [out / name for name in names]}, show)
+    own = scenario_file(scenario)
+    steps = None if own is None else own.with_name(STEPS)
+    page = steps.read_text("utf-8", "replace") if steps is not None and steps.is_file() else ""
+    if own is not None and f"simulate {own.name} " in page:  # in a project each recording has its own next step
+        line = f"Recording{'s' if runs else ''} in {out}; next: the following step in {steps}"
+    elif runs is None:
+        line = f"Recording in {out}; next: softaim track {out} --out {out}-track"
+    else:
+        where = f"{out}/{names[0]}"
+        line = f"{runs} recordings in {where} ...; next: softaim track {where} --out {out}-track"
+    return Answer({"out": out, "recordings": [out / name for name in names]}, [line])

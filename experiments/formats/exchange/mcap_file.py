@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 from experiments.extras import require
 from experiments.formats.exchange.ros_messages import DEFINITIONS
 from experiments.version import version
-
-if TYPE_CHECKING:
-    from mcap.writer import Writer
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,34 +21,8 @@ class Message:
     data: bytes
 
 
-class McapFile:
-    """An MCAP file while it is written; `mcap_file` opens it.
-
-    State: the writer; schema ids by kind; channel ids and numbers of messages by topic.
-    """
-
-    def __init__(self, writer: Writer) -> None:
-        self._writer = writer
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self.counts: dict[str, int] = {}
-
-    def write(self, message: Message) -> None:
-        """Append a message."""
-        topic, kind = message.topic, message.kind
-        if kind not in self._schemas:
-            self._schemas[kind] = self._writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
-        if topic not in self._channels:
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schemas[kind])
-            self.counts[topic] = 0
-        time_ns, count = message.time_ns, self.counts[topic]
-        self._writer.add_message(self._channels[topic], time_ns, message.data, time_ns, count)
-        self.counts[topic] = count + 1
-
-
-@contextmanager
-def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFile]:
-    """Open a file for messages; a clean exit completes the file. InputError if the package is not installed.
+def write_mcap(stream: BinaryIO, metadata: Mapping[str, str], messages: Iterable[Message]) -> dict[str, int]:
+    """Write a file; returns the number of messages of each topic. InputError if the package is not installed.
 
     metadata: data on the recording, written as the record `softaim`
     """
@@ -60,7 +30,18 @@ def mcap_file(stream: BinaryIO, metadata: Mapping[str, str]) -> Iterator[McapFil
     from mcap.writer import Writer
 
     writer = Writer(stream)
+    schemas: dict[str, int] = {}
+    channels: dict[str, int] = {}
+    counts: dict[str, int] = {}
     writer.start(profile="ros2", library=f"softaim {version()}")
     writer.add_metadata("softaim", dict(metadata))
-    yield McapFile(writer)
+    for message in messages:
+        topic, kind, time_ns = message.topic, message.kind, message.time_ns
+        if kind not in schemas:
+            schemas[kind] = writer.register_schema(kind, "ros2msg", DEFINITIONS[kind].encode())
+        if topic not in channels:
+            channels[topic], counts[topic] = writer.register_channel(topic, "cdr", schemas[kind]), 0
+        writer.add_message(channels[topic], time_ns, message.data, time_ns, counts[topic])
+        counts[topic] += 1
     writer.finish()
+    return counts

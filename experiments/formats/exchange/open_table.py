@@ -29,9 +29,9 @@ def open_table(
 
 
 def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
-    """The table of a run in a file, and the names of its columns in order; `needed` ones, with `time_s`, must exist.
+    """The table of a run in a file, and the names of its columns in order; raises InputError.
 
-    No column occurs twice. The last line may be incomplete after a killed run. Raises InputError.
+    `needed` columns, which include time_s, must exist. After a killed run the last line may be incomplete.
     """
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from experiments.arrays import Floats
-from experiments.formats.exchange.cdr import Cdr
+from experiments.formats.exchange.cdr import encoded
 
 FRAME = "reference"
 """Name of the frame with the scene's axes: x right, y up, z toward the camera."""
@@ -53,27 +53,23 @@ def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov
-    return _stamped(time_ns, FRAME).doubles([*_point(mean), 0.0, 0.0, 0.0, 1.0, *whole.ravel()]).content()
+    pose = [*_point(mean), 0.0, 0.0, 0.0, 1.0, *whole.ravel()]
+    return encoded("iIs" + len(pose) * "d", *divmod(time_ns, 10**9), FRAME, *pose)
 
 
 def point_message(time_ns: int, place: Floats) -> bytes:
     """Message of a position [m], (dim,)."""
-    return _stamped(time_ns, FRAME).doubles(_point(place)).content()
+    return encoded("iIsddd", *divmod(time_ns, 10**9), FRAME, *_point(place))
 
 
 def image_message(time_ns: int, frame_id: str, jpeg: bytes) -> bytes:
     """A picture as JPEG."""
-    return _stamped(time_ns, frame_id).text("jpeg").octets(jpeg).content()
+    return encoded("iIssb", *divmod(time_ns, 10**9), frame_id, "jpeg", jpeg)
 
 
 def text_message(text: str) -> bytes:
     """Message with a text and without a stamp."""
-    return Cdr().text(text).content()
-
-
-def _stamped(time_ns: int, frame_id: str) -> Cdr:
-    seconds, nanoseconds = divmod(time_ns, 10**9)
-    return Cdr().int32(seconds).uint32(nanoseconds).text(frame_id)
+    return encoded("s", text)
 
 
 def _point(place: Floats) -> list[float]:

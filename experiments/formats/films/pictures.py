@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 from vision import (
     FolderFrames,
     SegmentFrames,
@@ -56,12 +56,10 @@ def is_folder(source: Path) -> bool:
 
 def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
     """The frames with these exposure times [s]; InputError if they cannot be opened."""
-    try:
+    with placed("", SourceError):
         if is_folder(source):
             return FolderFrames(source, exposures_s)
         return (SegmentFrames if source.name == SEGMENTS else VideoFileFrames)(source, exposures_s)
-    except SourceError as error:
-        raise InputError(str(error)) from error
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
@@ -93,7 +91,7 @@ def check_pictures(
 
     times: the file of exposure times; size_px, place: size of the camera's pictures, and the key that states it
     """
-    try:
+    with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)
         n_rows = len(exposures_s)
         # A killed recorder may have finished a piece without writing its rows.
@@ -101,8 +99,6 @@ def check_pictures(
             raise InputError.at(times, f"a row for each of the {n_frames} {what}", f"{n_rows} rows")
         with open_pictures(source, exposures_s.tolist()) as frames:
             height, width = next(iter(frames)).image.shape[:2]
-    except SourceError as error:
-        raise InputError(str(error)) from error
     if size_px != (width, height):
         expected = f"[{width}, {height}], as the pictures of {source.name} have"
         raise InputError.at(place, expected, shown(list(size_px)))

@@ -103,7 +103,7 @@ def read_films(
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
     """Times at which any camera exposed [s], (n,), and for each time the indices of the films with a picture.
 
-    Pictures of other cameras within `vision.TOGETHER_S` after the first one have its time.
+    A picture within `vision.TOGETHER_S` after that of another camera gets the time of the first one.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

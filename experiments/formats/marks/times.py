@@ -27,7 +27,7 @@ UNITS = {
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
     """The unit in which a stated time is nearest to an expected time [s].
 
-    None if that is seconds, or if the times differ by more than the factor `most` in every unit.
+    None if it is nearest in seconds, or if the times differ by more than the factor `most` in every unit.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from dynamics.mesh import MeshError, TetMesh, surface
 from experiments.arrays import Floats
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.mesh.closed import checked_surface
 from experiments.formats.mesh.filled import filled
 from experiments.formats.mesh.source import Cells, Source, read_source
@@ -124,10 +124,8 @@ def tetrahedra(path: Path, nodes: Floats, elements: NDArray[np.int64]) -> TetMes
     """
     if (np.linalg.det(nodes[elements[:, 1:]] - nodes[elements[:, :1]]) < 0.0).all():
         elements = elements[:, [0, 2, 1, 3]]
-    try:
+    with placed(path, MeshError):
         return TetMesh(nodes, elements)
-    except MeshError as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:

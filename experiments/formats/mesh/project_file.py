@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dynamics.mesh import MeshError, TetMesh
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 
 ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
 """Arrays of the file, and the kinds of their numbers."""
@@ -42,10 +42,8 @@ def mesh_of(content: bytes, path: Path) -> ProjectMesh:
     for key, kind in ARRAYS.items():
         if key not in arrays or arrays[key].dtype.kind != kind:
             raise InputError.at(path, f"an array {key} of the mesh of softaim new", "none")
-    try:
+    with placed(path, MeshError):
         mesh = TetMesh(arrays["nodes_m"], arrays["elements"].astype(np.int64), arrays["regions"].astype(np.int64))
-    except MeshError as error:
-        raise InputError(f"{path}: {error}") from None
     wall = arrays["wall"].astype(np.int64)
     if wall.ndim != 1 or (len(wall) and not 0 <= wall.min() <= wall.max() < len(mesh.nodes)):
         raise InputError.at(path, f"node numbers 0 to {len(mesh.nodes) - 1} in wall", "others")

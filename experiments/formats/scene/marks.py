@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from experiments.arrays import Floats
 from experiments.formats.scene.schema import MarkTable
-from experiments.formats.toml_file import key_lines
+from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 from vision import MarkHue, PlaneCamera
+
+HUE_KEYS = ("hue_deg", "half_width_deg", "min_saturation", "min_value")
+"""Fields that a mark shares with its `MarkHue`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +36,7 @@ class Mark:
     @property
     def hue(self) -> MarkHue:
         """The colour range of this mark."""
-        return MarkHue(self.hue_deg, self.half_width_deg, self.min_saturation, self.min_value)
+        return MarkHue(**{key: getattr(self, key) for key in HUE_KEYS})
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
         """Image of the mark at a position on the plane [m], (2,), as in `Outline.shape_px`, (2, 2) [px]."""
@@ -41,36 +45,19 @@ class Mark:
 
     def coloured(self, hue: MarkHue) -> Mark:
         """A copy of the mark in another colour."""
-        return replace(
-            self,
-            hue_deg=hue.hue_deg,
-            half_width_deg=hue.half_width_deg,
-            min_saturation=hue.min_saturation,
-            min_value=hue.min_value,
-        )
+        return replace(self, **{key: getattr(hue, key) for key in HUE_KEYS})
 
 
 def mark_of(table: MarkTable) -> Mark:
     """The mark of a table, in metres."""
-    keys = table.model_dump()
-    return Mark(diameter_m=1e-3 * keys.pop("diameter_mm"), **keys)
+    return Mark(**in_metres(table.model_dump()))
 
 
 def mark_lines(mark: Mark) -> list[str]:
     """`[[mark]]` of a scene file, line by line."""
-    look = look_keys(mark)
-    head = {"node": mark.node, "hue_deg": look["hue_deg"], "diameter_mm": look["diameter_mm"]}
-    return ["", "[[mark]]", *key_lines({**head, "measured": mark.measured, **look})]
+    return ["", "[[mark]]", *key_lines(mark_keys(mark))]
 
 
-def look_keys(mark: Mark) -> dict[str, float | bool | None]:
-    """Keys for a mark's look in a film, hue and diameter first."""
-    return {
-        "hue_deg": mark.hue_deg,
-        "diameter_mm": 1e3 * mark.diameter_m,
-        "half_width_deg": mark.half_width_deg,
-        "min_saturation": mark.min_saturation,
-        "min_value": mark.min_value,
-        "even": mark.even,
-        "ball": mark.ball or None,
-    }
+def mark_keys(mark: Mark) -> dict[str, Any]:
+    """Keys of a mark's table; None for those that are not written."""
+    return in_millimetres(asdict(mark)) | {"ball": mark.ball or None}

@@ -27,8 +27,8 @@ LINE = "needle"
 """Prefix of the names of points on a needle's line; a number follows."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Spacing of points on a line relative to the body's extent, and least spacing in element edges [1]; choice: the radius
-of a force's patch; more points than elements cannot move independently."""
+"""Spacing of points on a line relative to the body's extent, and its least ratio to an element's edge [1]; choices: the
+radius of the patch on which a force acts; points of one element cannot move independently."""
 
 APART_M = 1e-5
 """Distance of two points below which they coincide [m]; choice: finer than any mark."""
@@ -43,10 +43,10 @@ class SceneMesh:
 
     file: name of the mesh file, beside the scene's file; content: its bytes
     fixed: selection of the wall's nodes, see `held`; None: no wall
-    driven: whether the wall moves, as a rigid body in an unknown way
+    driven: whether the wall moves as a rigid body, with unknown motion
     tissues, regions: each tissue and the number of its region, (n_tissues,)
     points: names and positions [m] of marks and target
-    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,): compared to find a network's factors
+    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,), for the comparison in `tissues_of`
     """
 
     file: str
@@ -70,9 +70,9 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """Network of these points with this network's tissues and all responses to smooth forces on the surface.
+        """Network of these points with this network's tissues, and all responses to smooth forces on the surface.
 
-        They do not include all modes of the mesh.
+        These responses do not include all modes of the mesh.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)

@@ -13,10 +13,10 @@ import numpy as np
 from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.errors import no_node, shown
-from experiments.formats.scene.marks import Mark, look_keys
+from experiments.formats.scene.marks import Mark, mark_keys
 from experiments.formats.scene.network import check_name
 from experiments.formats.scene.schema import ReferenceMarkTable, ReferenceTable, SceneError, check_dim, check_own_names
-from experiments.formats.toml_file import key_lines
+from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 from vision import PlaneCamera
 
 
@@ -95,15 +95,13 @@ def reference_of(table: ReferenceTable | None) -> Reference:
     """The reference marks of a table; raises SceneError."""
     if table is None:
         return Reference()
-    drift_sd_m = None if table.drift_sd_mm is None else 1e-3 * table.drift_sd_mm
-    return Reference(tuple(_mark_of(mark) for mark in table.mark), drift_sd_m)
+    return Reference(tuple(_mark_of(mark) for mark in table.mark), **in_metres(table.model_dump(exclude={"mark"})))
 
 
 def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
     look = None
     if table.hue_deg is not None and table.diameter_mm is not None:
-        shown_as = table.model_dump(exclude={"name", "node", "position_mm", "diameter_mm"})
-        look = Mark(node=table.name, diameter_m=1e-3 * table.diameter_mm, **shown_as)
+        look = Mark(node=table.name, **in_metres(table.model_dump(exclude={"name", "node", "position_mm"})))
     return ReferenceMark(table.name, table.node, tuple(1e-3 * x for x in table.position_mm or ()), look)
 
 
@@ -111,11 +109,10 @@ def reference_lines(reference: Reference) -> list[str]:
     """Lines of `[reference]`; none without content."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
-    drift_sd_mm = None if reference.drift_sd_m is None else 1e3 * reference.drift_sd_m
-    lines = ["", "[reference]", *key_lines({"drift_sd_mm": drift_sd_mm})]
+    lines = ["", "[reference]", *key_lines(in_millimetres({"drift_sd_m": reference.drift_sd_m}))]
     for mark in reference.marks:
-        place = {"node": mark.node} if mark.node is not None else {"position_mm": 1e3 * np.array(mark.position_m)}
-        look = {} if mark.look is None else look_keys(mark.look)
+        place = in_millimetres({"node": mark.node, "position_m": mark.position_m or None})
+        look = {} if mark.look is None else mark_keys(mark.look) | {"node": mark.node, "measured": None}
         lines += ["", "[[reference.mark]]", *key_lines({"name": mark.name, **place, **look})]
     return lines
 

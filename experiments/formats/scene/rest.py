@@ -22,7 +22,7 @@ BALANCED = 0.05
 """Share of the weight that the springs as drawn may leave unbalanced because rest lengths are rounded; choice."""
 
 LONGEST = 2.0
-"""Ratio of a spring's length at rest to its rest length above which a body stretches and not only turns; choice."""
+"""Ratio of a spring's length at rest to its rest length above which a body counts as stretched; choice."""
 
 DENSITY = 100.0
 """Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom

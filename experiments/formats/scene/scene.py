@@ -9,7 +9,7 @@ from pathlib import Path
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
 from experiments.arrays import Floats
-from experiments.errors import InputError, no_node, shown
+from experiments.errors import InputError, accepted, no_node, placed, shown
 from experiments.formats.camera_yaml import POSE, LensFile
 from experiments.formats.outputs import write_together
 from experiments.formats.scene.cameras import Camera, camera_lines, camera_of
@@ -19,8 +19,16 @@ from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
 from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
 from experiments.formats.scene.reference import Reference, reference_lines, reference_of
 from experiments.formats.scene.rest import check_rest
-from experiments.formats.scene.schema import CameraTable, SceneError, SceneFile, check_dim, check_own_names
-from experiments.formats.scene.steps import Step, StepName, digest, step_lines, step_of
+from experiments.formats.scene.schema import (
+    CameraTable,
+    SceneError,
+    SceneFile,
+    Step,
+    StepName,
+    check_dim,
+    check_own_names,
+)
+from experiments.formats.scene.steps import digest, step_lines
 from experiments.formats.scene.target import Target, target_lines, target_of
 from experiments.formats.toml_file import VERSION, key_lines, long_list, read_toml
 from vision import FilePath, PlaneCamera, SpaceCamera, principal_steps
@@ -174,7 +182,7 @@ def usable_scene(path: Path, *, rests: bool = True) -> Scene:
 
 def scene_of_tables(file: SceneFile, path: Path) -> Scene:
     """The scene that a file's tables describe; raises InputError."""
-    try:
+    with placed(path, SceneError, NetworkError):
         mesh, network = _body(file, path.parent)
         cameras = [_camera(i, camera, path.parent, network.dim) for i, camera in enumerate(file.camera)]
         return Scene(
@@ -187,12 +195,10 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
             uncertainty=uncertainty_of(file.uncertainty, network),
             settings=settings_of(file.filter),
             spring_groups=() if file.network is None else spring_groups(file.network),
-            steps=tuple(step_of(table) for table in file.provenance),
+            steps=tuple(file.provenance),
             reference=reference_of(file.reference),
             mesh=mesh,
         )
-    except (SceneError, NetworkError) as error:
-        raise InputError(f"{path}: {error}") from None
 
 
 def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNetwork]:
@@ -202,10 +208,8 @@ def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNe
     if file.mesh is None:
         raise SceneError("network: expected this key, or mesh in its place, found none")
     path = folder / file.mesh.file
-    try:
+    with accepted(path, "the file of the scene's mesh"):
         content = path.read_bytes()
-    except OSError as error:
-        raise InputError.refused(path, "the file of the scene's mesh", error) from None
     return mesh_network(content, path, file.mesh)
 
 
@@ -260,7 +264,14 @@ def with_step(
 
     kept: constants that the step did not change
     """
-    done = Step(step, program, recording, network_digest(scene), scene_digest(scene), tuple(kept))
+    done = Step(
+        step=step,
+        program=program,
+        recording_sha256=recording,
+        network_sha256=network_digest(scene),
+        scene_sha256=scene_digest(scene),
+        kept=list(kept),
+    )
     return replace(scene, steps=(*scene.steps, done))
 
 

@@ -250,8 +250,13 @@ StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
 """Steps on a scene; simulate: its constants produced the true motion in the recording of its folder."""
 
 
-class ProvenanceTable(Strict):
-    """`[[provenance]]`: a step done on the scene; written by the program, see `Step`."""
+class Step(Strict):
+    """`[[provenance]]`: a step done on the scene, written by the program.
+
+    program: version of the program; recording_sha256: of the recording, None without one
+    network_sha256, scene_sha256: of the network and of the whole scene after the step, by `scene_digest`
+    kept: constants that the step did not change, because the recording does not determine them
+    """
 
     step: StepName
     program: Name
@@ -273,7 +278,7 @@ class SceneFile(Strict):
     target: TargetTable
     reference: ReferenceTable | None = None
     camera: list[CameraTable] = Field(default_factory=list)
-    provenance: list[ProvenanceTable] = Field(default_factory=list)
+    provenance: list[Step] = Field(default_factory=list)
 
     @model_validator(mode="after")
     def _one_body(self) -> SceneFile:

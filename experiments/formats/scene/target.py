@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import asdict, dataclass
 
 from estimators import TargetPoint
 from experiments.formats.scene.schema import TargetTable
-from experiments.formats.toml_file import key_lines
+from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,21 +31,10 @@ class Target:
 
 def target_of(table: TargetTable) -> Target:
     """The target of a table."""
-    sd_mm = table.position_sd_mm
-    return Target(
-        table.node,
-        1e-3 * table.radius_mm,
-        tuple(1e-3 * x for x in table.offset_mm or ()),
-        None if sd_mm is None else 1e-3 * sd_mm,
-    )
+    return Target(**in_metres(table.model_dump() | {"offset_mm": table.offset_mm or ()}))
 
 
 def target_lines(target: Target) -> list[str]:
     """The lines of `[target]`, without an offset of zero."""
-    keys = {
-        "node": target.node,
-        "radius_mm": 1e3 * target.radius_m,
-        "offset_mm": 1e3 * np.array(target.offset_m) if target.offset_m else None,
-        "position_sd_mm": None if target.position_sd_m is None else 1e3 * target.position_sd_m,
-    }
+    keys = in_millimetres(asdict(target) | {"offset_m": target.offset_m or None})
     return ["", "[target]", *key_lines(keys)]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arrays import Floats
-from experiments.errors import InputError, shown
+from experiments.errors import InputError, placed, shown
 from experiments.formats.exchange.pose_table import PoseTable, read_poses
 from experiments.formats.marks.rows import MarkRow
 from experiments.formats.recording import read_frames, write_frames_csv, write_marks_csv
@@ -150,9 +150,7 @@ def _on_plane(poses: PoseTable, camera: PlaneCamera, seen: NDArray[np.bool_], sd
     """
     places_px = poses.places_px[seen]
     var_px2 = sd_px**2 + camera.calibration_sd_px**2
-    try:
+    with placed(poses.path, ValueError):
         places_m = camera.to_plane(places_px)
         covs = camera.cov_to_plane(places_px, np.tile(var_px2 * np.eye(2), (len(places_px), 1, 1)))
-    except ValueError as error:
-        raise InputError(f"{poses.path}: {error}") from None
     return places_m, np.linalg.det(covs) ** 0.25

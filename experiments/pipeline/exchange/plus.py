@@ -99,10 +99,7 @@ def picture_to_plane(scene: Scene) -> Floats:
 
 
 def picture_off_mm(scene: Scene) -> float:
-    """Largest error of `picture_to_plane` at a mark, as drawn [mm]: an oblique picture is not affine.
-
-    A picture with distortion is not affine either.
-    """
+    """Largest error of `picture_to_plane` at a drawn mark [mm]; oblique or distorted pictures are not affine."""
     camera, network = scene.cameras[0], scene.network
     places_m = np.array([network.positions[network.index(mark.node)] for mark in scene.marks])
     matrix = picture_to_plane(scene)

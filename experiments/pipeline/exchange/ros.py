@@ -13,7 +13,7 @@ from typing import BinaryIO
 import cv2
 import numpy as np
 
-from experiments.formats.exchange.mcap_file import Message, mcap_file
+from experiments.formats.exchange.mcap_file import Message, write_mcap
 from experiments.formats.exchange.results import Results
 from experiments.formats.exchange.ros_messages import (
     IMAGE,
@@ -51,13 +51,15 @@ def export_mcap(of: Exported, stream: BinaryIO, advance: Advance = lambda _share
     if recording.source is not None:
         streams.insert(0, _pictures(of))
     first_ns, last_ns = (of.time_ns(float(recording.exposures_s[k])) for k in (0, -1))
-    with mcap_file(stream, about) as file:
+
+    def messages() -> Iterator[Message]:
         for message in merge(*streams, key=lambda one: one.time_ns):
-            file.write(message)
+            yield message
             if first_ns < message.time_ns < last_ns:
                 advance((message.time_ns - first_ns) / (last_ns - first_ns))
         advance(1.0)
-        return dict(file.counts)
+
+    return write_mcap(stream, about, messages())
 
 
 def node_topics(nodes: Iterable[str]) -> dict[str, str]:

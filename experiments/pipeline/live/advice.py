@@ -1,4 +1,4 @@
-"""Advice on a needle in a live run: the target's path is from tables and, if one is valid, from a breathing model."""
+"""Advice on a needle in a live run. The target's path comes from tables and, if it is valid, from a breathing model."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker h
 class LiveAdvice:
     """Advice on a needle for each frame, and while frames are missing; each row is written to advice.csv at once.
 
-    Rows are in the order of advice; their time is the frame's exposure time, or the present without a frame. The path
-    is a mixture of the filter's path, from tables, and that of a breathing model, weighted by probability.
+    The time of a row is the frame's exposure time or, without a frame, the present. The path is a mixture of the
+    filter's path, from tables, and that of a breathing model, weighted by probability.
     unstated: covariance of the target from unstated errors [m²], (dim, dim); None: zero
     origin_s: clock time at which the source's own time, used in rows, is zero [s]
     State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle

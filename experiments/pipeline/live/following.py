@@ -6,15 +6,14 @@ import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 import vision
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.needle_file import NeedlePlan, read_needle
 from experiments.formats.scene.scene import Scene, read_scene, write_scene
 from experiments.interrupts import as_interrupts
@@ -50,32 +49,6 @@ class Attendant(Publisher, Protocol):
         """Handle the requests since the last cycle of the loop, between two frames."""
 
 
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """Result of a live run: counts of frames, latencies [ms], counts of advice, and the error that ended it.
-
-    deadlines_missed: number of frames dropped because a newer one had come, or processed for more than a frame interval
-    memory_mb: memory of the process at the first frame, and at the end; None if the system does not report it
-    refused: counts of unusable input from a tracker, by kind; None for other sources
-    recordings: folders of its recordings
-    """
-
-    frames: int
-    without_frame: int
-    dropped: int
-    not_used: int
-    statuses: Mapping[str, int]
-    p50_ms: float
-    p99_ms: float
-    worst_ms: float
-    deadlines_missed: int
-    memory_mb: tuple[float | None, float | None]
-    advice: Mapping[str, int] | None
-    refused: Mapping[str, int] | None
-    recordings: tuple[Path, ...]
-    fault: str | None
-
-
 def live(
     sources: Sequence[str],
     scene_path: Path | None,
@@ -89,14 +62,13 @@ def live(
     attendant: Callable[[Scene, NeedlePlan | None], Attendant] | None = None,
     record: bool = False,
     phantom: PhantomProcess | None = None,
-) -> Followed:
+) -> dict[str, Any]:
     """Track the target live until the source ends, `duration_s` is over or Ctrl-C; write scene.toml, estimates.csv.
 
-    sources: one source, or NAME=SOURCE for each camera of a scene in space
-    begin: opens the folder for rows; begun: called before the first frame is used. Without a frame the target is
-    predicted; events of the source are reported on standard error. With a needle file there is also advice, in the
-    status line and in advice.csv. film: creates the film of the run; attendant: shows the run to viewers; record:
-    whether to record from the first frame on; phantom: its process, if already started. Raises InputError.
+    Without a frame the target is predicted. Events of the source go to standard error. A needle file adds advice.csv.
+    sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder; begun: called before
+    the first frame is used; film: creates the film of the run; attendant: shows the run to viewers; record: whether to
+    record from the first frame on; phantom: its process, if already started. Raises InputError.
     """
     shown_source = ", ".join(map(vision.shown_source, sources))
     name = f"--source {shown_source}"
@@ -150,7 +122,7 @@ def live(
                 raise InputError.at(
                     name, "frames", "none" + "".join(f", {n} {kind}" for kind, n in (refused or {}).items())
                 )
-    return _followed(session, name, fault, refused, recordings)
+    return _report(session, name, fault, refused, recordings)
 
 
 def _prepared(
@@ -178,39 +150,43 @@ def _prepared(
 
     rehearse = partial(Session, scene, Path(ESTIMATES), print, needle=plan)  # the session writes nothing before a frame
     by_itself = frames if isinstance(frames, Cameras) and not frames.waits else None
-    try:
+    with placed(name, vision.SourceError, InputError):
         session, n_shown = prepared(make, rehearse, by_itself, show)
-    except (vision.SourceError, InputError) as error:
-        raise InputError(f"{name}: {error}") from error
     session.counters.not_used += n_shown + frames.frames_dropped
     return session
 
 
-def _followed(
+def _report(
     session: Session,
     name: str,
     fault: Exception | None,
     refused: Mapping[str, int] | None,
     recordings: list[Path],
-) -> Followed:
+) -> dict[str, Any]:
+    """Result of a live run for `--json`: counts of frames, latencies [ms], counts of advice, and the error, if any.
+
+    deadlines_missed: number of frames dropped because a newer one had come, or processed for more than a frame interval
+    memory_mb: memory of the process at the first frame, and at the end; None if the system does not report it
+    refused: counts of unusable input from a tracker, by kind; None for other sources
+    """
     unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
     counters, fault = session.counters, fault or unwritten
-    return Followed(
-        counters.frames,
-        counters.without_frame,
-        counters.dropped,
-        counters.not_used,
-        dict(session.statuses),
-        counters.latencies.quantile_ms(0.5),
-        counters.latencies.quantile_ms(0.99),
-        counters.latencies.worst_ms,
-        counters.deadlines_missed,
-        (counters.began_mb, memory_mb()),
-        None if session.advice is None else dict(session.advice.counts),
-        refused,
-        tuple(recordings),
-        None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
-    )
+    return {
+        "frames": counters.frames,
+        "without_frame": counters.without_frame,
+        "dropped": counters.dropped,
+        "not_used": counters.not_used,
+        "statuses": dict(session.statuses),
+        "p50_ms": counters.latencies.quantile_ms(0.5),
+        "p99_ms": counters.latencies.quantile_ms(0.99),
+        "worst_ms": counters.latencies.worst_ms,
+        "deadlines_missed": counters.deadlines_missed,
+        "memory_mb": [counters.began_mb, memory_mb()],
+        "advice": None if session.advice is None else dict(session.advice.counts),
+        "refused": refused,
+        "recordings": recordings,
+        "fault": None if fault is None else f"{name}: {fault}" if fault is not unwritten else str(fault),
+    }
 
 
 def _write(scene: Scene, path: Path) -> None:

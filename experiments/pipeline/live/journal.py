@@ -38,7 +38,7 @@ class Act(StrEnum):
     COAST = "coast"
     """A prediction without a frame."""
     DATED = "dated"
-    """A new largest delay of frames after their exposure times [s]; then whether frames come irregularly."""
+    """A new value of the largest delay from exposure to arrival [s]; then whether frames come irregularly."""
     RESET = "reset"
     """Reset of the state."""
     FIX = "fix"

@@ -27,18 +27,17 @@ LAST_S = 0.5
 class LiveTable:
     """A CSV table that grows row by row; each row is written at once.
 
-    State: the file; the reason why it can no longer be written, and the number of rows omitted since then; further
-    tables that get its rows.
+    State: the file; the reason why it can no longer be written; further tables that get its rows.
     """
 
     def __init__(self, path: Path, header: Sequence[str]) -> None:
-        self.path, self.n_left_out, self._header = path, 0, header
+        self.path, self._header = path, header
         self.fault: InputError | None = None
         self.also: list[LiveTable] = []
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file, unless done; not before the first row, so that a run without a frame keeps an older file."""
+        """Create the file, unless done. Called for the first row, so that a run without a frame keeps an older file."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -54,7 +53,6 @@ class LiveTable:
                 self._add(row)
             except OSError as error:
                 self._failed(error)
-        self.n_left_out += self.fault is not None
         for other in self.also:
             other.write(row)
 

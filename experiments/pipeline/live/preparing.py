@@ -62,7 +62,7 @@ def prepared(
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
     make: may be interrupted and called again; rehearse: picklable function that calls the same kernels
-    frames: frames of a camera; None: no frame is read, for example of a film, which begins with the first request.
+    frames: frames of a camera; None if none may be read, for example because the first request starts a film.
     show: called with each frame and the number of frames so far; with None if no frame came for LOOK_S. Exceptions of
     make, show or the source are raised here.
     """

@@ -1,7 +1,7 @@
 """Recording of a live run: a folder with all its input, actions and estimates, for an exact replay.
 
-It is a recording like that of `softaim record`, or one with marks.csv, plus the loop's journal and tables. It is
-written continuously; each camera has a thread that compresses its pictures without delaying the loop.
+The folder has the files of `softaim record`, or marks.csv, and the loop's journal and tables. They are written
+continuously; each camera has a thread that compresses its pictures without delaying the loop.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import vision
-from experiments.errors import InputError
+from experiments.errors import InputError, accepted
 from experiments.formats.films.pictures import MARKS, growing_in
 from experiments.formats.films.several import film_name
 from experiments.formats.marks.rows import AXES, cov_columns, cov_entries_mm2
@@ -37,34 +37,32 @@ class LiveRecording:
         self.folder, self.n_frames = folder, 0
         self.fault: Exception | None = None
         self._scene = scene
-        try:
+        with accepted(folder, "a new folder that can be written"):
             folder.mkdir(parents=True)
             write_scene(scene, folder / "scene.toml")
             if needle is not None:
                 write_whole(folder / "needle.toml", needle)
-        except OSError as error:
-            raise InputError.refused(folder, "a new folder that can be written", error) from error
         self._journal = LiveTable(folder / JOURNAL, HEADER)
         self._marks: LiveTable | None = None
         self._frames: LiveTable | None = None
         cameras = [film_name(one.name, i) for i, one in enumerate(scene.space_cameras)] or [""]
-        self._pictures = {name: self._recorder(name) for name in cameras}
+        self._pictures: dict[str, RecorderThread[vision.Frame]] = {
+            name: RecorderThread(
+                growing_in(folder, name),
+                "FFV1",
+                lambda frame: frame,
+                n_waiting=WAITING,
+                faults=(InputError, vision.SourceError, OSError),
+                failed=self.fail,
+            )
+            for name in cameras
+        }
         self.note(Done(Act.BEGIN, 0.0, 0.0, (source, begun)))
 
     @property
     def going(self) -> bool:
         """Whether the recording is still being written."""
         return self.fault is None and not any(thread.ends for thread in self._pictures.values())
-
-    def _recorder(self, camera: str) -> RecorderThread[vision.Frame]:
-        return RecorderThread(
-            growing_in(self.folder, camera),
-            "FFV1",
-            lambda frame: frame,
-            n_waiting=WAITING,
-            faults=(InputError, vision.SourceError, OSError),
-            failed=self.fail,
-        )
 
     def note(self, done: Done) -> None:
         """Write an action other than a frame to the journal."""

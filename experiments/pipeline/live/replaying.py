@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import vision
-from experiments.errors import InputError
+from experiments.errors import InputError, accepted, placed
 from experiments.formats.needle_file import read_needle
 from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene
@@ -24,8 +24,8 @@ class Replayed:
     """Result of a replay.
 
     rows: number of compared rows, by table; different: the number of the first different row, by table, if any
-    begun: whether the recording began with its run; otherwise estimates differ until both filters have settled
-    frames: number of replayed frames; lacking: number of frames in the journal whose pictures a kill has lost
+    begun: whether the recording began with its run; otherwise estimates differ until both filters have converged
+    frames: number of replayed frames; lacking: number of frames in the journal without a recorded picture, after a kill
     """
 
     frames: int
@@ -47,9 +47,9 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
     begun = bool(journal) and journal[0].act is Act.BEGIN and journal[0].values[-1] is True
     now_s = 0.0  # the time on the run's clock
     session = Session(scene, out / ESTIMATES, lambda _text: None, needle=plan, clock=lambda: now_s)
-    opened = ExitStack()
     n_frames = lacking = 0
-    try:
+    with ExitStack() as opened, placed(folder / JOURNAL, ValueError, TypeError, IndexError, KeyError):
+        opened.callback(session.close)
         pictures = _pictures(folder, journal, opened)
         for k, done in enumerate(journal):
             advance(k / len(journal))
@@ -63,11 +63,6 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
                 n_frames += 1
             else:
                 _again(done, session, folder)
-    except (ValueError, TypeError, IndexError, KeyError) as error:
-        raise InputError(f"{folder / JOURNAL}: {error}") from error
-    finally:
-        opened.close()
-        session.close()
     advance(1.0)
     rows, different = {}, {}
     for name in [ESTIMATES] if plan is None else [ESTIMATES, ADVICE]:
@@ -81,8 +76,7 @@ def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str,
     """The pictures of a recording by camera, or by "" for a single camera; none for another tracker's marks."""
     if not any(done.act is Act.FRAME for done in journal):
         return {}
-    recording = read_recording(folder)
-    films = {film.camera: film.open_frames() for film in recording.films} or {"": recording.open_frames()}
+    films = read_recording(folder).open_films()
     return {name: iter(opened.enter_context(film)) for name, film in films.items()}
 
 
@@ -138,8 +132,6 @@ def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
 
 
 def _rows(path: Path) -> list[str]:
-    try:
+    with accepted(path, "the table of a live run"):
         text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError.refused(path, "the table of a live run", error) from error
     return text[: text.rfind("\n") + 1].splitlines()[1:]

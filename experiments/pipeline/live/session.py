@@ -1,6 +1,6 @@
 """Live tracking of frames as they arrive: what `softaim live` does.
 
-State lives in `Session`: the pipeline, the rows written so far, and the status line.
+`Session` has the state of a run.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class LiveSettings:
     """Settings of a live run: times to wait for frames.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: time that the filter stays behind the present, besides two frame intervals, for late frames [s]; choice
+    behind_s: delay of the filter, in addition to two frame intervals, so that late frames can be used [s]; choice
     """
 
     wait_s: float = 0.1
@@ -63,8 +63,8 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source; hung_s: time that the filter stays behind the present until two frames show the interval;
-settled_frames: number of frames whose median interval is the usual one."""
+"""Settings of a live source; hung_s: delay of the filter before two frames determine the frame interval [s];
+settled_frames: number of frames over which the median interval is computed."""
 
 
 class Session:
@@ -74,8 +74,7 @@ class Session:
     watch: called with each frame, its step and the advice; publisher: also called when there is no frame
     rehearse: whether to compile before the first frame; not needed with a scripted clock
     State: the line, the table of estimates; counters, and counts of statuses; the advice; the newest picture; the
-    journals that record all actions for a replay; whether the filter could use the last frame; whether the marks
-    contradicted the model.
+    journals that record all actions for a replay; whether the filter could use the last frame; the integrity monitor.
     """
 
     def __init__(

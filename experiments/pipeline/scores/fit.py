@@ -121,7 +121,7 @@ class TruthScore:
 
     @property
     def is_wide_enough(self) -> bool:
-        """Whether the truth does not show that the covariance is too small: then lower noise may be advised."""
+        """False if the truth shows that the covariance is too small; if true, lower noise may be advised."""
         return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
@@ -188,7 +188,7 @@ class Withheld:
     """Prediction of one mark by the filter without it.
 
     frames: number of frames in which it was visible and predicted; mean_error_mm: mean distance from the prediction;
-    mean_nees: equals the dimension if right; ratio: observed to predicted rms error, 1 if right
+    mean_nees: ideally equal to the dimension; ratio: observed to predicted rms error, ideally 1
     """
 
     frames: int

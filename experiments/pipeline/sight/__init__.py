@@ -1,4 +1,4 @@
-"""Measured marks from pictures: on the plane by one camera, in space by several.
+"""Measures marks in pictures: on the plane with one camera, in space with several.
 
 A new arrangement of cameras belongs here.
 """

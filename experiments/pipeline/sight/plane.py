@@ -31,7 +31,7 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """The marks found in a picture as measurements on the plane; by_name: their looks."""
+    """The marks found in a picture as measurements on the plane; by_name: the marks by name."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]

@@ -76,8 +76,8 @@ class CameraSight:
 class SpaceSight:
     """Finds the measured marks of a scene in space in the pictures of its cameras, and measures their positions.
 
-    A mark that several cameras see at one time is triangulated. A mark that a single camera sees is a position on its
-    ray, with the pixel's covariance across it, and the body's size as sd along it, because the depth is unknown.
+    A mark that several cameras see at one time is triangulated. If only one camera sees it, its position is on the
+    camera's ray; its depth is unknown, so the standard deviation along the ray is the body's size.
     State: the finder of each camera; for the last exposure, expected positions of marks [m] and covariances [m²],
     reasons for lost marks, new distractors, and the marks that a single camera saw.
     """

@@ -1,4 +1,4 @@
-"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], a page per type."""
+"""Contents of messages that a live run sends and receives; lengths in mm. Source: [openigtlink], by type."""
 
 from __future__ import annotations
 
@@ -95,11 +95,9 @@ def pack_surface(points_mm: Floats, polygons: Sequence[Sequence[int]]) -> bytes:
     return header + points_mm.astype(">f4").tobytes() + np.array(cells, dtype=">u4").tobytes()
 
 
-def unit_sphere(n_around: int = 24, n_rings: int = 11) -> tuple[Floats, list[list[int]]]:
-    """Points on the sphere of radius 1 about the origin, (n, 3), and its triangles and quads, oriented outward.
-
-    n_around, n_rings: number of points on a circle of latitude, and number of circles between the poles
-    """
+def unit_sphere() -> tuple[Floats, list[list[int]]]:
+    """Points on the sphere of radius 1 about the origin, (n, 3), and its triangles and quads, oriented outward."""
+    n_around, n_rings = 24, 11  # points on a circle of latitude, and circles between the poles
     latitudes = np.pi * np.arange(1, n_rings + 1) / (n_rings + 1)
     around: NDArray[np.float64] = 2.0 * np.pi * np.arange(n_around) / n_around
     theta, phi = np.meshgrid(latitudes, around, indexing="ij")

@@ -14,7 +14,7 @@ from experiments.servers.openigtlink.codec import Message
 from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 
 RIGID = 1e-2
-"""Largest deviation of the axes' scalar products from those of a rotation; choice: a tracked tool's pose has less."""
+"""Largest deviation of the axes' scalar products from those of a rotation; choice: tracked poses deviate less."""
 IN_PLANE = 0.5
 """Least length of a needle's unit direction projected onto the plane of flat tissue, 0.5 at 60 degrees; choice."""
 MOST_POINTS = 100

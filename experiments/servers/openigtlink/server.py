@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
+import json
 import logging
 import socket
 import time
@@ -38,8 +39,8 @@ class LinkSettings:
     clients: largest number at a time; further ones get BUSY and are dropped; a requirement of users at the needle
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time without reception after which a client is dropped [s]; choice
-    kernel_bytes: socket buffer for a client [bytes], which Linux doubles: about ten moments, so that a slow client does
-    not read old data; choice. Linux and macOS accept no new packet while the last one waits
+    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: ten moments, so that a slow
+    client does not read old data. Linux and macOS accept no new packet while the last one waits
     """
 
     clients: int = 16
@@ -88,7 +89,7 @@ class _Server:
                 number = moment.number
             if not self._clients:
                 continue
-            self._packet = _stale(stale_s) if moment is None else packet_of(moment.state)
+            self._packet = _stale(stale_s) if moment is None else packet_of(json.loads(moment.text))
             self._count += 1
             self._next.set()
             self._next = asyncio.Event()

@@ -31,29 +31,21 @@ class Access:
     read_open: bool
 
     def knows_place(self, headers: Headers) -> bool:
-        """Whether a request is for a known host and from our page: it has one exact Host, and no or the same Origin."""
+        """Whether a request has exactly one known Host, and either no Origin or that of our page."""
         hosts, origins = headers.getlist("host"), headers.getlist("origin")
         if len(hosts) != 1 or hosts[0].lower() not in self.hosts:
             return False
         # programs send no Origin; a browser sends it with every WebSocket, and no page can change it
         return not origins or origins == [f"http://{hosts[0].lower()}"]
 
-    def grant(self, subprotocols: Iterable[str]) -> Grant:
-        """The rights of a client, by the subprotocols that it offers."""
+    def grant(self, subprotocols: Iterable[str]) -> tuple[bool, bool]:
+        """Whether a client may read, and whether it may write, by the subprotocols that it offers."""
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
-            return Grant(read=self.read_open, write=False)
+            return self.read_open, False
         # a wrong token may not read even if reading is open: its page belongs to another run and must report that
         known = len(tokens) == 1 and secrets.compare_digest(tokens[0].encode(), self.token.encode())
-        return Grant(read=known, write=known)
-
-
-@dataclass(frozen=True, slots=True)
-class Grant:
-    """Whether a client may read, and write."""
-
-    read: bool
-    write: bool
+        return known, known
 
 
 class Guard:

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketDisconnected
@@ -42,26 +42,21 @@ class Stream:
         """Serve one client until it leaves, is stuck, or breaks the protocol."""
         offered = socket.scope["subprotocols"]
         await socket.accept(subprotocol=PROTOCOL if PROTOCOL in offered else None)
-        grant = self._access.grant(offered)
-        if not grant.read:
+        may_read, may_write = self._access.grant(offered)
+        if not may_read:
             await socket.close(WRONG_TOKEN, "a token is required; it was missing or wrong")
             return
         if self._n_clients >= MOST_CLIENTS:
             await socket.close(TOO_MANY, f"{MOST_CLIENTS} clients are already connected")
             return
-        viewer = Viewer(socket, self._feed, may_write=grant.write)
-        with self._counted(pictures=viewer.pictures):
-            await viewer.serve()
-
-    @contextmanager
-    def _counted(self, *, pictures: bool) -> Iterator[None]:
+        viewer = Viewer(socket, self._feed, may_write=may_write)
         self._n_clients += 1
-        self._feed.n_watching += pictures
+        self._feed.n_watching += viewer.pictures
         try:
-            yield
+            await viewer.serve()
         finally:
             self._n_clients -= 1
-            self._feed.n_watching -= pictures
+            self._feed.n_watching -= viewer.pictures
 
 
 class Viewer:

@@ -63,9 +63,9 @@ calibrate --board 9x6 --square-mm 25 --out rig | --camera left=boards | command.
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --charuco 4X4_50 --marker-mm 9 | command.2
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml --charuco 4X4_50 | --marker-mm 9 | code
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --plane boards/blank.png | command.plane
-calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --opencv-yaml a.yaml | command.also.opencv_yaml
-calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --ros-yaml a.yaml | command.also.ros_yaml
-calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --vector svg | command.also.vector
+calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --opencv-yaml a.yaml | command.opencv_yaml
+calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --ros-yaml a.yaml | command.ros_yaml
+calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --vector svg | command.vector
 calibrate boards --board 9x6 --square-mm 25 --out camera.toml | --force | command.force
 register scene.toml --out out.toml | --points marks | code
 register scene.toml --points marks | --out out.toml | code

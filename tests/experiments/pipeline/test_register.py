@@ -69,7 +69,7 @@ def test_a_body_in_space_is_where_it_was_measured() -> None:
     np.testing.assert_array_equal(found.network.rest_lengths, read_scene("scene.toml").network.rest_lengths)
     for before, after in zip(scene.space_cameras, found.space_cameras, strict=True):  # in the world: they stay
         np.testing.assert_allclose(after.project(np.zeros((1, 3))), before.project(np.zeros((1, 3))), rtol=1e-9)
-    assert [step.name for step in found.steps] == ["register"]
+    assert [step.step for step in found.steps] == ["register"]
 
 
 def planar_error_mm(drawn: np.ndarray, place: np.ndarray) -> float:

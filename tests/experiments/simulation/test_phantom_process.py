@@ -69,7 +69,7 @@ def test_the_phantom_is_a_source_of_live_frames():
         frame = next(seen for _ in range(120) if (seen := frames.next(0.5)) is not None)
     assert scene is not None
     assert frame.image.shape[:2] == scene.cameras[0].size_px[::-1]
-    assert scene.steps[-1].name == "simulate"
+    assert scene.steps[-1].step == "simulate"
 
 
 @pytest.mark.parametrize(("away_s", "n_moved"), [(0.25, 7), (0.99, 29), (60.0, 1)])

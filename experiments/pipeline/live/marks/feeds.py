@@ -17,7 +17,7 @@ LOOPBACK = "127.0.0.1"
 
 
 class UdpFeed:
-    """Feed of lines in datagrams, at least one in each, at a port of this machine; SourceError if the port is in use.
+    """Feed of lines in UDP datagrams at a port of this machine. Raises SourceError if the port is in use.
 
     host: local address to listen on; by default the loopback, so that only programs on this machine can send
     After a host has sent, other hosts are refused until it has been silent for SETTINGS.hung_s.
@@ -85,7 +85,7 @@ def udp_feed(address: str) -> UdpFeed:
 
 
 class PipeFeed:
-    """Feed of lines from a pipe or terminal, by its file descriptor, such as 0 for standard input, which stays open.
+    """Feed of lines from a pipe or terminal; descriptor: its file descriptor, such as 0 for standard input.
 
     Reads bypass Python's buffers: a blocked thread would hold their lock when the program ends.
     State: the bytes of an incomplete line, and whether the rest of a line that is too long is skipped.

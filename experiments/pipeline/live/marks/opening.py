@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.errors import InputError
+from experiments.errors import InputError, placed
 from experiments.formats.films.pictures import MARKS, source_in
 from experiments.formats.marks.drawing import first_marks_line
 from experiments.formats.recording import read_frames, read_marks
@@ -40,7 +40,5 @@ def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSou
     if scene_path is None:
         raise InputError.at(name, "--scene scene.toml beside it", "none")
     scene = usable_scene(scene_path)
-    try:
+    with placed(name, SourceError):
         return scene, LiveMarks(scene, PipeFeed() if spec in STDIN else udp_feed(spec))
-    except SourceError as error:
-        raise InputError(f"{name}: {error}") from error

@@ -62,7 +62,7 @@ class LiveMarks(Closing):
 
     Invalid lines, and frames with times out of order, are refused: they are counted by kind, and reported as events,
     the first at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
-    is BLOCKED, like a camera. A frame with repeated values is omitted; once they are FROZEN, it is used without marks.
+    is BLOCKED, like a camera. A frame that repeats earlier values is omitted; after the event FROZEN it has no marks.
 
     refused: counts of unusable input, by kind
     State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched;

@@ -31,8 +31,8 @@ class SenderClock:
     true least delay.
 
     A time is refused if it does not increase, or increases by over settings.hung_s more than this machine's clock. If
-    for settings.blocked_s only such frames come, in order, the sender has another clock, for example after a restart,
-    which is then adopted.
+    only such frames come for settings.blocked_s, in order, the sender has a new clock, for example after a restart;
+    the new clock is then adopted.
 
     State: clock differences of the last frames [s]; the last frame; the first and the last frame of another clock;
     restarts, the number of adopted clocks.

@@ -10,7 +10,7 @@ from estimators import MarkMeasurement, StaticBalance, Status, TargetEstimate, T
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene, network_digest
-from experiments.formats.scene.steps import Step
+from experiments.formats.scene.schema import Step
 from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.integrity import USUAL, balance_of, error_budget, target_variances, unstated, variance_shares
 from experiments.pipeline.line import Line
@@ -148,7 +148,8 @@ def test_a_body_that_rests_elsewhere_than_it_is_drawn_is_as_uncertain_as_that_un
     budget = error_budget(floating, Line(floating, baseline=False).filter)
     [source] = [one for one in budget if one.name.startswith("rest")]
     np.testing.assert_allclose(source.cov, sag**2 * np.eye(2), rtol=1e-9)
-    measured = replace(floating, steps=(Step("at-rest", "0.9.0", "0" * 64, network_digest(floating), "0" * 64),))
+    step = Step(step="at-rest", program="0.9.0", network_sha256=network_digest(floating), scene_sha256="0" * 64)
+    measured = replace(floating, steps=(step,))
     assert rest_is_known(measured)
     budget = error_budget(measured, Line(measured, baseline=False).filter)
     assert not [one for one in budget if one.name.startswith("rest")]
