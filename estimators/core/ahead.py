@@ -99,8 +99,9 @@ class AheadTables:
         case, only for a network, no node is led.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
-        mode, found = np.arange(len(weights)), []
-        for are_kept, changes in [(mode < 2, np.tril(chain)), (mode < 3, chain)][: len(weights) // 2]:
+        calm, found = tissue.process.disturbances.calm_modes, []
+        unled = np.arange(len(calm)) < len(calm) - 1
+        for are_kept, changes in [(calm, np.tril(chain))] + [(unled, chain)] * (not calm.all()):
             kept = np.where(np.outer(are_kept, are_kept), changes, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
         return [*found, self._moments(tissue, weights, chain)]

@@ -21,15 +21,15 @@ class Disturbances:
 
     Short forces act on each marked node independently. Slow forces, such as breathing or leaning, are a smooth field
     over the nodes on which forces may act, plus a uniform acceleration, as if gravity turned. The modes form a Markov
-    chain: calm, pushed by slow forces, poked, led (nodes are pulled along). A continuum has only the first two. All
-    strengths except calm and white noise are multiplied by `raised`, for a stiff body.
+    chain: calm, pushed by slow forces of each strength, poked, led (nodes are pulled along). A continuum is neither
+    poked nor led. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
 
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
-        Standard deviation of a short force in the calm and pushed, the poked, and the led mode [m/s²]; choice.
-    slow_m_s2 : (float, float)
-        Standard deviation of a slow force in the pushed mode, the second, and in all others, the first [m/s²]; choice.
+        Standard deviation of a short force when calm or pushed, poked, and led [m/s²]; choice.
+    slow_m_s2 : tuple of float
+        Standard deviations of slow forces [m/s²], increasing; the first is that of all modes but pushed ones; choice.
     white : float
         Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
@@ -37,12 +37,12 @@ class Disturbances:
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
     each_s, lasting_s : tuple of float
-        For each mode except calm: mean time until it follows a weaker mode, and its mean duration [s]; choice. All
-        weaker modes are equally likely to follow.
+        For a pushed, the poked and the led mode: mean time until it follows a weaker mode, and its mean duration [s];
+        choice. All weaker modes are equally likely to follow it.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
-    n_modes : int
-        Number of modes: four; 2 for a continuum.
+    is_solid : bool
+        Whether the body is a continuum.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -50,7 +50,7 @@ class Disturbances:
     calm_m_s2: float = 0.01
     poke_m_s2: float = 5.0
     led_m_s2: float = 50.0
-    slow_m_s2: tuple[float, float] = (0.0, 2.0)
+    slow_m_s2: tuple[float, ...] = (0.0, 0.5, 2.0)
     white: float = 0.02
     short_s: float = 0.2
     slow_s: float = 1.5
@@ -58,7 +58,7 @@ class Disturbances:
     each_s: tuple[float, float, float] = (30.0, 20.0, 60.0)
     lasting_s: tuple[float, float, float] = (30.0, 0.3, 1.0)
     smooth: float = 0.25
-    n_modes: int = 4
+    is_solid: bool = False
     bent: float = 0.1
 
     @classmethod
@@ -66,7 +66,7 @@ class Disturbances:
         """The prior with strength and duration of pokes from the settings. solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = SOLID[0] * pokes.poke_m_s2, SOLID[1] * pokes.poke_m_s2
-        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_modes=2) if solid else pokes
+        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, is_solid=True) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
         """Factor on the strengths for a stiff body [1], at least `least`.
@@ -81,15 +81,15 @@ class Disturbances:
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white, short, led and slow forces in each mode; raised: factor on all except white and calm."""
-        calm, poke, led = self.calm_m_s2, raised * self.poke_m_s2, raised * self.led_m_s2
-        weak, strong = raised * self.slow_m_s2[0], raised * self.slow_m_s2[1]
-        modes = [(calm, weak), (calm, strong), (poke, weak), (led, weak)]
-        return [(self.white, short, max(short, led), slow) for short, slow in modes[: self.n_modes]]
+        slow, poke, led = raised * np.array(self.slow_m_s2), raised * self.poke_m_s2, raised * self.led_m_s2
+        short = [self.calm_m_s2] * len(slow) + ([] if self.is_solid else [poke, led])
+        slow = np.append(slow, [slow[0]] * (len(short) - len(slow)))
+        return [(self.white, one, max(one, led), float(other)) for one, other in zip(short, slow, strict=True)]
 
     @property
     def usual_mode(self) -> int:
-        """Index of the poked mode or, of a continuum, the mode with the stronger slow force."""
-        return min(2, self.n_modes - 1)
+        """Index of the poked mode or, for a continuum, of the mode with the strongest slow force."""
+        return len(self.calm_modes) - (1 if self.is_solid else 2)
 
     def usual(self, raised: float) -> dict[str, float]:
         """Strength of each source by name, in the usual mode [m/s²]."""
@@ -98,13 +98,16 @@ class Disturbances:
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Whether each mode is without a short force, (n_modes,)."""
-        return np.arange(self.n_modes) < 2
+        n = len(self.slow_m_s2)
+        return np.arange(n if self.is_solid else n + 2) < n
 
     @property
     def rates(self) -> Floats:
         """Transition rates between the modes [1/s], (n_modes, n_modes)."""
-        rates = np.zeros((self.n_modes, self.n_modes))
-        for mode in range(1, self.n_modes):
-            rates[:mode, mode] = 1.0 / self.each_s[mode - 1]
-            rates[mode, :mode] = 1.0 / (mode * self.lasting_s[mode - 1])
+        n, n_slow = len(self.calm_modes), len(self.slow_m_s2)
+        rates = np.zeros((n, n))
+        for mode in range(1, n):
+            kind = max(0, mode - n_slow + 1)
+            rates[:mode, mode] = 1.0 / self.each_s[kind]
+            rates[mode, :mode] = 1.0 / (mode * self.lasting_s[kind])
         return np.asarray(rates - np.diag(rates.sum(axis=1)))

@@ -80,7 +80,7 @@ class PlaneView:
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,); in space False for an unknown one, None."""
+        """Whether a node's mark may be visible at a position [m], (dim,); None: unknown, which in space gives False."""
         return True
 
 

@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Pixels in each kind's colour range. State: their number by kind and frame; frames with the least and the most."""
+    """Pixels in each kind's colour range. State: numbers by frame and kind; frames with the least and most."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]

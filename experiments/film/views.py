@@ -1,4 +1,4 @@
-"""Annotation of a frame from a step of the pipeline, projected into the picture of a camera."""
+"""Annotation of a frame: results of a step of the pipeline, projected into a camera's picture."""
 
 from __future__ import annotations
 

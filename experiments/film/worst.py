@@ -34,9 +34,9 @@ class Still:
 
 
 class WorstFrames:
-    """Stores the worst frame of each kind: a kind is a status and the first mark's fault with its reason.
+    """Stores the worst frame of each kind; a kind is a status and the reason of the first faulty mark.
 
-    State: a picture by kind; the number of kinds is at most that of statuses times that of reasons.
+    State: a picture for each kind.
     """
 
     def __init__(self) -> None:

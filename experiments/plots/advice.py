@@ -60,13 +60,13 @@ COLOURS = {
     Advice.NO_GUIDANCE: GREY,
 }
 LANE_MM = 6.5
-"""Printed height of the lane of one reason [mm], with its text above its bars."""
+"""Printed height of the lane of one reason [mm]: bars below a line of text."""
 
 MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Difference of probabilities that is invisible in print, and relative range up to which misses are constant [1]."""
+"""Difference of probabilities that is invisible in print; range of constant misses, relative to the lesion's radius."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""

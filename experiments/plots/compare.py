@@ -28,7 +28,7 @@ def write_comparison_plot(done: Track, folder: Path, vector: str | None = None) 
 
 @styled
 def comparison_figure(done: Track) -> Figure:
-    """Error of each method over time, and its predicted error, the root of the trace of its covariance.
+    """Error of each method over time, and its predicted rms error: the root of the trace of its covariance.
 
     All methods have the same scale; errors outside the plot are marked at its edge and counted. Without truth the
     distance from the filter's estimate is drawn.

@@ -26,14 +26,14 @@ SPARED = 0.05
 """Share of frames that may lie outside the plot at either end; the plot states their number."""
 
 NARROW = 3.0
-"""Ratio of an axis's ends below which ticks at 1, 2 and 5 of each decade are too few."""
+"""Ratio of an axis's limits below which it has linear ticks, because ticks at 1, 2 and 5 of a decade are too few."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
 """Limits of plots of NEES and NIS, about four decades from the bounds of consistent frames."""
 
 
 def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
-    """Error and standard deviation for each axis [mm] and NEES, (n,) each, of the frames that have them."""
+    """Error per axis, its standard deviation [mm] and NEES, (n,) each, in the frames that have all three."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
     sigma = np.sqrt(sum(ours[AXES[a] * 2] for a in range(dim)) / dim).to_numpy()
     error = (ours["err_mm"] / np.sqrt(dim)).to_numpy()
@@ -45,8 +45,8 @@ def _errors_and_sigmas(done: Track) -> tuple[Floats, Floats, Floats]:
 def sigma_figure(done: Track) -> Figure | None:
     """Observed error over predicted standard deviation, for groups of frames; None without frames that have both.
 
-    The band contains 95 % of the groups for a consistent covariance. It is computed for the root mean square of
-    independent errors; their number is the effective number of the group's frames, since frames are correlated in time.
+    If the covariance is consistent, 95 % of the groups lie in the band. Errors of frames are correlated in time, so the
+    band assumes as many independent errors as a group has effective frames.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):

@@ -36,7 +36,7 @@ WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
 """Widths of lines that often coincide [pt]: each is narrower than the lines drawn before it."""
 
 N_LEAST = 5
-"""Number of insertions below which a bin is not drawn; the plot states the number of such insertions."""
+"""Least number of insertions in a drawn bin; the plot states how many insertions other bins have."""
 
 FARTHEST_MM = 20.0
 """Distance above which a miss is not drawn [mm]; the plot states the number of such misses."""

@@ -43,7 +43,7 @@ def body_size(done: Track) -> float:
 
 
 def within(points: Floats, box: Floats) -> Floats:
-    """Whether each point, (n, dim), is in a box with this lowest and highest corner, (2, dim); False for NaN."""
+    """The points, (n, dim), that lie in a box with this lowest and highest corner, (2, dim)."""
     return points[((points >= box[0]) & (points <= box[1])).all(axis=1)]
 
 

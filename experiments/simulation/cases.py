@@ -22,7 +22,7 @@ from experiments.formats.scene.scene import Scene, usable_scene
 from experiments.simulation.simulate import EXACT, scene_of
 
 FIRST_SEED = 30_000
-"""First seed of results; smaller ones were used for choices, or their results were known before settings changed."""
+"""First seed of results; smaller seeds served to choose settings."""
 
 BREATHING_WARM_S = 12.0
 """Time with marks before the needle may start in breathing tissue [s]; choice: two breaths."""
@@ -40,11 +40,11 @@ BEYOND_M = 0.035
 """Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""One outer mass at a time is poked: 3.4 m/s² is the root mean square, on a coordinate, of half sines in any direction
-with peaks of 3 to 10 m/s², those of scenario `poked`."""
+"""Settings for pokes of one outer mass at a time. In scenario `poked` these are half sines in random directions with
+peaks of 3 to 10 m/s²; on one coordinate their root mean square is 3.4 m/s²."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
-"""All outer masses may be pushed at once."""
+"""Settings for pushes of all outer masses at once."""
 
 FAR_M, N_ALONG = 0.05, 100
 """Largest distance of a needle's entry from a body of tetrahedra [m], and number of places along it that are tested;

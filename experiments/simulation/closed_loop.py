@@ -34,8 +34,8 @@ SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 """Range of the random lesion radius with which probabilities are tested [m], log-uniform; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Thresholds for the start; half a second ahead poked tissue cannot be predicted better. The commitment requires the
-probability `go` of the needle's file; below it, a policy that may retract does so."""
+"""Thresholds for the start; they are low, because poked tissue cannot be predicted half a second ahead. At the
+commitment a policy that may retract does so below the probability `go` of the needle's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class Tried:
 
 @dataclass(slots=True)
 class _Robot:
-    """The needle's state: depth along its axis [m], offset from its initial line along `across` [m], its action."""
+    """The needle: axis, offset from its initial line along `across` [m], depth along its axis [m], its action."""
 
     axis: Floats
     beside: Floats

@@ -19,7 +19,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay that the motion catches up, for example after a pause or compilation [s]; choice: 0.4 s of work."""
+"""Longest delay after which the motion is made up for [s], for example by a compilation; choice: 0.4 s of work."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: errors

@@ -63,13 +63,12 @@ from estimators import (
 )
 from estimators.core.moments import add_noise
 from experiments.arrays import Floats
-from experiments.film.speed import film_640x480
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene
 from experiments.pipeline.line import FILTER, Line
 from experiments.simulation.plane_film import film
 from experiments.simulation.simulate import scene_of, true_motion
-from experiments.studies.bench_recording import FRAME_S, median_ms, recording, resting_frames, seconds_of
+from experiments.studies.bench_recording import FRAME_S, film_640x480, median_ms, recording, resting_frames, seconds_of
 from experiments.studies.estimation.trials import EXACTLY, Frames, passed
 from experiments.studies.scaling import scaling
 from vision.arrays import Image
@@ -98,7 +97,7 @@ def repeated_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """Functions that estimate the target after a frame: by our filter, by filterpy, and by it with compiled motion."""
+    """Functions that estimate the target after a frame: by our filter, and by filterpy, also with compiled motion."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)

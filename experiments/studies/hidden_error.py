@@ -23,11 +23,10 @@ SEEDS = range(100, 100 + N_RUNS)
 
 
 def study(scenario: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Figures of all runs by `experiments.studies.estimation.study`, and the largest ratio of errors in a run."""
+    """Figures of all runs by `experiments.studies.estimation.study`."""
     with tempfile.TemporaryDirectory() as cache:
         done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], workers)
-    runs = pd.DataFrame([row_of(one) for one in done])
-    return figures(runs) | {"worst_run_ratio": float((runs["filter_mm"] / runs["open_loop_mm"]).max())}
+    return figures(pd.DataFrame([row_of(one) for one in done]))
 
 
 def main() -> None:

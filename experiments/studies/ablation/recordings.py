@@ -50,12 +50,14 @@ class Recording:
     read_sd_m: float = 0.0
 
 
-def _zoo(name: str, constants: str, seconds: float) -> Callable[[int], Recording]:
+def _zoo(name: str, constants: str, seconds: float, first: int = 0) -> Callable[[int], Recording]:
+    """A body of the zoo; first: number of the first frame that the filter gets."""
+
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
         body, model = case.motion, assumed(case.motion, case)
-        frames = measured(body, body.marked, seed)
-        truth = body.positions[:, [body.network.index(node) for node in body.hidden]]
+        frames = measured(body, body.marked, seed)[first:]
+        truth = body.positions[first:, [body.network.index(node) for node in body.hidden]]
         return Recording(model.network, body.marked, body.hidden, frames, truth, model.settings, model.uncertainty)
 
     return made
@@ -100,6 +102,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "breast, marks to 1 mm": _honest("breast", 1.0, 2.0),
     "cable, slow": _zoo("cable-slow", "true", 2.0),
     "cable, fast": _zoo("cable-fast", "true", 1.5),
+    "cable, first seen in motion": _zoo("cable-fast", "true", 1.5, first=15),
     "block of 27": _zoo("block27", "true", 1.5),
     "cloth": _zoo("sheet", "true", 1.5),
     "floating block": _zoo("floating", "true", 1.5),

@@ -1,1 +1,1 @@
-"""Estimation study: hundreds of seeded runs on the phantom, and the page with their results."""
+"""Estimation studies: hundreds of seeded runs on the phantom."""

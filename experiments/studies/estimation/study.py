@@ -1,20 +1,19 @@
-"""Accuracy and consistency of the filter in seeded runs on the phantom: the figures of docs/estimation-study.md.
+"""Accuracy and consistency of the filter in seeded runs on the phantom: the tables of docs/estimation-study.md.
 
     python -m experiments.studies.estimation.study --out study             # all parts: hours on two cores
     python -m experiments.studies.estimation.study hard --runs 10 --out study
     python -m experiments.studies.estimation.study --out study --page      # rewrite the tables of the page, too
 
-Parts are stored as JSON in the folder, their runs in `runs` and truths in `truth` beside them; an interrupted study
-continues where it stopped. Truth is by SciPy's RK45 with friction and tremor; pokes are half sines (`poked`: one mass
-at a time; `shoved`: all outer masses at once, 10 m/s², the target swings by 70 to 140 mm). The true tissue is always
-the phantom: errors of constants are in the model.
+The folder has the runs of each part in `runs` and the truths in `truth`; an interrupted study continues there. SciPy's
+RK45 computes the truth with friction and tremor. Pokes are half sines (`poked`: one mass at a time; `shoved`: all outer
+masses at once, 10 m/s², the target swings by 70 to 140 mm). The true tissue is always the phantom: errors of constants
+are in the model.
 """
 
 from __future__ import annotations
 
-import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from dynamics import (
     HIDDEN,
@@ -29,18 +29,17 @@ from dynamics import (
     OUTER,
     four_mass_phantom,
     independent_uncertainty,
-    parameter_value,
+    pack,
     parameters,
     scale_parameters,
 )
-from estimators import FilterSettings, coverage, identify_constants
+from estimators import FilterSettings, ForceMode, TissueFilter, coverage, identify_constants, posterior_bound
+from experiments.arrays import Floats
 from experiments.engine.runs import Case
-from experiments.engine.workers import ALL_CORES, Workers, chosen_workers
-from experiments.formats.outputs import write_whole
-from experiments.studies.estimation.limits import bound_row, hard_trial, longest
-from experiments.studies.estimation.page import TABLES
-from experiments.studies.estimation.trials import Frames, Model, Outcome, Trial, run, seen
-from experiments.studies.grid import command, kept_runs, print_figures, publish, study_options
+from experiments.engine.workers import chosen_workers, one_or_more
+from experiments.formats.page import markdown_table
+from experiments.studies.estimation.trials import EXACTLY, KNOTS_PER_S, Frames, Model, Outcome, Trial, run, seen, truth
+from experiments.studies.grid import command, kept_runs, publish, study_options
 from experiments.studies.grid import grid as cases_of
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
@@ -53,89 +52,59 @@ FAR_M = 0.04
 UNREPORTED_S = 0.5
 """Time within which a filter must report such an error [s]."""
 
+TREMOR = 0.05
+"""White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
+
+SECTIONS = {"from the first frame": 0, "after 2 s": 60}
+"""First counted frame of a run, for each section."""
+
 Row = dict[str, float | int]
 
 
-@dataclass(frozen=True, slots=True)
-class Study:
-    """Folder of a study's runs and truths, number of runs for each figure, and workers."""
-
-    folder: Path
-    n_runs: int
-    workers: Workers = ALL_CORES
-
-    @property
-    def seeds(self) -> range:
-        """Seeds of the runs."""
-        return range(100, 100 + self.n_runs)
-
-    @property
-    def cache(self) -> Path:
-        """Folder of the truths."""
-        return self.folder / "truth"
-
-    def runs(self, part: str, work: Callable[..., Any], cases: Sequence[Case]) -> pd.DataFrame:
-        """The rows that work(case, cache=...) returns for all cases, in order, stored in the folder `runs/PART`."""
-        return kept_runs(partial(work, cache=self.cache), cases, self.folder / "runs" / part, self.workers)
-
-
 def row_of(outcome: Outcome) -> dict[str, Any]:
-    """The figures of one run: mean [mm], mean square [mm²] and largest error [mm], and shares of its frames.
+    """The figures of one run: mean errors [mm], coverage, NEES, and whether the error was ever large.
 
     diverged: an error above FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame; ever_far: such an
-    error at any time; unsaid_s: the longest time with TRACKING, an error above FAR_M and a NEES above 30, which by
-    chance occurs in one frame of three million
+    error at any time
     """
-    ours_mm = 1e3 * outcome.filtered
-    far = (outcome.filtered > FAR_M) & (np.array(outcome.status) == "TRACKING")
+    is_far = outcome.filtered > FAR_M
+    unreported = is_far & (np.array(outcome.status) == "TRACKING")
     return {
-        "frames": len(ours_mm),
+        "frames": len(is_far),
         "open_loop_mm": float(1e3 * outcome.open_loop.mean()),
-        "filter_mm": float(ours_mm.mean()),
-        "square_mm2": float((ours_mm**2).mean()),
-        "worst_mm": float(ours_mm.max()),
+        "filter_mm": float(1e3 * outcome.filtered.mean()),
         "coverage95": coverage(outcome.nees, 2),
         "nees": float(outcome.nees.mean()),
-        "diverged_frames": outcome.status.count("DIVERGED"),
-        "repairs": outcome.repairs,
         "turned": outcome.turned,
-        "diverged": bool(longest(outcome.times_s, far) >= UNREPORTED_S or far[-1]),
-        "ever_far": bool((outcome.filtered > FAR_M).any()),
-        "unsaid_s": longest(outcome.times_s, far & (outcome.nees > 30.0)),
+        "diverged": bool(longest(outcome.times_s, unreported) >= UNREPORTED_S or unreported[-1]),
+        "ever_far": bool(is_far.any()),
     }
 
 
+def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
+    """The longest duration [s] of consecutive frames in which `wrong` is true."""
+    found, since = 0.0, None
+    for time_s, now in zip(times_s, wrong, strict=True):
+        since = (time_s if since is None else since) if now else None
+        found = max(found, 0.0 if since is None else float(time_s - since))
+    return found
+
+
 def figures(runs: pd.DataFrame) -> Row:
-    """Mean errors [mm], their ratio, 95 % coverage, mean NEES, worst error [mm], frames by status and repairs."""
+    """Number of runs, mean error [mm], its ratio to the open loop's, coverage, mean NEES, numbers of large errors."""
 
     def mean(column: str) -> float:
         return float(np.average(runs[column], weights=runs["frames"]))
 
     return {
         "runs": len(runs),
-        "open_loop_mm": mean("open_loop_mm"),
         "filter_mm": mean("filter_mm"),
         "ratio": mean("filter_mm") / mean("open_loop_mm"),
         "coverage95": mean("coverage95"),
         "nees": mean("nees"),
-        "rmse_mm": float(np.sqrt(mean("square_mm2"))),
-        "worst_mm": float(runs["worst_mm"].max()),
-        "frames": int(runs["frames"].sum()),
-        "diverged_frames": int(runs["diverged_frames"].sum()),
-        "repairs": int(runs["repairs"].sum()),
+        "runs_diverged": int(runs["diverged"].sum()),
+        "runs_ever_far": int(runs["ever_far"].sum()),
     }
-
-
-def far_figures(runs: pd.DataFrame) -> Row:
-    """Content of `figures`, numbers of runs that diverged or were ever far, and longest unreported error [s]."""
-    far = {"runs_diverged": int(runs["diverged"].sum()), "runs_ever_far": int(runs["ever_far"].sum())}
-    return figures(runs) | far | {"longest_unsaid_s": float(runs["unsaid_s"].max())}
-
-
-def by_scenario(runs: pd.DataFrame, label: str = "") -> dict[str, Row]:
-    """Figures of all frames together and of each scenario, whose label is `label` with its name."""
-    each = {f"{label}{name}": figures(own) for name, own in runs.groupby("scenario", sort=False)}
-    return {f"{label}all": figures(runs)} | each
 
 
 def perturbed(seed: int, *, known: bool = False) -> Model:
@@ -154,35 +123,18 @@ def calibration(seed: int, cache: Path) -> Frames:
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
 
-def identified(study: Study) -> dict[str, Row]:
-    """Both methods with wrong constants (10 %) after their identification from 30 s; noise of 4.14 mm, 30 frames/s."""
-    found = study.runs("identified", identified_rows, cases_of(seed=study.seeds))
-    means = found.drop_duplicates("seed")[["chi2_by_degrees", "passes", "directions"]].mean()
-    return by_scenario(found) | {"constants": means.to_dict()}
-
-
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
     """Rows of one phantom: its wrong constants are identified from a calibration, then all scenarios are tracked."""
     seed = case["seed"]
     model = perturbed(seed)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
     known = replace(model, network=found.network, uncertainty=found.uncertainty)
-    network = four_mass_phantom()
-    true = np.log([parameter_value(network, one) / parameter_value(model.network, one) for one in found.parameters])
-    error = found.change - true
-    own = {
-        "chi2_by_degrees": float(error @ np.linalg.solve(found.cov, error)) / len(error),
-        "passes": found.passes,
-        "directions": len(found.uncertainty.directions),
-    }
-    return [{"scenario": name, **own, **row_of(run(Trial(name, seed), known, cache))} for name in SCENARIOS]
+    return [{"scenario": name, **row_of(run(Trial(name, seed), known, cache))} for name in SCENARIOS]
 
 
-def unidentified(study: Study) -> dict[str, Row]:
-    """The filter with constants wrong by 10 % and not identified; it considers or ignores their uncertainty."""
-    cases = cases_of(uncertainty=("considered", "ignored"), scenario=SCENARIOS, seed=study.seeds)
-    found = study.runs("unidentified", unidentified_row, cases).groupby("uncertainty", sort=False)
-    return {name: row for label, runs in found for name, row in by_scenario(runs, f"{label}, ").items()}
+def by_scenario(runs: pd.DataFrame) -> dict[str, Row]:
+    """Figures of all frames together and of each scenario."""
+    return {"all": figures(runs)} | {str(name): figures(own) for name, own in runs.groupby("scenario", sort=False)}
 
 
 def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
@@ -191,50 +143,134 @@ def unidentified_row(case: Case, cache: Path) -> dict[str, Any]:
     return row_of(run(Trial(case["scenario"], case["seed"]), model, cache))
 
 
-def bound(study: Study) -> dict[str, Row]:
-    """RMSE relative to the posterior Cramér-Rao bound; no pokes, exact constants, noise of 4.14 mm, 30 frames/s."""
-    runs = study.runs("bound", bound_row, cases_of(seed=study.seeds))
+def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
+    """Figures of runs that consider or ignore the uncertainty of constants."""
+    return {f"{label}, all": figures(own) for label, own in runs.groupby("uncertainty", sort=False)}
+
+
+def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
+    """Mean square error of the filter in a quiet run, and the posterior Cramér-Rao bound, by section."""
+    network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
+    positions = truth(trial, cache)
+    dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
+    states = pack(positions, np.gradient(positions, dt, axis=0))
+    mark = trial.mark_sd_m**2 * np.eye(2)
+    seen_marks = [dict.fromkeys(OUTER, mark) if k % every == 0 else {} for k in range(len(states))]
+    n = network.n_state
+    start = TissueFilter(network, HIDDEN, OUTER, EXACTLY).process.prior(0.0)[1][0, :n, :n]
+    tremor = ForceMode(white=TREMOR, poke=1e-9, lasting_s=1.0)
+    times = dt * np.arange(len(states))
+    place = network.coordinates(HIDDEN)
+    covs = posterior_bound(network, states, times, seen_marks, tremor, start)[::every, place, place]
+    squared, bound = run(trial, Model(), cache).filtered ** 2, np.trace(covs, axis1=1, axis2=2)
+    return [
+        {"from": label, "square_m2": float(squared[first:].mean()), "bound_m2": float(bound[first:].mean())}
+        for label, first in SECTIONS.items()
+    ]
+
+
+def by_start(runs: pd.DataFrame) -> dict[str, Row]:
+    """RMSE relative to the posterior Cramér-Rao bound, from different frames on."""
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
         rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
-        rows[str(label)] = {"runs": len(own), "rmse_mm": rmse_mm, "bound_mm": bound_mm, "ratio": rmse_mm / bound_mm}
+        rows[str(label)] = {"rmse_mm": rmse_mm, "bound_mm": bound_mm, "ratio": rmse_mm / bound_mm}
     return rows
 
 
-def hard(study: Study) -> dict[str, Row]:
-    """1,000 runs of 6 s: 5 to 120 frames/s, mark noise of 0.5 to 8 mm, 30 % of marks lost, pokes up to 1.5-fold."""
-    runs = study.runs("hard", hard_row, cases_of(seed=range(10 * study.n_runs)))
-    parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
-    return {label: far_figures(own) for label, own in parts.items() if len(own)}
+def hard_trial(k: int) -> Trial:
+    """A hard run: random frame rate, noise and strength of pokes; three marks in ten are lost."""
+    rng = np.random.default_rng([k, 3])
+    return Trial(
+        "poked" if k % 2 else "shoved",
+        5000 + k,
+        duration_s=6.0,
+        frames_per_s=int(rng.choice([5, 10, 15, 30, 60, 120])),
+        mark_sd_m=float(np.exp(rng.uniform(np.log(0.0005), np.log(0.008)))),
+        strength=float(rng.choice([1.0, 1.25, 1.5])),
+        lost=0.3,
+    )
 
 
 def hard_row(case: Case, cache: Path) -> dict[str, Any]:
-    """One of the thousand runs."""
+    """The figures of a hard run."""
     return row_of(run(hard_trial(case["seed"]), Model(), cache))
 
 
-PARTS: dict[str, Callable[[Study], dict[str, Row]]] = {
-    one.__name__: one for one in (identified, unidentified, bound, hard)
+def by_turn(runs: pd.DataFrame) -> dict[str, Row]:
+    """Figures of runs in which the phantom stayed upright or turned over."""
+    parts = {"upright": runs[~runs["turned"]], "turned over": runs[runs["turned"]]}
+    return {label: figures(own) for label, own in parts.items() if len(own)}
+
+
+USUAL = {
+    "filter [mm]": "{filter_mm:.2f}",
+    "ratio": "{ratio:.3f}",
+    "coverage": "{coverage95:.1%}",
+    "NEES": "{nees:.2f}",
+}
+BOUND = {
+    "filter RMSE [mm]": "{rmse_mm:.3f}",
+    "bound [mm]": "{bound_mm:.3f}",
+    "ratio": "{ratio:.3f}",
+}
+HARD = {
+    "diverged": "{runs_diverged}/{runs}",
+    "over 40 mm": "{runs_ever_far}/{runs}",
+    "coverage": "{coverage95:.1%}",
+}
+"""Columns of the tables: heading, and format of an entry from a row."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One table of the page.
+
+    work: function of a run; rows: function from all runs to the table's rows, by label; columns: of the table
+    axes: values of the cases' other keys than the seed; more: factor on the number of runs; first: first seed
+    """
+
+    work: Callable[..., Any]
+    rows: Callable[[pd.DataFrame], dict[str, Row]]
+    columns: Mapping[str, str]
+    axes: Mapping[str, Sequence[str]]
+    more: int = 1
+    first: int = 100
+
+    def table(self, runs: pd.DataFrame) -> str:
+        """The table of these runs."""
+        cells = [
+            [label, *(cell.format(**row) for cell in self.columns.values())] for label, row in self.rows(runs).items()
+        ]
+        return markdown_table(["", *self.columns], cells)
+
+
+PARTS = {
+    "identified": Part(identified_rows, by_scenario, USUAL, {}),
+    "unidentified": Part(
+        unidentified_row, by_uncertainty, USUAL, {"uncertainty": ("considered", "ignored"), "scenario": SCENARIOS}
+    ),
+    "bound": Part(bound_row, by_start, BOUND, {}),
+    "hard": Part(hard_row, by_turn, HARD, {}, more=10, first=0),
 }
 
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the named parts, or all, and store their figures."""
+    """Run the named parts, or all, and print their tables."""
     parser = study_options(__doc__, page="estimation-study.md")
     parser.add_argument("parts", nargs="*", choices=[*PARTS, []], help="parts of the study; default: all")
-    parser.add_argument("--runs", type=int, default=100)
-    chosen = parser.parse_args(arguments)
-    study = Study(chosen.out, chosen.runs, chosen_workers(chosen))
-    study.cache.mkdir(parents=True, exist_ok=True)
+    parser.add_argument("--runs", type=one_or_more, default=100)
+    given = parser.parse_args(arguments)
+    cache = given.out / "truth"
+    cache.mkdir(parents=True, exist_ok=True)
     tables = {}
-    for name in chosen.parts or PARTS:
-        rows = PARTS[name](study)
-        tables[name] = TABLES[name](rows)
-        write_whole(study.folder / f"{name}.json", json.dumps(rows, indent=1) + "\n")
-        for label, row in rows.items():
-            print_figures(f"{label}: ", row)
-    publish(chosen, "", tables)
+    for name in given.parts or PARTS:
+        part = PARTS[name]
+        cases = cases_of(**part.axes, seed=range(part.first, part.first + part.more * given.runs))
+        runs = kept_runs(partial(part.work, cache=cache), cases, given.out / "runs" / name, chosen_workers(given))
+        tables[name] = part.table(runs)
+    publish(given, "\n".join(f"{name}\n{table}" for name, table in tables.items()), tables)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ class Outcome:
     """The result of a run.
 
     open_loop, filtered: errors of the hidden mass [m], (n_frames,); nees: the filter's NEES
-    repairs: number of repaired covariances; turned: whether a true spring ever rotated by more than a right angle
+    turned: whether a true spring ever rotated by more than a right angle
     """
 
     times_s: Floats
@@ -73,7 +73,6 @@ class Outcome:
     filtered: Floats
     nees: Floats
     status: tuple[str, ...]
-    repairs: int
     turned: bool
 
 
@@ -102,7 +101,7 @@ def truth(trial: Trial, cache: Path) -> Floats:
 
 
 def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[str] = OUTER) -> tuple[Frames, Floats]:
-    """Frames with the marks of these nodes, and the hidden mass at each [m], (n_frames, dim)."""
+    """Frames with the marks of these nodes, and the hidden mass in each frame [m], (n_frames, dim)."""
     positions = truth(trial, cache)
     step = KNOTS_PER_S // trial.frames_per_s
     network = four_mass_phantom()
@@ -145,7 +144,6 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
         np.linalg.norm(errors, axis=1),
         normalised_error_squared(errors, np.array([estimate.cov for estimate in ours])),
         tuple(estimate.status.value for estimate in ours),
-        sum(tissue.repairs.values()),
         turned(truth(trial, cache)),
     )
 

@@ -63,7 +63,7 @@ def _lag(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: float) -> 
 
 
 def _dated(fault_s: float, arrives: Arrives = lambda arrivals, _rng, _lasts_s: arrivals) -> Arrives:
-    """A fault of a device with its own times: during the fault, its clock has this error [s]."""
+    """A fault of a camera that reports its own times: during the fault, its clock has this error [s]."""
     return lambda arrivals, rng, lasts_s: arrives(
         [
             replace(one, stated_s=DEVICE_S + k * INTERVAL_S + (fault_s if _within(one, lasts_s) else 0.0))

@@ -24,12 +24,12 @@ ONSET_S = 4.0
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for detecting a fault that a single frame shows [s], or three frames if that is longer; a requirement."""
+"""Time limit for detecting a fault that a single frame shows [s]; three frames if they take longer; a requirement."""
 HIDDEN_S = 2.0
 """Time limit for detecting a fault that single frames do not show, or until the covariance covers its error [s]; a
 requirement."""
 WRONG = 0.999
-"""Probability of the region outside which the truth makes an estimate wrong, if the error is above `LEAST_M`."""
+"""An estimate is wrong if the truth is outside its region of this probability and the error is above `LEAST_M`."""
 LEAST_M = 1e-3
 """Least error that matters to a needle [m]; choice."""
 STALE_S = 0.2
@@ -145,7 +145,7 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
+    """The result of a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
 
     A run that displayed nothing more has ended before the last moment.
     """
@@ -181,7 +181,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Time from which all is well, after the end of the fault or, if it stays, after its detection [s]."""
+    """Time from which there is no fault, after its end or, if it stays, after its detection [s]."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

@@ -37,7 +37,7 @@ FRAME_S = 0.05
 STARTS_S = 60.0
 """Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the end of the film from which a run is not disturbed [s]."""
+"""Last part of the film in which a run is not stopped [s]."""
 ENDS_S = 20.0
 """Timeout for a run to end after its film [s]."""
 SOFTAIM = (
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading, like a reader that has left."""
+        """Stop reading and close the sources."""
         self._closing = True
         self._thread.join()
 
@@ -136,7 +136,7 @@ class Terminal:
 
 @dataclass(slots=True, eq=False)
 class LiveRun:
-    """Process of `softaim live` on a film, recorded, with a needle, from `start` until it has ended.
+    """Process of `softaim live` on a film, with a needle and a recording, from `start` to its end.
 
     folder: existing folder for its output; options: further options of the command; on_terminal: whether it runs in a
     terminal, not with pipes; igtl_port: port of OpenIGTLink, 0 for none

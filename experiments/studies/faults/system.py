@@ -36,7 +36,7 @@ N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, whose lines of about 70 letters exceed a terminal's buffer; number sent at once."""
+"""Number of refused requests, whose lines together exceed a terminal's buffer; number of requests sent at once."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})

@@ -22,8 +22,7 @@ from experiments.plots.style import (
     new_figure,
     styled,
 )
-from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, lattice_by_seed
-from experiments.studies.lattices.table import WORDS, YOUNG
+from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, WORDS, YOUNG, lattice_by_seed
 
 SHOWN_SEED = 1000
 """Seed of the drawn lattices."""

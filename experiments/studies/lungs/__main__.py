@@ -13,18 +13,46 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
+
+from estimators import coverage
 from experiments.engine.workers import chosen_workers, workers_for
+from experiments.formats.page import markdown_table
 from experiments.studies.grid import command, publish, runs_of, study_options
-from experiments.studies.lungs.estimate import SEEN, Inner, errors_table, inner_landmarks
+from experiments.studies.lungs.estimate import SEEN, inner_errors
 from experiments.studies.lungs.landmarks import Lung, read_lungs
 from experiments.studies.lungs.model import LungConstants
-from experiments.studies.lungs.table import markdown
+
+HEAD = (
+    "landmarks seen",
+    "no motion [mm]",
+    "spline [mm]",
+    "filter [mm]",
+    "coverage",
+    "spline, all phases [mm]",
+    "filter, all phases [mm]",
+    "coverage, all phases",
+)
 
 
-def run(job: tuple[Lung, str]) -> Inner:
-    """Estimate one lung from a number of visible landmarks, named in `SEEN`, with the constants of all lungs."""
-    lung, seen = job
-    return inner_landmarks(lung, seen, LungConstants())
+def run(job: tuple[Lung, str]) -> pd.DataFrame:
+    """Errors in one lung with a number of visible landmarks, which is named in `SEEN`."""
+    return inner_errors(*job, LungConstants())
+
+
+def markdown(errors: pd.DataFrame) -> str:
+    """Mean errors and coverage at the end of exhaling and in all phases."""
+    rows = []
+    for seen in SEEN:
+        own = errors[errors["seen"] == seen]
+        last = own[own["phase"] == own["phase"].max()]
+        rows.append((seen, *_figures(last, "nothing", "spline", "filter"), *_figures(own, "spline", "filter")))
+    return markdown_table(HEAD, rows)
+
+
+def _figures(table: pd.DataFrame, *methods: str) -> list[str]:
+    covered = f"{100 * coverage(table['nees'].to_numpy(), 3):.1f}%"
+    return [*(f"{table[f'{method}_mm'].mean():.2f}" for method in methods), covered]
 
 
 @command
@@ -34,8 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path, help="folder with case1.csv and so on")
     given = parser.parse_args(arguments)
     jobs = [(lung, seen) for seen in SEEN for lung in read_lungs(given.folder)]
-    found: list[Inner] = runs_of(run, jobs, workers_for(len(jobs), chosen_workers(given)))
-    page = markdown(errors_table(found), found)
+    page = markdown(pd.concat(runs_of(run, jobs, workers_for(len(jobs), chosen_workers(given)))))
     publish(given, page, {"lungs table": page})
 
 

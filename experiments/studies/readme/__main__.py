@@ -25,7 +25,7 @@ DEMO_SEEDS = range(1, 6)
 
 
 def coverages(seeds: Sequence[int] = DEMO_SEEDS) -> dict[str, list[float]]:
-    """Share of frames whose 95 % region contains the truth, by scenario, for the demo's run with each seed."""
+    """Coverage of the 95 % region in the demo's run with each seed, by scenario."""
     found: dict[str, list[float]] = {}
     for name in SCENARIOS:
         for seed in seeds:

@@ -57,11 +57,12 @@ def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
     (weights, means, covs), (unled, *_), (every, _, whole) = tables.parts(near_rest)
     now = near_rest.filter.weights[d.calm_modes]
     ended, (pushed, poked, led) = 1.0 / d.lasting_s[0], often / np.array(d.each_s)
-    rates = np.array([[-pushed - poked - led, 0.0], [ended, -ended - poked - led]])
+    rates = np.tril(ended / np.array([[1.0], [1.0], [2.0]]) * np.ones(3), -1)
+    rates -= np.diag(rates.sum(axis=1) + pushed * np.array([2.0, 1.0, 0.0]) + poked + led)
     truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
     np.testing.assert_allclose(weights, truth, rtol=2e-2)
     assert np.all(np.diff(weights) < 0.0)
-    now = near_rest.filter.weights[:3].sum()
+    now = near_rest.filter.weights[:4].sum()
     np.testing.assert_allclose(unled, now * np.exp(-CYCLE_S * np.arange(16) * led), rtol=1e-3)
     np.testing.assert_allclose(every, 1.0, rtol=1e-9)
     np.testing.assert_array_equal(whole, tables.ahead(near_rest)[2])
@@ -97,7 +98,7 @@ def test_guidance_near_rest_is_by_tables_of_the_filter(near_rest):
     assert np.all(np.linalg.norm(path.means - means, axis=1) < 0.02 * 2e-3 + 0.1 * sigma)
 
 
-QUIET = Disturbances(calm_m_s2=1e-4, poke_m_s2=1e-4, led_m_s2=1e-4, slow_m_s2=(1e-4, 1e-4), bent=0.0)
+QUIET = Disturbances(calm_m_s2=1e-4, poke_m_s2=1e-4, led_m_s2=1e-4, slow_m_s2=(1e-4,), bent=0.0)
 
 
 def constant(_t):

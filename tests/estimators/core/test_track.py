@@ -123,7 +123,7 @@ def test_pokes_are_followed_and_said() -> None:
     pokes = np.array([one.poked for one in found])
     acting = np.array([bool(np.any(poke(k * FRAME * STEP - 0.05))) for k in range(len(truth))])
     for each in range(3):
-        assert pokes[45 * each : 45 * (each + 1)][acting[45 * each : 45 * (each + 1)]].max(initial=0.0) > 0.8
+        assert pokes[45 * each : 45 * (each + 1)][acting[45 * each : 45 * (each + 1)]].max(initial=0.0) > 0.7
     assert np.median(pokes[~acting]) < 0.1
     assert rms(np.array([one.mean for one in found]) - hidden(truth)) < 1e-3
 

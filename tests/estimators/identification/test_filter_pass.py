@@ -44,7 +44,7 @@ def passed(network, which=(), frames=FRAMES):
 @pytest.fixture
 def one_mode(monkeypatch):
     """All modes have the same forces: their weights do not depend on constants."""
-    same = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.0), bent=0.0)
+    same = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0,), bent=0.0)
     monkeypatch.setattr(Disturbances, "of", lambda _settings, **_options: same)
 
 

@@ -125,7 +125,7 @@ def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
 
 
 def _body(**factors: Factor) -> Truth:
-    """A body whose constants have these factors, drawn at its rest."""
+    """A truth whose constants have these factors; it begins at rest."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with the target's rest moved in a random direction; without equilibrium, another is drawn."""
+        """The body with the target's rest moved in a random direction, drawn again if there is no equilibrium."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:

@@ -1,19 +1,22 @@
-"""True motion of a poked and breathing body, by SciPy's DOP853."""
+"""Bodies of the study, each with a user's scene, and their true motion, by SciPy's DOP853."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from dynamics import MassSpringNetwork
+from dynamics import HIDDEN, OUTER, MassSpringNetwork, Phantom, breast_phantom, four_mass_phantom, planar_phantom
+from estimators import FilterSettings
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.scenario import Scenario, read_scenario
 from experiments.formats.scenario_forces import Breathing, Pokes, Posture
+from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
+from experiments.projects.template import scene_with_marks
 from experiments.simulation.forces import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved
 
@@ -50,7 +53,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Differences of the true body from the scene's, from the first exposure on and from the onset on; its forces."""
+    """The true body: its network from the first exposure on, the network's change at the onset, the forces."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -59,6 +62,26 @@ class Truth:
 
 
 AS_STATED = Truth()
+
+
+def _four_masses() -> Phantom:
+    network = four_mass_phantom()
+    return Phantom(network, HIDDEN, OUTER, ("springs",) * len(network.springs))
+
+
+BODIES: Mapping[str, Callable[[], Phantom]] = {
+    "four masses": _four_masses,
+    "light phantom": lambda: planar_phantom(5),
+    "breast": lambda: breast_phantom(10),
+}
+
+
+@lru_cache(maxsize=8)
+def scene_of_body(name: str) -> Scene:
+    """The body of this name with a colour for each mark, without stated uncertainties."""
+    scene = scene_with_marks(BODIES[name](), {})
+    target = replace(scene.target, position_sd_m=None)
+    return replace(scene, target=target, reference=Reference(), settings=FilterSettings())
 
 
 @lru_cache(maxsize=32)
