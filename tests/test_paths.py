@@ -114,7 +114,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.parametrize("of", [str, Path, Named])
+@pytest.mark.parametrize("of", [str, Named])
 @pytest.mark.parametrize("name", CALLS)
 def test_a_path_is_taken_as_text_and_as_what_is_like_one(name: str, of: Of) -> None:
     call, result = CALLS[name]

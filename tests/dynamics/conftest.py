@@ -81,16 +81,6 @@ def _tangled():
     return random_network
 
 
-@pytest.fixture(name="textbook_force")
-def _textbook_force():
-    return textbook_force
-
-
-@pytest.fixture(name="slope")
-def _slope():
-    return slope
-
-
 @pytest.fixture(scope="session")
 def phantom() -> MassSpringNetwork:
     return four_mass_phantom()

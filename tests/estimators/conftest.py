@@ -1,6 +1,7 @@
 """What the tests of the filters share: the phantom, and truths computed by SciPy's adaptive integrator."""
 
 import os
+from copy import deepcopy
 from functools import lru_cache
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # at twenty states more threads only wait for each other
@@ -99,36 +100,20 @@ def followed(method, frames):
     return found
 
 
-@pytest.fixture(name="driven", scope="session")
-def _driven():
-    return driven
-
-
-@pytest.fixture(name="poke_forces", scope="session")
-def _poke_forces():
-    return poke_forces
-
-
-@pytest.fixture(name="marks_of", scope="session")
-def _marks_of():
-    return marks_of
-
-
 @pytest.fixture(scope="session")
 def hidden(phantom):
     """Where the hidden mass stands in a state."""
     return phantom.coordinates(HIDDEN)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def warmed(phantom, rest_state):
     """A filter of the hidden mass that has seen the phantom at rest for half a second, given its marks' sd [m]."""
 
-    def made(sd):
+    @lru_cache
+    def first(sd):
         tissue, rng = TissueFilter(phantom, HIDDEN, OUTER), np.random.default_rng(0)
-        for k in range(15):
-            tissue.predict(k / 30.0)
-            tissue.update(marks_of(phantom, rest_state, sd, rng))
+        followed(tissue, [(k / 30.0, marks_of(phantom, rest_state, sd, rng)) for k in range(15)])
         return tissue
 
-    return made
+    return lambda sd: deepcopy(first(sd))

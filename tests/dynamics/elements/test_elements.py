@@ -6,7 +6,7 @@ import pytest
 from dynamics import damping_matrix, node_forces, potential_energy, stiffness_matrix
 from dynamics.elements import Assembly, Resistance, Springs, Weight
 from dynamics.forces.kernels import NodeConstants, SpringConstants
-from tests.dynamics.conftest import moved
+from tests.dynamics.conftest import moved, slope
 
 N = 4
 """Elements of a kind."""
@@ -57,7 +57,7 @@ def by_element(slopes, shape):
 
 @each_dim
 @every_kind
-def test_tangents_are_minus_the_slopes_of_the_force(kind, dim, slope):
+def test_tangents_are_minus_the_slopes_of_the_force(kind, dim):
     """In motion; friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 4 N s/m = 6e-11 at 1e-5 m/s."""
     element = KINDS_OF_ELEMENT[kind][0](dim)
     x, v = corners(element, dim)
@@ -72,7 +72,7 @@ def test_tangents_are_minus_the_slopes_of_the_force(kind, dim, slope):
 
 @each_dim
 @every_kind
-def test_derivatives_by_constants_are_slopes_of_the_force(kind, dim, slope):
+def test_derivatives_by_constants_are_slopes_of_the_force(kind, dim):
     make, constants = KINDS_OF_ELEMENT[kind]
     element = make(dim)
     x, v = corners(element, dim)

@@ -47,7 +47,7 @@ def test_a_mass_in_honey_creeps_back_with_both_roots_of_its_equation() -> None:
     np.testing.assert_allclose(found.decays_s, np.sort(-1.0 / np.array(roots))[::-1], rtol=1e-9)
 
 
-@pytest.mark.parametrize("turned", np.linspace(0.0, 1.5, 7))
+@pytest.mark.parametrize("turned", [0.0, 0.5, 1.5])
 @pytest.mark.parametrize("n", [3, 4])
 def test_equal_motions_of_a_symmetric_body_creep_however_it_is_turned(n: int, turned: float) -> None:
     """A ring of masses, each held by an anchor: of pairs of equal roots none is an oscillation.

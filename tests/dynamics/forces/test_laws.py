@@ -5,7 +5,6 @@ A new constant in `LAWS` needs a range in VALUES, and all tests below hold it to
 
 import numpy as np
 import pytest
-from numba import njit
 
 from dynamics import (
     KINDS,
@@ -13,13 +12,11 @@ from dynamics import (
     ParameterForces,
     Stepper,
     damping_matrix,
-    derivative,
     fit_rest_lengths,
     node_forces,
     pack,
     parameter_forces,
     parameters,
-    plain_derivative,
     plain_step,
     potential_energy,
     rest_shape,
@@ -43,7 +40,7 @@ from dynamics.forces.kernels import (
     tension_by_rate,
 )
 from dynamics.forces.tangent import RK4_RADIUS
-from tests.dynamics.conftest import moved, random_network
+from tests.dynamics.conftest import moved, random_network, slope
 
 VALUES = {
     "stiffness": (50.0, 150.0),
@@ -58,7 +55,6 @@ NEEDED = ("stiffness", "rest_length")
 """A spring has these whatever other laws it follows."""
 
 EACH = [*LAWS, "all"]
-COMPILED = {law: njit(law) for law in (spring_tension, node_resistance)}
 
 
 def kinds_of(law):
@@ -159,21 +155,13 @@ def test_scalar_derivatives_of_a_node_are_differences(law, speed):
         assert by_log[kind] == pytest.approx(slope, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", EACH)
-def test_a_law_compiled_is_the_law_in_python(name):
-    """The same expression; fused products may differ in the last bit."""
-    spring, node = constants(name, np.random.default_rng(7))
-    for law, arguments in ((spring_tension, (0.31, -0.2, spring)), (node_resistance, (0.04, node))):
-        assert COMPILED[law](*arguments) == pytest.approx(law(*arguments), rel=1e-14)
-
-
 @pytest.mark.parametrize("law", EACH)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("shape", ["moved", "reversed", "collapsed"])
 class TestAssembled:
     """What is assembled from the laws, in plane and space, also with springs reversed and nearly of no length."""
 
-    def test_force_at_rest_is_minus_the_gradient_of_the_energy(self, slope, law, dim, shape):
+    def test_force_at_rest_is_minus_the_gradient_of_the_energy(self, law, dim, shape):
         """F = -dV/dx; at 1 cm h⁴ k l0 24 / l⁴ / 30 is 1e-9 N of 50 N at a step of 1e-5 m, and so is rounding."""
         network = following(law, dim)
         x, _ = moving(network, shape)
@@ -185,7 +173,7 @@ class TestAssembled:
         assert np.abs(force).max() > 1.0
         np.testing.assert_allclose(force.ravel(), -slope(energy, x[network.free], 1e-5), rtol=0, atol=1e-8)
 
-    def test_stiffness_matrix_is_the_slope_of_the_force(self, slope, law, dim, shape):
+    def test_stiffness_matrix_is_the_slope_of_the_force(self, law, dim, shape):
         """K = -dF/dx at rest: 1e-7 N/m of thousands, error as above over 1e-5 m times 1/l."""
         network = following(law, dim)
         x, _ = moving(network, shape)
@@ -197,7 +185,7 @@ class TestAssembled:
         np.testing.assert_allclose(K, -slope(force, x[network.free], 1e-5), rtol=1e-7, atol=1e-7)
         np.testing.assert_allclose(K, K.T, rtol=0, atol=1e-12 * np.abs(K).max())
 
-    def test_damping_matrix_is_the_slope_of_the_force_at_rest(self, slope, law, dim, shape):
+    def test_damping_matrix_is_the_slope_of_the_force_at_rest(self, law, dim, shape):
         """C = -dF/dv at v = 0. Friction bends over 5 mm/s: five-point error (h / 5e-3)⁴ 6 N s/m = 1e-10 at 1e-5 m/s."""
         network = following(law, dim)
         x, _ = moving(network, shape)
@@ -237,13 +225,6 @@ class TestAssembled:
         compiled = ParameterForces(network, which)(pack(x[network.free], v[network.free]))
         np.testing.assert_allclose(compiled, found, rtol=0, atol=1e-12)
 
-    def test_the_plain_equations_of_motion_are_the_compiled_ones(self, law, dim, shape):
-        """Accelerations up to some 1000 m/s²: rounding."""
-        network = following(law, dim)
-        x, v = moving(network, shape)
-        state = pack(x[network.free], v[network.free])
-        np.testing.assert_allclose(plain_derivative(network, state), derivative(network, state), rtol=1e-12, atol=1e-11)
-
 
 def _dashpots(network, x):
     """Part of the damping matrix that is of springs."""
@@ -258,7 +239,7 @@ def test_the_stability_limit_bounds_every_eigenvalue(law, dim):
     """|lambda| <= 2.6 / stable_step in shapes whose springs are 0.5 to 1.5 times their rest lengths, and not twice."""
     network, rng, closest = following(law, dim), np.random.default_rng(9), 0.0
     which = parameters(network, ("rest_length",))
-    for _ in range(60):
+    for _ in range(20):
         x = network.positions.copy()
         x[network.free] += 0.1 * rng.normal(size=x[network.free].shape)
         lengths = np.linalg.norm(x[network.springs[:, 1]] - x[network.springs[:, 0]], axis=1)

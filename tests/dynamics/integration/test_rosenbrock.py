@@ -105,16 +105,6 @@ def test_without_derivatives_the_states_are_the_same(linear):
         assert other.by_state.size == 0
 
 
-def test_accelerations_fade_exponentially(linear):
-    """Over a 60th of a second: the step errs by 0.05 (dt / tau)³, 3e-5 at a fifth of a second."""
-    stepper, _ = linear
-    dt, state = 1.0 / 60.0, np.ones(15)
-    (move,) = stepper(LOOSE).moves(state, dt, dt)
-    expected = np.exp(-dt / np.array([0.2, 0.5, 1.5]))
-    np.testing.assert_allclose(move.fading, expected, rtol=0, atol=5e-5)
-    np.testing.assert_allclose(move.state[12:], expected, rtol=0, atol=5e-5)
-
-
 def test_a_step_is_halved_where_its_error_exceeds_the_tolerance(linear):
     """The stages differ by more than the step errs: one step from each state is off by less than the tolerance."""
     stepper, A = linear

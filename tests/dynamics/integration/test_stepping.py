@@ -5,7 +5,6 @@ import pytest
 
 from dynamics import (
     Stepper,
-    derivative,
     integrate_adaptive,
     pack,
     rest_shape,
@@ -100,20 +99,6 @@ def test_a_free_network_keeps_its_momentum_and_angular_momentum(build):
     np.testing.assert_allclose(later_angular, angular, rtol=0, atol=1e-9 * np.abs(angular).max())
 
 
-def test_the_phantom_moves_as_the_adaptive_integrator_says(phantom):
-    """Two programs, one equation, with friction and a held force. RK4 at 1/16000 s, DOP853 at 1e-11: 1e-9 m, m/s."""
-    state, t = thrown(phantom), 0.5
-    force = np.random.default_rng(9).normal(size=8)
-    times = np.linspace(0.0, t, 6)
-    exact = integrate_adaptive(phantom, state, times, force=lambda _t: force.reshape(4, 2), rtol=1e-11, atol=1e-13)
-    stepper, moving = Stepper(phantom, 1.0 / 16000.0), state
-    assert exact.shape == (6, 16)
-    np.testing.assert_array_equal(exact[0], state)
-    for expected in exact[1:]:
-        moving = one(stepper, moving, t / 5, force)
-        np.testing.assert_allclose(moving, expected, rtol=0, atol=1e-9)
-
-
 def test_the_default_step_is_accurate_enough_for_marks_seen_to_a_tenth_of_a_millimetre(phantom):
     """Error of the default steps over half a second of motion at 0.5 m/s against DOP853: under 0.01 mm."""
     state = thrown(phantom)
@@ -161,13 +146,6 @@ def test_no_step_crosses_a_bend_of_the_force(build):
 def test_an_integration_that_gives_up_is_an_error(phantom):
     with pytest.raises(RuntimeError, match="integration from 0 to 1 s: "):
         integrate_adaptive(phantom, thrown(phantom), [0.0, 1.0], force=lambda t: np.nan if t > 0.5 else 0.0)
-
-
-def test_derivative_is_velocity_and_force_over_mass(build):
-    """dx/dt = v, dv/dt = (k (l0 - l) + F) / m = (80 (-0.1) + 2) / 0.2 = -30 m/s². Rounding."""
-    mass = build([[0.0, 0.0], [1.0, 0.0]], [(0, 1)], [0])
-    found = derivative(mass, np.array([1.1, 0.0, 0.3, 0.0]), [[2.0, 0.0]])
-    np.testing.assert_allclose(found, [0.3, 0.0, -30.0, 0.0], rtol=0, atol=1e-13)
 
 
 def test_no_time_is_no_motion_and_no_force_one_of_nothing(phantom):

@@ -14,6 +14,7 @@ from dynamics import (
     node_weights,
     straight_insertion,
 )
+from tests.dynamics.conftest import slope
 
 SLIP = 2e-3
 
@@ -67,7 +68,7 @@ def test_before_the_puncture_the_skin_pushes_back_like_a_spring(network):
     assert load(0.5, yielding).contact == pytest.approx(300.0 * 0.006, rel=1e-12)
 
 
-def test_the_contact_is_the_slope_of_its_energy(network, slope):
+def test_the_contact_is_the_slope_of_its_energy(network):
     """Force on the nodes = -d/dx of k dent² / 2, by a five-point rule of 1e-4 m: exact, the energy is quadratic."""
     needle, still = needle_into(network), np.zeros_like(network.positions)
 

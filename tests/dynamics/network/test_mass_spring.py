@@ -78,12 +78,6 @@ def test_what_plays_no_part_for_an_anchor_is_not_checked(triangle):
     assert network.free.tolist() == [1, 2]
 
 
-def test_a_network_without_anchors_is_a_network(build):
-    network = build(POSITIONS, [(0, 1), (1, 2)])
-    assert network.free.tolist() == [0, 1, 2]
-    assert network.n_state == 12
-
-
 def test_a_network_cannot_change_and_shares_no_array_with_its_maker(triangle):
     masses = np.array([1.0, 2.0, 3.0])
     network = replace(triangle, masses=masses)

@@ -5,6 +5,7 @@ import pytest
 
 from dynamics import OUTER, integrate_adaptive, pack
 from estimators import MarkMeasurement, OpenLoop, Status
+from tests.estimators.conftest import driven, marks_of
 
 SECONDS = 1.2
 
@@ -21,7 +22,7 @@ def path(phantom, rest_state):
     return times, integrate_adaptive(phantom, rest_state, times, force=force, rtol=1e-10, atol=1e-12, max_step_s=0.02)
 
 
-def followed(phantom, path, marks_of, every, nodes=OUTER):
+def followed(phantom, path, every, nodes=OUTER):
     """The method after being shown every so many states of the path, and the states it was shown."""
     loop, (times, states) = OpenLoop(phantom, "M2"), path
     shown = states[::every]
@@ -31,14 +32,14 @@ def followed(phantom, path, marks_of, every, nodes=OUTER):
     return loop, means, shown
 
 
-def test_hidden_mass_converges_to_the_truth_to_second_order(phantom, path, hidden, marks_of):
+def test_hidden_mass_converges_to_the_truth_to_second_order(phantom, path, hidden):
     """Marks move in straight lines between frames: they err by a dt²/8, and so does what they drive. Order within 0.1.
 
     At 960 frames/s it is under a micrometre of a motion of a centimetre and more.
     """
     errors = []
     for every in (16, 8, 4, 2, 1):
-        _, means, shown = followed(phantom, path, marks_of, every)
+        _, means, shown = followed(phantom, path, every)
         errors.append(np.abs(means - shown[:, hidden]).max())
     assert np.ptp(path[1][:, hidden], axis=0).max() > 0.01
     assert errors[-1] < 1e-6
@@ -47,7 +48,7 @@ def test_hidden_mass_converges_to_the_truth_to_second_order(phantom, path, hidde
     assert orders.max() <= 2.1
 
 
-def test_a_mark_that_is_not_seen_is_integrated_and_not_held(phantom, rest_state, marks_of, driven):
+def test_a_mark_that_is_not_seen_is_integrated_and_not_held(phantom, rest_state):
     """M4, pushed by nobody, is never seen: it follows by its own equation as M2 does, to second order in the frame.
 
     Held, it would be off by the centimetre and more that it moves.
@@ -65,7 +66,7 @@ def test_a_mark_that_is_not_seen_is_integrated_and_not_held(phantom, rest_state,
     assert off < 0.02 * moved
 
 
-def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path, marks_of):
+def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path):
     """Seen until 0.3 s at 120 frames/s, then not: it starts with the speed of the last straight piece."""
     times, states = path
     loop = OpenLoop(phantom, "M2")
@@ -79,7 +80,7 @@ def test_a_mark_lost_on_the_way_goes_on_with_the_speed_it_had(phantom, path, mar
     np.testing.assert_allclose(loop.positions[m3] - before, speed * dt, rtol=0, atol=1e-7)  # a dt²/2, a under 20 m/s²
 
 
-def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
+def test_with_all_marks_lost_it_is_the_free_simulation(phantom):
     """From any state, as `integrate_adaptive`. Steps of 1/240 s over 0.6 s: 20 µm, 1 mm/s of friction's bend."""
     rng = np.random.default_rng(0)
     start = phantom.positions[phantom.free] + 0.02 * rng.normal(size=(4, 2))
@@ -98,7 +99,7 @@ def test_with_all_marks_lost_it_is_the_free_simulation(phantom, marks_of):
     np.testing.assert_array_equal(loop.positions[phantom.fixed], phantom.positions[phantom.fixed])
 
 
-def test_marks_are_put_where_they_are_seen(phantom, marks_of, path, rest_state):
+def test_marks_are_put_where_they_are_seen(phantom, path, rest_state):
     """To the bit, from the first frame on; all four masses may be marked."""
     states = path[1]
     loop = OpenLoop(phantom, "M2")
@@ -108,21 +109,6 @@ def test_marks_are_put_where_they_are_seen(phantom, marks_of, path, rest_state):
             np.testing.assert_array_equal(loop.positions[phantom.index(node)], states[k][phantom.coordinates(node)])
         assert (estimate.time_s, estimate.marks_used, estimate.status) == (path[0][k], len(nodes), Status.TRACKING)
         assert (estimate.cov, estimate.nis, estimate.poked) == (None, None, None)
-
-
-def test_it_starts_at_rest(phantom, rest_state, hidden):
-    """Nothing seen, nothing moves: the rest shape, within the integrator's tolerance of 1e-6 m."""
-    loop = OpenLoop(phantom, "M2")
-    for t in (0.0, 1.0, 2.0):
-        np.testing.assert_allclose(loop.update(t, []).mean, rest_state[hidden], rtol=0, atol=1e-6)
-
-
-def test_estimates_are_not_changed_by_later_frames(phantom, path, marks_of):
-    loop = OpenLoop(phantom, "M2")
-    first = loop.update(0.0, marks_of(phantom, path[1][400]))
-    before = first.mean.copy()
-    loop.update(0.2, marks_of(phantom, path[1][600]))
-    np.testing.assert_array_equal(first.mean, before)
 
 
 def test_time_does_not_go_back(phantom):

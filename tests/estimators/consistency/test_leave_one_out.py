@@ -7,14 +7,15 @@ import pytest
 
 from dynamics import HIDDEN, OUTER, parameters, scale_parameters
 from estimators import LeaveOneOut, Status, TissueFilter, chi_square_bounds
+from tests.estimators.conftest import driven, marks_of, poke_forces
 
 SD = 0.001
 
 
 @pytest.fixture(scope="module")
-def motion(phantom, rest_state, driven, poke_forces):
-    """States of the poked phantom at 30 frames/s for 4 s."""
-    return driven(phantom, rest_state, poke_forces(phantom, 4.0, np.random.default_rng(1)))[::4]
+def motion(phantom, rest_state):
+    """States of the poked phantom at 30 frames/s for 3 s."""
+    return driven(phantom, rest_state, poke_forces(phantom, 3.0, np.random.default_rng(1)))[::4]
 
 
 def followed(network, reported, states, marks_of):
@@ -30,12 +31,12 @@ def followed(network, reported, states, marks_of):
 
 
 @pytest.fixture(scope="module")
-def right(phantom, motion, marks_of):
+def right(phantom, motion):
     return followed(phantom, phantom, motion, marks_of)
 
 
 @pytest.fixture(scope="module")
-def wrong(phantom, motion, marks_of):
+def wrong(phantom, motion):
     """The same motion, the filters with springs wrong by 30 %, and rest lengths by 3 %, at random."""
     which = parameters(phantom, ("stiffness", "rest_length"))
     off = np.array([0.3 if one.kind == "stiffness" else 0.03 for one in which])
@@ -43,7 +44,7 @@ def wrong(phantom, motion, marks_of):
     return followed(phantom, scale_parameters(phantom, which, change), motion, marks_of)
 
 
-def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, rest_state, marks_of):
+def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, rest_state):
     """Error and NEES of M3 from a TissueFilter aimed at M3 and fed with the other marks alone. Rounding."""
     rng = np.random.default_rng(2)
     both = LeaveOneOut(phantom, HIDDEN, OUTER)
@@ -61,7 +62,7 @@ def test_a_withheld_mark_is_predicted_by_a_filter_that_never_had_it(phantom, res
     assert both.checks["M3"].nees == pytest.approx(expected, rel=1e-9)
 
 
-def test_withheld_marks_are_judged_with_what_the_calibration_moves_them_by(phantom, motion, marks_of):
+def test_withheld_marks_are_judged_with_what_the_calibration_moves_them_by(phantom, motion):
     """A filter without M1 errs by what moves M1, too: H P H' with the mark's own directions in H. 1e-9."""
     rng = np.random.default_rng(3)
     shared = {node: rng.normal(0.0, 1e-3, (2, 3)) for node in OUTER}
@@ -82,13 +83,13 @@ def test_withheld_marks_are_judged_with_what_the_calibration_moves_them_by(phant
 def test_checks_hold_and_leave_the_covariance_alone_where_the_model_is_right(right):
     """Mean NEES of withheld marks, 2 is right.
 
-    120 frames, some 3 of them independent a second, three marks: 99.9 % chi-square bounds of the mean of 36.
+    90 frames, some 3 of them independent a second, three marks: 99.9 % chi-square bounds of the mean of 27.
     """
     both, checks, estimates, _ = right
     nees = [check.nees for frame in checks[30:] for check in frame.values()]
-    low, high = chi_square_bounds(2 * 36, 0.999)
-    assert len(nees) > 240
-    assert low / 36 < np.mean(nees) < high / 36
+    low, high = chi_square_bounds(2 * 27, 0.999)
+    assert len(nees) > 180
+    assert low / 27 < np.mean(nees) < high / 27
     assert 1.0 <= both.scale < 1.6
     own = both.tissue.place_of(both.tissue.target)[1]
     np.testing.assert_allclose(estimates[-1].cov, both.scale * own, rtol=1e-12)
@@ -101,7 +102,7 @@ def test_a_wrong_model_is_noticed_and_the_covariance_grows(wrong):
     """
     both, checks, estimates, truth = wrong
     nees = [check.nees for frame in checks[30:] for check in frame.values()]
-    assert np.mean(nees) > chi_square_bounds(2 * 36, 0.999)[1] / 36
+    assert np.mean(nees) > chi_square_bounds(2 * 27, 0.999)[1] / 27
     assert both.scale > 2.0
     errors = np.array([e.mean for e in estimates[60:]]) - truth[60:]
     scaled_nees = np.mean([e @ np.linalg.solve(x.cov, e) for e, x in zip(errors, estimates[60:], strict=True)])
@@ -110,7 +111,7 @@ def test_a_wrong_model_is_noticed_and_the_covariance_grows(wrong):
     assert scaled_nees < 0.6 * own
 
 
-def test_no_check_of_a_mark_that_is_not_seen_or_not_predicted_yet(phantom, rest_state, marks_of):
+def test_no_check_of_a_mark_that_is_not_seen_or_not_predicted_yet(phantom, rest_state):
     both = LeaveOneOut(phantom, HIDDEN, OUTER)
     both.predict(0.0)
     estimate = both.update(marks_of(phantom, rest_state))
@@ -126,7 +127,7 @@ def test_two_marks_are_the_least(phantom):
         LeaveOneOut(phantom, HIDDEN, ("M1",))
 
 
-def test_outliers_are_not_checked_and_widen_nothing(phantom, motion, marks_of):
+def test_outliers_are_not_checked_and_widen_nothing(phantom, motion):
     """M1 and M3 exchanged in every tenth frame: rejected, as 60 mm off, and no reason to doubt the model."""
     n_frames = iter(range(30))
 

@@ -7,8 +7,7 @@ from scipy.linalg import expm
 from dynamics import HIDDEN, OUTER, breast_phantom
 from estimators import MarkMeasurement, TissueFilter
 from estimators.core.disturbances import Disturbances
-from estimators.guidance.path import path_near_rest, path_tables
-from tests.estimators.conftest import followed
+from tests.estimators.conftest import driven, followed, marks_of
 
 HZ = 1.0 / 30.0
 CYCLE_S = 1.0 / 30.0
@@ -89,15 +88,6 @@ def test_tables_need_a_first_frame(phantom):
         unified.tables(3, CYCLE_S).ahead(unified)
 
 
-def test_guidance_near_rest_is_by_tables_of_the_filter(near_rest):
-    tables = path_tables(near_rest, 0.4)
-    times_s = near_rest.time_s + np.arange(0.0, 0.4, 0.1)
-    path = path_near_rest(tables, near_rest, times_s)
-    means, _ = near_rest.predict_path(path.times_s)
-    sigma = np.sqrt(np.trace(path.covs, axis1=1, axis2=2))
-    assert np.all(np.linalg.norm(path.means - means, axis=1) < 0.02 * 2e-3 + 0.1 * sigma)
-
-
 QUIET = Disturbances(calm_m_s2=1e-4, poke_m_s2=1e-4, led_m_s2=1e-4, slow_m_s2=(1e-4,), bent=0.0)
 
 
@@ -109,9 +99,8 @@ def swinging(t):
     return float(np.sin(2.0 * np.pi * t))
 
 
-@pytest.mark.parametrize("share", [constant, swinging])
-@pytest.mark.parametrize("frame_s", [1.0 / 30.0, 0.2])
-def test_a_known_force_moves_the_body_as_a_simulation_under_it(phantom, rest_state, driven, marks_of, share, frame_s):
+@pytest.mark.parametrize(("share", "frame_s"), [(constant, 1.0 / 30.0), (swinging, 0.2)])
+def test_a_known_force_moves_the_body_as_a_simulation_under_it(phantom, rest_state, share, frame_s):
     """2 m/s² on one marked mass for 1 s; truth by DOP853; a function of time, or a force held over each prediction."""
     force = np.zeros((4, 2))
     force[0] = phantom.masses[0] * np.array([2.0, 1.0])

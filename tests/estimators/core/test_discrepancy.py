@@ -10,7 +10,6 @@ from dynamics import HIDDEN, OUTER, four_mass_phantom, rest_shape
 from dynamics.elements import matern
 from estimators import MarkMeasurement, TissueFilter
 from estimators.core.discrepancy import Discrepancy, LevelPosterior, factor
-from estimators.core.kernels import withheld_log_likelihoods
 
 
 def test_a_factor_keeps_the_most_of_the_variance() -> None:
@@ -49,25 +48,6 @@ def test_functions_of_little_variance_are_kept_where_the_prior_asks_for_them() -
         np.testing.assert_allclose(left_out, (cov - functions @ functions.T).diagonal(), atol=1e-12)
     assert kept[1e-3] < kept[1e-5] <= 40
     assert errors[1e-3] > 1e-5
-
-
-def test_withheld_is_the_likelihood_of_each_group_given_all_others() -> None:
-    """Of six places on a line, each withheld with its left neighbour: conditioned on the four others."""
-    x = np.linspace(0.0, 1.0, 6)
-    cov = matern(np.abs(x[:, None] - x), 0.5) + 0.01 * np.eye(6)
-    y = np.random.default_rng(2).normal(size=6)
-    groups = [(k, (k - 1) % 6) for k in range(6)]
-    found = withheld_log_likelihoods(
-        np.array([cov, 4.0 * cov]), y, np.ravel(groups), np.arange(2, 14, 2), np.ones(6, dtype=np.int64)
-    )
-    for S, log_likelihood in zip((cov, 4.0 * cov), found, strict=True):
-        total = 0.0
-        for group in groups:
-            own, others = group[0], [k for k in range(6) if k not in group]
-            gain = np.linalg.solve(S[np.ix_(others, others)], S[others, own])
-            total += multivariate_normal.logpdf(y[own], gain @ y[others], S[own, own] - gain @ S[others, own])
-        constant = -0.5 * 6 * np.log(2.0 * np.pi)
-        assert log_likelihood + constant == pytest.approx(total, rel=1e-9)
 
 
 def test_levels_and_noises_are_weighed_by_how_each_mark_follows_from_those_outside_its_group() -> None:
@@ -134,13 +114,12 @@ def test_marks_after_a_fix_of_their_time_leave_levels_finite() -> None:
         assert np.isfinite(tissue.level.log_weights).all()
 
 
-@pytest.mark.parametrize("noise", [1.0, 3.0])
-def test_marks_noisier_than_stated_are_recognised(noise: float) -> None:
-    """Phantom at rest, 4 s at 30 Hz, marks stated to 3 mm: the target's sigma is that of the true noise."""
-    phantom, rng, sd_m = four_mass_phantom(), np.random.default_rng(11), 3e-3
+def test_marks_noisier_than_stated_are_recognised() -> None:
+    """Phantom at rest, 3 s at 30 Hz, marks stated to 3 mm: the target's sigma is that of the true noise."""
+    phantom, rng, sd_m, noise = four_mass_phantom(), np.random.default_rng(11), 3e-3, 3.0
     rest = rest_shape(phantom)
     stated, known = TissueFilter(phantom, HIDDEN, OUTER), TissueFilter(phantom, HIDDEN, OUTER)
-    for k in range(120):
+    for k in range(90):
         errors = noise * sd_m * rng.normal(size=(len(OUTER), 2))
         found = []
         for tissue, times in ((stated, 1.0), (known, noise)):

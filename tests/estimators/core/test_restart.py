@@ -1,6 +1,8 @@
 """Where the filter restarts: where the body was, and as drawn if that fails too. The truth is a rigid motion."""
 
+from copy import deepcopy
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -47,16 +49,24 @@ class Followed:
         return self.frame(k)
 
 
+first = lru_cache(Followed)
+
+
+def until_trouble(moves: float) -> Followed:
+    """A square followed until the first trouble, each time another."""
+    return deepcopy(first(moves))
+
+
 def test_after_a_divergence_it_restarts_where_the_body_was():
-    followed = Followed(moves=1.0)
+    followed = until_trouble(moves=1.0)
     found = [followed.diverge(LAST), *(followed.frame(LAST + k) for k in range(1, 15))]
     assert [found[0][1], found[-1][1]] == [Status.DIVERGED, Status.TRACKING]
     assert max(error for error, _ in found) < 2e-3
 
 
-@pytest.mark.parametrize("seen", [range(45), range(90), [299]], ids=["1.5 s", "3 s", "10 s without a frame"])
+@pytest.mark.parametrize("seen", [range(45), [299]], ids=["1.5 s", "10 s without a frame"])
 def test_after_a_loss_it_restarts_where_the_body_was(seen):
-    followed, frames = Followed(moves=1.0), seen[-1] + 1
+    followed, frames = until_trouble(moves=1.0), seen[-1] + 1
     lost = [followed.frame(LAST + k, seen=False) for k in seen]
     found = [followed.frame(LAST + frames + k) for k in range(15)]
     assert [lost[-1][1], found[-1][1]] == [Status.LOST, Status.TRACKING]
@@ -65,7 +75,7 @@ def test_after_a_loss_it_restarts_where_the_body_was(seen):
 
 def test_after_another_divergence_at_once_it_restarts_as_drawn():
     """The restart is in a wrong shape: the middle beyond a side."""
-    followed = Followed(moves=0.0)
+    followed = until_trouble(moves=0.0)
     followed.misplace(np.array([0.0] * 8 + [0.15, 0.0]))
     error, status = followed.diverge(LAST)
     assert (error > 0.05, status) == (True, Status.DIVERGED)
@@ -75,7 +85,7 @@ def test_after_another_divergence_at_once_it_restarts_as_drawn():
 
 
 def test_marks_that_a_restart_refuses_lead_to_one_as_drawn():
-    followed = Followed(moves=0.0)
+    followed = until_trouble(moves=0.0)
     for k in range(45):
         followed.frame(LAST + k, seen=False)
     followed.misplace(np.full(10, 10.0))
@@ -88,7 +98,7 @@ def test_marks_that_a_restart_refuses_lead_to_one_as_drawn():
 def test_a_body_that_jumps_is_found_with_its_second_frame(monkeypatch):
     """Four marks contradict the prediction, for 0.13 mark-seconds; a restart after one frame would follow a glitch."""
     monkeypatch.setattr(track, "REFUTED_S", 0.1)
-    followed = Followed(moves=0.0)
+    followed = until_trouble(moves=0.0)
     followed.jump_m = 0.1
     found = [followed.frame(LAST + k) for k in range(20)]
     assert [status for _, status in found[:2]] == [Status.COASTING, Status.DIVERGED]
@@ -97,7 +107,7 @@ def test_a_body_that_jumps_is_found_with_its_second_frame(monkeypatch):
 
 
 def test_a_glitch_of_all_marks_in_one_frame_is_not_followed():
-    followed = Followed(moves=0.0)
+    followed = until_trouble(moves=0.0)
     followed.jump_m = 0.1
     assert followed.frame(LAST)[1] is Status.COASTING
     followed.jump_m = 0.0

@@ -48,10 +48,9 @@ def estimates(network, target, marked, frames):
 
 TIMES = {
     "gap 0.2 s": (np.r_[0.0:1.0:HZ, 1.2:2.2:HZ], 1),
-    "gap 2 s": (np.r_[0.0:1.0:HZ, 3.0:4.0:HZ], 1),
     "gap 10 s": (np.r_[0.0:1.0:HZ, 11.0:12.0:HZ], 1),
-    "5 a second": (np.arange(0.0, 5.0, 0.2), 1),
-    "240 a second": (np.arange(0.0, 0.8, 1 / 240), 1),
+    "5 a second": (np.arange(0.0, 3.0, 0.2), 1),
+    "240 a second": (np.arange(0.0, 0.4, 1 / 240), 1),
     "equal times": (np.repeat(np.arange(0.0, 1.0, HZ), 2), 1),
     "since an epoch": (1e9 + np.arange(0.0, 1.0, HZ), 1),
     "marks of 1 um": (np.arange(0.0, 1.0, HZ), 1e-6 / SD_M),
@@ -111,7 +110,7 @@ def test_errors_that_marks_share_are_correlated():
 
 def test_a_stiff_cable_that_swings_fast_does_not_run_away():
     """A few undamped linearisations leave springs at lengths that they cannot have, and the filter loses the cable."""
-    body = make_body("cable-fast", 700)
+    body = make_body("cable-fast", 700, seconds=1.2)
     network, rng = body.network, np.random.default_rng(1)
     unified = TissueFilter(network, body.hidden[0], body.marked, FilterSettings(led_nodes=tuple(body.led)))
     errors = []

@@ -14,7 +14,7 @@ from estimators.core.statics import Statics
 from estimators.core.tissue import TissueProcess
 from estimators.process.process_model import FixBias
 from estimators.process.target import TargetPoint
-from tests.estimators.conftest import followed
+from tests.estimators.conftest import driven, followed, marks_of
 from tests.estimators.core.bodies import two_masses
 
 HZ = 1.0 / 30.0
@@ -72,7 +72,7 @@ def spread(estimate):
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_body_whose_stiffness_is_off_by_a_deviation_is_covered_where_that_is_stated(phantom, driven, marks_of, sign):
+def test_a_body_whose_stiffness_is_off_by_a_deviation_is_covered_where_that_is_stated(phantom, sign):
     """Springs 20 % stiffer or softer, one mark led to and fro: errors are within two deviations of what is stated."""
     known = deviation_of(phantom, "stiffness", 0.2)
     body = scale_parameters(phantom, known.parameters, sign * known.directions[0])
@@ -132,14 +132,14 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
 
 
 def test_an_error_that_lasts_is_not_averaged_away_and_one_new_in_each_frame_is(phantom):
-    """All marks off together by 5 mm, one deviation, for 90 frames: its share of the error is covered where it lasts.
+    """All marks off together by 5 mm, one deviation, for 60 frames: its share of the error is covered where it lasts.
 
     The covariance is at least what that share makes of it.
     """
     shared, ends = 5e-3 * np.eye(2), {}
     for n_calibration in (0, 2):
         tissue = TissueFilter(phantom, HIDDEN, OUTER, n_calibration=n_calibration, discrepancy=EXACT, disturbances=HELD)
-        ends[n_calibration] = seen(tissue, 3.0, lambda k: rest_marks(phantom, 3e-4, k, by_m=5e-3, shared=shared))
+        ends[n_calibration] = seen(tissue, 2.0, lambda k: rest_marks(phantom, 3e-4, k, by_m=5e-3, shared=shared))
         columns = tissue.by_calibration
     assert columns.shape == (2, 2)
     assert np.linalg.norm(columns) > 4e-3
@@ -182,31 +182,14 @@ def test_fixes_do_not_shrink_the_target_below_their_bias(phantom):
 
 def test_a_bias_that_varies_lets_later_fixes_say_more(phantom):
     """Fixes ten correlation times apart are as good as independent ones."""
-    sigmas = []
-    for lasting_s in (1e9, 0.1):
-        target = TargetPoint((HIDDEN,), sd_m=1e-2)
-        settings = FilterSettings(fix_bias=FixBias(4e-3, lasting_s))
-        tissue = TissueFilter(phantom, target, OUTER, settings, discrepancy=EXACT)
-        for k in range(90):
-            tissue.predict(k * HZ)
-            found = tissue.update(rest_marks(phantom, 1e-4, k))
-            if k % 30 == 29:
-                found = tissue.fix(found.mean, 1e-8 * np.eye(2))
-        sigmas.append(float(np.sqrt(found.cov[0, 0])))
-    assert sigmas[0] == pytest.approx(4e-3 / np.sqrt(1.16), rel=0.05)
-    assert sigmas[1] == pytest.approx(4e-3 / np.sqrt(3.0 + 0.16), rel=0.05)
-
-
-def test_the_offset_of_the_target_is_in_its_covariance_and_a_fix_shrinks_it(phantom):
-    plain, loose = (
-        TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=sd_m), OUTER, discrepancy=EXACT) for sd_m in (0.0, 8e-3)
-    )
-    covs = [seen(one, 1.0, lambda k: rest_marks(phantom, 1e-4, k)).cov for one in (plain, loose)]
-    np.testing.assert_allclose(covs[1] - covs[0], 6.4e-5 * np.eye(2), atol=1e-8)
-    found = loose.fix(loose.place_of(loose.target)[0] + 4e-3, 1e-6 * np.eye(2))
-    assert np.sqrt(np.diag(found.cov)).max() < 1.1e-3
-    later = seen(loose, 1.0, lambda k: rest_marks(phantom, 1e-4, k), start=30)
-    assert np.sqrt(np.diag(later.cov)).max() < 1.1e-3
+    settings = FilterSettings(fix_bias=FixBias(4e-3, 0.1))
+    tissue = TissueFilter(phantom, TargetPoint((HIDDEN,), sd_m=1e-2), OUTER, settings, discrepancy=EXACT)
+    for k in range(90):
+        tissue.predict(k * HZ)
+        found = tissue.update(rest_marks(phantom, 1e-4, k))
+        if k % 30 == 29:
+            found = tissue.fix(found.mean, 1e-8 * np.eye(2))
+    assert np.sqrt(found.cov[0, 0]) == pytest.approx(4e-3 / np.sqrt(3.0 + 0.16), rel=0.05)
 
 
 @pytest.mark.parametrize("stiffness", [20.0, 2000.0, 30000.0])

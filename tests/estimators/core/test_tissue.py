@@ -1,7 +1,6 @@
 """The tissue as a process model: derivatives by finite differences, noise by draws, parts by their rules."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,14 +26,6 @@ def swung(process: TissueProcess, seed: int = 1) -> np.ndarray:
         own = process.parts[name]
         state[own] += scale * rng.normal(size=own.stop - own.start)
     return state
-
-
-def test_the_parts_make_up_the_state(process: TissueProcess) -> None:
-    ends = [(part.start, part.stop) for part in process.parts.values()]
-    assert list(process.parts) == ["position", "velocity", "force", "discrepancy"]
-    assert ends[0][0] == 0
-    assert ends[-1][1] == process.n
-    assert all(a[1] == b[0] for a, b in pairwise(ends))
 
 
 def test_the_derivative_is_that_of_the_motion(process: TissueProcess) -> None:

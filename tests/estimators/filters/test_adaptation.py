@@ -38,10 +38,6 @@ def test_it_stays_within_its_bounds():
     assert learnt(0.001, rng, n=3000, bounds=(0.25, 4.0)).scale == 0.25
 
 
-def test_bounds_of_one_leave_it_alone():
-    assert learnt(9.0, np.random.default_rng(0), n=50, bounds=(1.0, 1.0)).scale == 1.0
-
-
 def test_where_the_part_plays_no_role_nothing_is_learnt():
     """With the part a millionth of S the Fisher information of an innovation is below 1e-12; six sigma move nothing."""
     scales = VarianceScale((0.01, 100.0))

@@ -40,7 +40,7 @@ def test_the_probability_that_the_breath_holds_is_that_of_two_hypotheses(shift_m
     settings = BreathingSettings(n_periods=20, memory_s=1e9, lasting_s=30.0, forgotten=1e-300)
     breathing, track = Breathing(2, settings), []
     times, offs, covs, steps, found = [], [], [], [], []
-    for t in np.arange(0.0, 12.0, settings.alike_s):
+    for t in np.arange(0.0, 11.0, settings.alike_s):
         cov = np.diag([1e-6, 2e-6]) * rng.uniform(0.5, 1.5)
         seen = wave(t, 4.2) + np.linalg.cholesky(cov) @ rng.normal(size=2) + (shift_m * TURN if t > 9.0 else 0.0)
         breath = breathing.breath()
@@ -84,19 +84,6 @@ def test_a_breath_is_left_by_chance_later_on():
     assert 0.9 < now < 1.0
     assert later == pytest.approx(now * np.exp(-0.25), rel=1e-12)
     np.testing.assert_array_equal(Breathing(2).holds(np.array([0.0, 1.0])), [0.0, 0.0])
-
-
-def test_a_regular_breath_holds():
-    """20 s of errors of 1 mm that change each frame: never below 95 %; lasting 0.2 s: 95 of 100 above 70 %."""
-    rng = np.random.default_rng(0)
-    for n_alike, share, least in ((1, 0.0, 0.95), (6, 0.05, 0.7)):
-        breathing, holds, error = Breathing(2), [], np.zeros(2)
-        for k, t in enumerate(np.arange(0.0, 20.0, FRAME_S)):
-            error = 1e-3 * rng.normal(size=2) if k % n_alike == 0 else error
-            breathing.update(float(t), wave(t, 4.1) + error, 1e-6 * np.eye(2))
-            if t > 7.0:
-                holds.append(breathing.holds(np.array([t]))[0])
-        assert np.quantile(holds, share) > least
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,5 @@
 """Plans: the push that is foreseen, what is rejected and why, and that the best is the best."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -22,7 +20,6 @@ from estimators import (
     plan,
 )
 from estimators import Needle as Sampler
-from estimators.guidance.kernels import ball_hits
 from tests.networks import build_network
 
 SKIN = Skin([-0.2, 0.33], [0.2, 0.33], [0.0, 1.0], np.radians(60.0), 0.25)
@@ -80,15 +77,6 @@ def test_each_path_aims_where_its_own_push_moves_the_target(phantom, lesion):
     assert np.linalg.norm(found.pushed, axis=1).min() > 5e-3
 
 
-def test_a_path_that_ignores_the_push_misses(phantom, lesion):
-    """Aimed at the target at rest: a hit at most half as probable as from the same entry with the push foreseen."""
-    found = planned(phantom, lesion, PlannedNeedle())
-    entries = found.entries[2::5]
-    tips = np.tile(lesion.mean, (len(entries), 1))
-    blind = plan(phantom, HIDDEN, lesion, PlannedNeedle(), SKIN, (), entries=entries, tips=tips)
-    assert (blind.hits < 0.5 * found.hits[2::5]).all()
-
-
 def test_the_probability_is_what_draws_say(phantom, lesion):
     """The best path: target, tip and one factor on all forces drawn 200,000 times; four standard errors, 0.005."""
     needle = PlannedNeedle()
@@ -132,36 +120,6 @@ def test_every_rejection_has_its_reason(phantom, lesion):
     wall = Obstacle("wall", [-0.5, 0.3], [0.5, 0.3], 0.001)
     shut = plan(phantom, HIDDEN, lesion, SOFT, skin, [wall], entries=entries, tips=np.tile(goal, (4, 1)))
     assert shut.best is None
-
-
-def test_more_doubt_of_the_forces_is_more_doubt_along_the_push(phantom, lesion):
-    """Covariance with force_sd 0.6 less that with 0: 0.36 u u'."""
-    entries, tips = candidate_paths(phantom, HIDDEN, lesion, SOFT, SKIN.entries(7), 1)
-    unsure, sure = (
-        plan(phantom, HIDDEN, lesion, replace(SOFT, force_sd=sd), SKIN, (), entries=entries, tips=tips)
-        for sd in (0.6, 0.0)
-    )
-    outer = unsure.pushed[:, :, None] * unsure.pushed[:, None, :]
-    np.testing.assert_allclose(unsure.covs - sure.covs, 0.36 * outer, rtol=0, atol=1e-15)
-
-
-def test_five_hundred_paths_take_one_call_of_each_kernel(phantom, lesion, monkeypatch):
-    """Hits of all in one call, the tissue's compliance once for the aims and once for the plan."""
-    calls = []
-
-    def counted(offsets, *args):
-        calls.append(len(offsets))
-        return ball_hits(offsets, *args)
-
-    def solved(*args):
-        calls.append("compliance")
-        return compliance(*args)
-
-    monkeypatch.setattr("estimators.guidance.planning.ball_hits", counted)
-    monkeypatch.setattr("estimators.guidance.planning.compliance", solved)
-    found = planned(phantom, lesion, PlannedNeedle(), obstacles=[ball("vessel", [0.05, 0.27], 0.01)], n=100)
-    assert calls == ["compliance", "compliance", 500]
-    assert found.hits.shape == found.clearance.shape == (500,)
 
 
 def test_in_space_it_plans_as_well():

@@ -70,11 +70,6 @@ def test_one_number_that_is_not_finite_is_enough():
     assert health_fault(replace(HEALTHY, cov=None), 8.0, 8.0, EXACT) == "the estimate has no covariance"
 
 
-def test_an_estimate_by_the_model_alone_is_not_healthy():
-    fault = health_fault(replace(HEALTHY, model_only=True), 8.0, 8.0, EXACT)
-    assert fault == "the marks contain almost no information on the target"
-
-
 def test_the_first_fault_is_stated():
     """Status before age, age before covariance, covariance before marks, marks before the model."""
     broken = replace(HEALTHY, status=Status.LOST, cov=None, model_only=True)

@@ -21,7 +21,7 @@ from estimators.identification.constants import IdentificationSettings, _searche
 from estimators.identification.filter_pass import pass_through
 from estimators.identification.groups import ConstantGroup
 from estimators.identification.search import followed as followed_from
-from tests.estimators.conftest import followed
+from tests.estimators.conftest import driven, followed
 from tests.estimators.identification.passes import pass_of
 from tests.networks import build_network
 
@@ -48,7 +48,7 @@ def identified(network, frames, prior_sd=PRIOR):
 
 
 @pytest.fixture(scope="module")
-def recorded(driven):
+def recorded():
     """Frames of 5 s at 20 frames/s of the chain, the near mass pushed now and then, both seen; truth by DOP853."""
     network, rng = chain(), np.random.default_rng(0)
     forces = 0.2 * 0.1 * np.sqrt(120.0) * rng.normal(size=(8 * 120, 2, 2))
@@ -75,9 +75,9 @@ def wrong(network, seed=3):
 
 @pytest.fixture(scope="module")
 def found(recorded):
-    """From every other frame."""
+    """From every other frame of 4 s."""
     reported, change = wrong(chain())
-    return identified(reported, recorded[0][::2]), change
+    return identified(reported, recorded[0][:80:2]), change
 
 
 def test_constants_are_found_to_their_standard_errors(found):
@@ -96,7 +96,7 @@ def test_constants_are_found_to_their_standard_errors(found):
 
 def test_the_hidden_mass_is_predicted_better_with_what_was_found(recorded, found):
     """The far mass's mark left out: mean error below half of what the wrong constants leave."""
-    frames, truth = recorded[0][:100], recorded[1][:100]
+    frames, truth = recorded[0][:60], recorded[1][:60]
     errors = []
     for network, uncertainty in ((wrong(chain())[0], None), (found[0].network, found[0].uncertainty)):
         tissue = TissueFilter(network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
@@ -110,7 +110,7 @@ def test_springs_side_by_side_are_determined_together_and_not_apart(recorded):
 
     Directions are by prior standard deviations, equal here: (1, -1) / sqrt 2 on the two stiffnesses.
     """
-    both = identified(chain(double=True), recorded[0][:30], {"stiffness": 0.3})
+    both = identified(chain(double=True), recorded[0][:20], {"stiffness": 0.3})
     left, directions = both.identifiable()
     assert left[0] == pytest.approx(1.0, abs=1e-6)
     assert left[1] < 0.5
@@ -136,7 +136,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     """What is left out of the covariance is nothing to the target: its columns' variance falls by 1 - kept at most."""
     frames, _ = recorded
     wide = independent_uncertainty(found[0].parameters, found[0].prior_sd)
-    few = principal_uncertainty(found[0].network, wide, frames[:40], ("near",), "far", SETTINGS)
+    few = principal_uncertainty(found[0].network, wide, frames[:20], ("near",), "far", SETTINGS)
     assert len(few.directions) < len(wide.directions)
     lost = wide.cov - few.cov
     assert np.linalg.eigvalsh(lost)[0] > -1e-12
@@ -144,7 +144,7 @@ def test_the_directions_kept_carry_the_targets_variance(recorded, found):
     for uncertainty in (wide, few):
         tissue = TissueFilter(found[0].network, "far", ("near",), SETTINGS, uncertainty=uncertainty)
         total = 0.0
-        for time_s, marks in frames[:40]:
+        for time_s, marks in frames[:20]:
             tissue.predict(time_s)
             tissue.update(marks[:1])
             own = tissue.process.parts["constants"]

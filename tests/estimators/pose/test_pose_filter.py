@@ -84,7 +84,7 @@ def test_nees_of_a_drifting_pose_is_within_its_bounds(dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("moved_m", "turned_deg"), [(0.01, 0.0), (0.0, 2.0), (0.04, 3.0), (0.003, 0.0)])
+@pytest.mark.parametrize(("moved_m", "turned_deg"), [(0.0, 2.0), (0.04, 3.0), (0.003, 0.0)])
 def test_a_move_is_followed_within_three_frames_and_reported_once(dim, moved_m, turned_deg):
     rng, n = np.random.default_rng([dim, 5]), N_CHANGES[dim]
     change = np.zeros(n)

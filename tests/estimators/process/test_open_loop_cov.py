@@ -8,6 +8,7 @@ import pytest
 from dynamics import HIDDEN, OUTER, pack, unpack
 from estimators import MarkMeasurement, OpenLoop, OpenLoopCovariance, chi_square_bounds
 from estimators.process import open_loop_cov
+from tests.estimators.conftest import driven
 from tests.networks import slab
 
 SD = 1e-4
@@ -67,7 +68,7 @@ def test_a_mark_that_is_not_seen_stays_where_it_was(smooth):
     assert_consistent(errors, open_loop)
 
 
-def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth, driven):
+def test_unknown_force_adds_what_it_does_to_the_hidden_mass(smooth):
     """Marks without noise, white force on the hidden mass alone, truth by DOP853."""
     white, seconds = 0.05, 1.0
     open_loop = OpenLoopCovariance(smooth, HIDDEN, OUTER, white=white)

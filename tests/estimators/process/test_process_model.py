@@ -141,10 +141,3 @@ def test_motions_of_negative_stiffness_do_not_grow(squares):
     growing = modes @ np.diag(squares) @ modes.T * mass
     expected = modes @ np.diag(np.minimum(squares, 0.0)) @ modes.T * mass
     np.testing.assert_allclose(_without_growth(growing, mass), expected, rtol=0, atol=1e-12 * max(np.abs(squares)))
-
-
-def test_without_negative_stiffness_a_motion_is_as_it_was():
-    """To the bit, a mode without any stiffness, of exactly nothing, among them."""
-    for squares in ([-4.0, -2.0, -0.5], [-4.0, -2.0, 0.0]):
-        kept = np.diag(squares)
-        assert _without_growth(kept, np.array([1.0, 4.0, 16.0])) is kept

@@ -7,14 +7,14 @@ import pytest
 
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, FixBias, MarkMeasurement, Replay, TissueFilter
-from tests.estimators.conftest import followed
+from tests.estimators.conftest import followed, marks_of
 from tests.estimators.states import digest
 
 COV = 1e-6 * np.eye(2)
 
 
 @pytest.fixture
-def frames(phantom, rest_state, marks_of):
+def frames(phantom, rest_state):
     """Twelve frames at 30 frames/s of the phantom at rest, seen with 1 mm of noise."""
     rng = np.random.default_rng(0)
     return [(k / 30.0, marks_of(phantom, rest_state, 1e-3, rng)) for k in range(12)]
@@ -37,12 +37,6 @@ def test_shuffled_frames_give_what_ordered_ones_give(phantom, frames, seed):
     np.testing.assert_array_equal(estimate.mean, last.mean)
     late = sum(1 for i, k in enumerate(order) if i and k < max(order[:i]))
     assert replayed.late == {"fused": late}
-
-
-def test_an_estimate_is_of_the_newest_frame_whatever_came_last(phantom, frames):
-    replayed, estimate = replay(phantom, frames, (0, 1, 3, 2))
-    assert estimate.time_s == frames[3][0]
-    assert replayed.tissue.time_s == frames[3][0]
 
 
 def test_what_is_older_than_the_history_is_refused_and_counted(phantom, frames):

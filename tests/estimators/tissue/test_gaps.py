@@ -5,10 +5,10 @@ import pytest
 
 from dynamics import HIDDEN, OUTER
 from estimators import FilterSettings, Status, TissueFilter
-from tests.estimators.conftest import followed
+from tests.estimators.conftest import followed, marks_of
 
 
-def swinging(phantom, rest_state, marks_of, settings):
+def swinging(phantom, rest_state, settings):
     """A filter that has seen M3 30 mm aside and back: the tissue swings, a fix has shown a bias."""
     tissue, aside = TissueFilter(phantom, HIDDEN, OUTER, settings), np.eye(len(rest_state))[4]
     states = [rest_state + 0.03 * np.sin(0.3 * k) * aside for k in range(20)]
@@ -18,9 +18,9 @@ def swinging(phantom, rest_state, marks_of, settings):
 
 
 @pytest.mark.parametrize("gap_s", [5.5, 1e300])
-def test_after_a_gap_beyond_forget_s_the_filter_begins_again(phantom, rest_state, marks_of, gap_s):
+def test_after_a_gap_beyond_forget_s_the_filter_begins_again(phantom, rest_state, gap_s):
     """LOST, where nothing but the prior is known; the next marks are all taken in."""
-    tissue = swinging(phantom, rest_state, marks_of, FilterSettings())
+    tissue = swinging(phantom, rest_state, FilterSettings())
     tissue.predict(tissue.time_s + gap_s)
     assert tissue.health.status is Status.LOST
     new = TissueFilter(phantom, HIDDEN, OUTER)

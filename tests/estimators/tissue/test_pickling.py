@@ -43,7 +43,7 @@ def stiff_links():
 def uncertain_phantom() -> TissueFilter:
     """A filter that considers wrong constants and a calibration, estimates the bias of fixes."""
     network = four_mass_phantom()
-    constants = parameters(network)
+    constants = parameters(network, ("stiffness",))
     return TissueFilter(
         network,
         HIDDEN,

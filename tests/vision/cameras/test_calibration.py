@@ -122,8 +122,7 @@ def test_too_few_views_are_refused_with_what_to_do() -> None:
         calibrate(views, SIZE_PX, left_out=["x.png: board not found"])
 
 
-@pytest.mark.parametrize("tilt_deg", [0.0, 30.0])
-@pytest.mark.parametrize("moved_m", [0.0, 0.05])
+@pytest.mark.parametrize(("tilt_deg", "moved_m"), [(30.0, 0.0), (0.0, 0.05)])
 def test_boards_that_all_face_the_same_way_are_refused(tilt_deg: float, moved_m: float) -> None:
     # Parallel planes give the same two equations for the lens however many there are [zhang2000], section 4.
     rng = np.random.default_rng(10)

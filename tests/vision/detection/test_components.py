@@ -66,7 +66,7 @@ def study(
     squash: float = 1.0,
     edit: Edit = lambda image: image,
     lines: bool = False,
-    n_frames: int = 40,
+    n_frames: int = 20,
     seed: int = 11,
 ) -> Study:
     """Four red marks a frame at random places; a mark is found if a detection lies within 6 px."""
@@ -112,7 +112,7 @@ def test_centres_and_covariances_on_clean_frames(edit: Edit, largest_rms: float)
     assert seen.found == 1.0
     assert seen.false == 0.0
     assert (seen.rms < largest_rms).all()
-    # The mean of 160 squared errors is known to 11 %.
+    # The mean of 80 squared errors is known to 16 %.
     assert ((seen.variance_ratio > 1 / 1.5) & (seen.variance_ratio < 1.5)).all(), seen.variance_ratio
 
 
@@ -143,7 +143,7 @@ def test_springs_under_the_marks_do_not_pull_them() -> None:
 
 def test_no_place_between_pixels_is_preferred() -> None:
     rng = np.random.default_rng(0)
-    steps = np.linspace(0.0, 1.0, 6)
+    steps = np.linspace(0.0, 1.0, 5)
     even = replace(CLEAN, slope=0.0, vignetting=0.0)
     errors = []
     for u in steps:
@@ -223,7 +223,7 @@ def test_the_least_circle_of_half_the_resolution_covers_a_block_wherever_it_lies
         return int((even[1:, 1:] & even[:-1, 1:] & even[1:, :-1] & even[:-1, :-1]).sum())
 
     least = np.sqrt(BLOCK_AREA_PX / np.pi)
-    offsets = np.linspace(0.0, 2.0, 41)
+    offsets = np.linspace(0.0, 2.0, 21)
     assert all(blocks(1.001 * least, np.array([a, b])) >= 1 for a in offsets for b in offsets)
     assert any(blocks(0.999 * least, np.array([a, b])) == 0 for a in offsets for b in offsets)
 
@@ -253,9 +253,9 @@ def test_marks_of_one_hue_side_by_side_stay_two() -> None:
 
 def test_the_paper_camera_is_as_bad_as_the_paper_says() -> None:
     lighting = paper_camera()
-    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=120)
+    seen = study(lighting, (3.538, 3.538), squash=3.289 / 3.538, edit=lambda image: compress(image, 60), n_frames=60)
     radial_mm = np.linalg.norm(seen.errors * np.array([4.24, 4.56]), axis=1)
-    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 480 marks tell the mean to 0.1 mm
+    assert radial_mm.mean() == pytest.approx(4.14, abs=0.4)  # the paper's figure; 240 marks tell the mean to 0.14 mm
     assert seen.found >= 0.95
     assert seen.false < 0.05
     # The detector cannot see how far marks are drawn off their places; the scene says it as calibration_sd_px.

@@ -19,11 +19,11 @@ def seen_disc(center: np.ndarray, radius: float, hidden: float, angle: float) ->
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("hidden", [0.0, 0.1, 0.3, 0.5, 0.6])
+@pytest.mark.parametrize("hidden", [0.0, 0.3, 0.6])
 def test_the_centre_of_a_covered_mark_is_found_by_its_arc(hidden: float) -> None:
     rng = np.random.default_rng(3)
     errors, covs = [], []
-    for _ in range(60):
+    for _ in range(30):
         center, radius = rng.uniform(29.0, 31.0, 2), rng.uniform(6.0, 14.0)
         alpha = seen_disc(center, radius, hidden, rng.uniform(0.0, 2.0 * np.pi)) + rng.normal(0.0, 0.04, (60, 60))
         middle = np.argwhere(alpha > 0.5).mean(axis=0)[::-1]
@@ -34,9 +34,6 @@ def test_the_centre_of_a_covered_mark_is_found_by_its_arc(hidden: float) -> None
     off = np.array(errors)
     rms = np.sqrt((off**2).mean())
     assert rms < (0.06 if hidden < 0.4 else 0.2)  # measured 0.03 to 0.05, and 0.07 to 0.12
-    # the centre of gravity would be off by 0.3 px for a tenth hidden and by half the radius for a half
-    if hidden >= 0.1:
-        assert rms < 0.3 * hidden * 6.0
     nees = np.einsum("ni,nij,nj->n", off, np.linalg.inv(covs), off)
     assert 0.5 < nees.mean() < 4.0
 
@@ -83,7 +80,7 @@ def cut(image: np.ndarray, center: np.ndarray, gap: float) -> np.ndarray:
 def test_a_needle_across_a_mark_leaves_one_mark_at_its_place() -> None:
     rng = np.random.default_rng(4)
     outline = Outline(12.0 * np.eye(2), 0.05)
-    for _ in range(10):
+    for _ in range(5):
         center = rng.uniform(38.0, 42.0, 2)
         drawn = draw_frame((80, 80), [Disc(center, (12.0, 12.0), 0.0)], Lighting(), rng)
         image = compress(cut(drawn, center, 5.0), 95)
@@ -99,7 +96,7 @@ def test_the_covariance_grows_as_a_mark_is_covered() -> None:
     spread = {}
     for hidden in (0, 8, 16):
         variances = []
-        for _ in range(12):
+        for _ in range(6):
             center = rng.uniform(39.0, 41.0, 2)
             image = draw_frame((80, 80), [Disc(center, (12.0, 12.0), 0.0)], Lighting(), rng)
             if hidden:

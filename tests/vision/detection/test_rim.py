@@ -27,7 +27,7 @@ def ball(center: np.ndarray, radius: float, rng: np.random.Generator) -> np.ndar
 def test_a_ball_is_found_by_its_rim_within_its_covariance() -> None:
     rng = np.random.default_rng(1)
     errors, covs, by_color = [], [], []
-    for _ in range(20):
+    for _ in range(10):
         center, radius = rng.uniform(46.0, 50.0, 2), rng.uniform(18.0, 26.0)
         image = ball(center, radius, rng)
         hues = [MarkHue(115.0, 30.0, 0.3, 0.1)]
@@ -58,7 +58,7 @@ def beside_blood(rng: np.random.Generator, center: np.ndarray) -> np.ndarray:
 
 def test_a_mark_on_blood_is_found_by_its_rim_about_where_it_is_expected() -> None:
     rng = np.random.default_rng(3)
-    for _ in range(10):
+    for _ in range(5):
         center = np.array([62.0, 58.0]) + rng.uniform(-1.0, 1.0, 2)
         outline = Outline(10.0 * np.eye(2), 0.05)
         expected = Expected("M1", center + rng.normal(0.0, 1.0, 2), np.eye(2), 0.0, outline)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vision import Codec, SegmentFrames, SegmentWriter, SourceError, VideoFileFrames, count_frames, join_segments
+from vision import Codec, SegmentFrames, SegmentWriter, SourceError, VideoFileFrames, join_segments
 from vision.sources.segments import count_segment_frames
 
 SIZE = (64, 48)
@@ -73,10 +73,3 @@ def test_missing_pieces_are_reported(tmp_path: Path) -> None:
     (tmp_path / "none").mkdir()
     with pytest.raises(SourceError, match=r"none: expected pieces of a film, .* found none"):
         SegmentFrames(tmp_path / "none", [])
-
-
-def test_a_piece_has_its_name_only_when_whole(tmp_path: Path) -> None:
-    written(tmp_path / "pieces", "FFV1", pieces=(2,))
-    visible = [path for path in (tmp_path / "pieces").iterdir() if not path.name.startswith(".")]
-    assert [path.name for path in visible] == ["000000.mkv"]
-    assert count_frames(visible[0]) == 2

@@ -38,14 +38,6 @@ def test_quality_decides_size_and_loss(tmp_path: Path) -> None:
         assert compressed == pytest.approx(loss, rel=0.4)
 
 
-def test_the_film_has_its_name_only_when_complete(tmp_path: Path) -> None:
-    path = tmp_path / "film.avi"
-    with VideoWriter(path, (64, 48), 25.0) as video:
-        video.write(frames(1)[0])
-        assert not path.exists()
-    assert [p.name for p in tmp_path.iterdir()] == ["film.avi"]
-
-
 def test_an_error_leaves_nothing_and_keeps_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "film.avi"
     path.write_bytes(b"an older film")

@@ -72,15 +72,6 @@ def test_a_slow_camera_is_not_blocked_between_its_frames() -> None:
     assert kinds(watch.check(last + 4.4)) == [EventKind.BLOCKED]
 
 
-def test_a_failed_read_is_reported_at_once_and_only_once() -> None:
-    watch, last = fed(3, 0.03)
-    (dropped,) = watch.saw_failure(last + 0.01, "a read failed")
-    assert (dropped.kind, dropped.text) == (EventKind.DROPPED, "a read failed")
-    assert watch.saw_failure(last + 0.02, "a read failed") == []
-    assert watch.check(last + 5.0) == []
-    assert kinds(watch.saw_new(last + 6.0, SIZE)) == [EventKind.RESUMED]
-
-
 def test_another_size_is_reported_even_after_a_fault() -> None:
     watch, last = fed(3, 0.03)
     (resized,) = watch.saw_new(last + 0.03, (32, 24))

