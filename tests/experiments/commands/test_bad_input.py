@@ -11,8 +11,10 @@ import pytest
 from experiments.commands.app import COMMANDS
 from tests.experiments.command import softaim
 from tests.experiments.commands.good_files import tree
+from tests.experiments.rows import rows
 
-TABLE = tomllib.loads((Path(__file__).parent / "bad_input.toml").read_text(encoding="utf-8"))["case"]
+INPUT = tomllib.loads((Path(__file__).parent / "bad_input.toml").read_text(encoding="utf-8"))
+TABLE = [*({"call": call, "said": said} for call, said in rows(INPUT["calls"])), *INPUT["case"]]
 
 
 def spoil(folder: Path, change: dict[str, str]) -> None:

@@ -95,8 +95,6 @@ def test_a_simulated_scene_knows_that_its_constants_are_the_truths_and_stays_the
         "simulate scenario.toml --out out",
         "smooth marks --out out",
         "sweep sweep.toml --out out --processes 1",
-        "tune marks --out found.toml",
-        "live --source film --no-page --out out",
     ],
 )
 def test_json_is_all_that_is_on_standard_output(words: str, capfd: pytest.CaptureFixture[str]) -> None:

@@ -33,7 +33,6 @@ def test_estimates_are_those_of_the_smoother(smoothed: Path) -> None:
     recording = read_recording(smoothed / "rec")
     scene = recording.scene
     tissue = TissueFilter(scene.network, scene.target.point, scene.measured_nodes, scene.settings)
-    assert recording.marks is not None
     seen = [
         (float(t), [measurement(mark) for mark in marks if mark.node in scene.measured_nodes])
         for t, marks in zip(recording.exposures_s, recording.marks, strict=True)

@@ -166,12 +166,10 @@ def test_lenses_of_other_programs_are_known_by_their_content(tmp_path: Path, n: 
     text = of_ros("plumb_bob" if n < 8 else "rational_polynomial", own) if "ost" in name else of_opencv(own, path)
     (tmp_path / "camera.txt").write_text(text, encoding="utf-8")
     found = read_lens_file(tmp_path / "camera.txt")
-    assert found is not None
     assert found.size_px == (640, 480)
     np.testing.assert_array_equal(found.lens.distortion, (*own, 0.0)[: max(5, min(n, 12))])
     (tmp_path / "again.yaml").write_text(ros_text(found), encoding="utf-8")
     again = read_lens_file(tmp_path / "again.yaml")
-    assert again is not None
     np.testing.assert_array_equal(again.lens.distortion, found.lens.distortion)
 
 
@@ -219,7 +217,6 @@ image_height: 480\n |  | image_height: expected a whole number of 1 or more, fou
   cols: 5\n |   cols: 4\n | distortion_coefficients.data: expected rows times cols numbers in brackets
 [535.5, | [x, | camera_matrix.data: expected rows times cols numbers in brackets
 [535.5, | [-535.5, | camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0
-[535.5, | [nan, | camera_matrix: expected 3 rows of 3 numbers, focal lengths above 0
 camera_matrix: | matrix: | camera_matrix: expected rows, cols and data, found none
 image_width: 640 | what is this | line 2: expected key: value, found "what is this"
 """

@@ -208,15 +208,6 @@ def test_a_file_is_written_whole(tmp_path: Path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.txt", "link"]
 
 
-def test_who_reads_the_old_file_reads_it_to_its_end(tmp_path: Path):
-    path = tmp_path / "a.txt"
-    path.write_text("old")
-    with path.open() as reader:
-        write_whole(path, "new and longer")
-        assert reader.read() == "old"
-    assert path.read_text() == "new and longer"
-
-
 def test_the_old_file_stays_when_the_new_one_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     path = tmp_path / "a.txt"
     path.write_text("old")

@@ -8,7 +8,7 @@ import pytest
 
 from experiments.errors import InputError
 from experiments.formats.outputs import write_together
-from experiments.formats.provenance import beside, content_digest, provenance_text
+from experiments.formats.provenance import content_digest, provenance_text
 from experiments.formats.scene.scene import read_scene, scene_digest, scene_text, with_step
 
 GOOD = Path(__file__).parents[1] / "good_scene.toml"
@@ -53,10 +53,6 @@ def test_whatever_a_scene_says_is_in_its_digest(tmp_path: Path, old: str, new: s
     assert old in text
     (tmp_path / "other.toml").write_text(text.replace(old, new, 1), encoding="utf-8")
     assert scene_digest(read_scene(tmp_path / "other.toml")) != scene_digest(read_scene(GOOD))
-
-
-def test_a_files_provenance_stands_beside_it():
-    assert beside(Path("a/my.toml")) == Path("a/my.provenance.json")
 
 
 def test_an_interrupt_leaves_all_files_as_they_were(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -11,7 +11,6 @@ from dynamics import build_network, four_mass_phantom
 from experiments.errors import InputError
 from experiments.formats.recording import (
     MarkRow,
-    Truth,
     read_recording,
     write_frames_csv,
     write_marks_csv,
@@ -88,7 +87,6 @@ def test_marks_take_the_place_of_a_film(folder: Path):
     recording = read_recording(folder)
     np.testing.assert_array_equal(recording.exposures_s, [0.1, 0.3])
     assert recording.source is None
-    assert recording.marks is not None
     assert [[row.node for row in rows] for rows in recording.marks] == [["M1", "M2"], ["M1"]]
     row = recording.marks[1][0]
     np.testing.assert_allclose(row.position_m, [-0.005, 0.00625], rtol=1e-15)
@@ -110,7 +108,6 @@ def test_truth_is_straight_between_its_times_and_unknown_outside(folder: Path):
         "time_s,node,x_mm,y_mm\n0.1,M2,10,0\n0.2,In1,7,7\n0.2,M2,20,-4\n0.4,M2,0,-4\n", encoding="utf-8"
     )
     truth = read_recording(folder).truth
-    assert truth is not None
     assert set(truth.nodes) == {"M2", "In1"}
     inside, positions = truth.at(np.array([0.0, 0.1, 0.15, 0.3, 0.4, 0.5]), "M2")
     np.testing.assert_array_equal(inside, [False, True, True, True, True, False])
@@ -150,13 +147,11 @@ def test_what_is_written_is_read_again(folder: Path, frames: list[tuple[int, dic
     write_truth_csv(folder / "truth.csv", times_s, paths)
     again = read_recording(folder)
     np.testing.assert_allclose(again.exposures_s, times_s, rtol=0, atol=0.51e-9)
-    assert again.marks is not None
     for rows, written in zip(again.marks, marks, strict=True):
         assert [row.node for row in rows] == [row.node for row in written]
         for row, own in zip(rows, written, strict=True):
             np.testing.assert_allclose(row.position_m, own.position_m, rtol=0, atol=0.51e-7)
             assert row.sd_m == pytest.approx(own.sd_m, rel=1e-8)
-    assert isinstance(again.truth, Truth)
     assert set(again.truth.nodes) == set(MARKED)
     for node, positions in paths.items():
         np.testing.assert_allclose(again.truth.times_s[node], times_s, rtol=0, atol=0.51e-9)
@@ -191,7 +186,6 @@ def test_marks_with_a_full_covariance_are_written_and_read_again(tmp_path: Path,
     columns = {2: "x_mm,y_mm,cov_xx_mm2,cov_xy_mm2,cov_yy_mm2", 3: "x_mm,y_mm,z_mm,cov_xx_mm2,cov_xy_mm2,cov_yy_mm2"}
     assert header == f"time_s,node,{columns[dim]}" + (",cov_xz_mm2,cov_yz_mm2,cov_zz_mm2" if dim == 3 else "")
     marks = read_recording(tmp_path).marks
-    assert marks is not None
     np.testing.assert_allclose(marks[0][0].cov, 1e-6 * COVS[dim], rtol=1e-8)
     np.testing.assert_allclose(marks[1][0].cov, 9e-6 * np.eye(dim), rtol=1e-8, atol=1e-20)
     assert marks[0][0].sd_m == pytest.approx(1e-3 * np.sqrt(np.trace(COVS[dim]) / dim))

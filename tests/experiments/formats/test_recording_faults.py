@@ -38,12 +38,11 @@ frames.csv | frame,exposure_s\n0,0.0\n1,0.1\n2,0.2\n |  | expected columns frame
 frames.csv | frame, | camera,frame, | camera: one camera is supported
 frames.csv | 1,0.1 | 2,0.1 | row 3: frame: expected 1, found 2
 frames.csv | 0,0.0\n |  | row 2: frame: expected 0, found 1
-frames.csv | 1,0.1 | 1.5,0.1 | row 3: frame: expected 1, found 1.5
 frames.csv | 0.1 | 0.3 | row 4: exposure_s: expected more than 0.3 (the row before), found 0.2
 frames.csv | 0.1 | nan | row 3: exposure_s: expected a finite number, found "nan"
-truth.csv | time_s,node,x_mm,y_mm\n0.0,M1,1,2\n0.0,M2,3,4\n0.1,M1,1,2\n |  | expected columns time_s, x_mm, y_mm, node,
-    found an empty file
 truth.csv | 0.0,M1,1,2\n0.0,M2,3,4\n0.1,M1,1,2\n |  | expected a row for each time and node, found none
+frames.csv | 0,0.0\n1,0.1\n2,0.2\n |  | expected a row for each frame, found none
+truth.csv | 0.1,M1 | 0.0,M1 | row 4: time_s: expected more than 0 (row 2), found 0
 truth.csv | 3,4 | 3,NaN | row 3: y_mm: expected a finite number, found "NaN"
 truth.csv | y_mm | y_mm,z_mm | z_mm: expected no such column for a flat scene, found it
 truth.csv | ,y_mm |  | row 1: expected one column y_mm, found none in "time_s,node,x_mm"
@@ -54,9 +53,6 @@ marks.csv | 0.0,M1,1,2,0.5\n0.0,M2,3,4,0.5\n0.1,M1,1,2,0.5\n |  | expected a row
     frames.csv
 fixes.csv | 2,0.5\n0.1 | 2,0\n0.1 | row 2: sd_mm: expected more than 0, found 0
 fixes.csv | 0.1 | -1 | row 3: time_s: expected 0 (the row before) or more, found -1
-fixes.csv | sd_mm | z_mm,sd_mm | z_mm: expected no such column for a flat scene, found it
-fixes.csv | time_s,x_mm,y_mm,sd_mm\n0.0,1,2,0.5\n0.1,1,2,0.5\n |  | expected columns time_s, sd_mm, x_mm, y_mm, found
-    an empty file
 """
 
 
@@ -120,6 +116,7 @@ BAD_FOLDERS = [
     (with_cameras(0), f"scene.toml: camera: expected one for video.avi {ONE}, found 0"),
     (lambda f: [(f / "scene.toml").unlink(), text("video.avi", "")(f)], "scene.toml: expected a file, found none"),
     (text("frames", ""), "frames: expected a folder, found a file"),
+    (lambda f: (f / "video.avi").mkdir(), "video.avi: expected a file, found a folder"),
     (
         lambda f: write_video(f / "video.avi", 2),
         "frames.csv: expected a row for each of the 2 frames of video.avi, found 3 rows",

@@ -111,6 +111,15 @@ phantom = "four-mass"\n |  | expected either scene or phantom, found none
 [camera] | [video]\ndistractors = 2\n[camera] | video.distractors: expected this key in camera with phantom
 node = "M3" | node = "In2" | release.node: expected a free node, found the anchor "In2"
 [2.0, 0.5] | [2.0, 0.5, 1.0] | release.force_n: expected 2 numbers, as the scene has, found 3
+[640, 480] | [640, 6] | camera.size_px[1]: expected 64 or more, found 6
+nodes = ["M1"] | nodes = ["M9"] | pokes.nodes[0]: no node named "M9"; nodes: M1, M2, M3, M4, In1, …
+nodes = ["M1"] | nodes = ["M1"]\ntogether = 1 | pokes.together: expected true or false, found 1
+duration_s = 2.0 | duration_s = 0.05 | duration_s: expected more than frame_interval_s, found 0.05
+phantom = "four-mass" | phantom = "five-mass" | phantom: expected 'four-mass', found "five-mass"
+phantom = "four-mass" | scene = "none.toml" | camera: expected no such table beside scene, whose own camera is used
+phantom | scene = "scene.toml"\nphantom | expected either scene or phantom, found both
+longest_s = 0.4 | longest_s = 0.01 | pokes: expected longest_s of at least shortest_s (0.1), found 0.01
+[camera] | [marks]\nsd_mm = -1\n[camera] | marks.sd_mm: expected more than 0, found -1
 version = 1 | version = 2 | version: expected 1, found 2
 version = 1 | version 1 | line 1: expected TOML
 """

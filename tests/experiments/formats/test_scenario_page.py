@@ -37,14 +37,9 @@ def test_the_block_is_a_scenario():
 
 
 @pytest.mark.parametrize(("name", "model"), [("", Scenario), *TABLES.items()])
-def test_every_key_is_in_the_block(name: str, model: type[BaseModel]):
+def test_every_key_is_in_the_block_and_defaults_are_those_of_the_program(name: str, model: type[BaseModel]):
     own = of_table(name)
     assert set(own) == set(model.model_fields) - OF_PHANTOM
-
-
-@pytest.mark.parametrize(("name", "model"), [("", Scenario), *TABLES.items()])
-def test_defaults_are_those_of_the_program(name: str, model: type[BaseModel]):
-    own = of_table(name)
     for key, field in model.model_fields.items():
         if key in own and not isinstance(own[key], dict | list) and not field.is_required() and key != "scene":
             default = tables.NEAR_SD_MM if key == "sd_mm" else field.default

@@ -66,14 +66,13 @@ grid = 3 | grid: expected
 [grid]\nscenario.seed = [1] | grid.scenario.seed: expected one of duration_s,
 [grid]\nscenario.pokes.pause_s = ["x"] | grid.scenario.pokes.pause_s: expected a number, found "x"
 [grid]\nscenario.release.force_n = [[1.0, 0.0]] | grid.scenario.release.node: expected this key
-[grid]\nmodel.spring = [1.0] | grid.model.spring: expected one of stiffness,
 [grid]\nmodel.stiffness = [0] | grid.model.stiffness: expected more than 0, found 0
-[grid]\nfilter.poke = [1.0] | grid.filter.poke: expected one of poke_m_s2,
 seeds = 2000000 | grid: expected at most 1000000 runs, found 2000000
 """
 OTHERS = [
     ("scenario = 3", "version: expected 1, found none"),
     ("version = 1\nscenario = 3", "scenario: expected text in quotes, found 3"),
+    (HEAD.replace("poked", "nobody"), "scenario: expected one of"),
     ("version = [", "line 1: expected TOML"),
 ]
 

@@ -38,7 +38,6 @@ def test_one_that_does_not_is_said_by_how_much(scene):
     assert offsets[scene.network.index("M1")] == pytest.approx(5e-3, abs=1e-9)
     assert np.delete(offsets, scene.network.index("M1")).max() < 1e-9
     said = rest_line(off(scene))
-    assert said is not None
     assert "up to 5.0 mm from its drawing (node M1; target 0.0 mm)" in said
     assert "softaim identify RECORDING --at-rest" in said
     assert said.isprintable()

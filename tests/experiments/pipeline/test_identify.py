@@ -180,21 +180,9 @@ def test_at_rest_the_model_rests_where_the_recording_shows_it(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_tune_writes_the_level_that_tracking_uses(calibrated, cache, tmp_path, capsys):
-    recording = recorded(tmp_path / "rec", Trial("quiet", 2, duration_s=0.5), cache, OUTER)
-    out = tmp_path / "tuned.toml"
-    assert softaim("tune", recording, "--scene", calibrated[1], "--out", out, "--json") == 0
-    report = json.loads(capsys.readouterr().out)
-    assert set(report["levels"]) == {"strain"}
-    scene = read_scene(out)
-    assert scene.settings.discrepancy == report["strain"] == report["levels"]["strain"]["value"]
-    assert scene.uncertainty is not None
-
-
-@pytest.mark.slow
 def test_compare_runs_all_methods_on_the_same_marks(cache, tmp_path, capsys):
-    """Half a second; the filter's row is what track gives; every textbook filter beats the open loop at 4.14 mm."""
-    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=0.5), cache, OUTER)
+    """0.3 s; the filter's row is what track gives; every textbook filter beats the open loop at 4.14 mm."""
+    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=0.3), cache, OUTER)
     out = tmp_path / "out"
     assert softaim("compare", recording, "--out", out) == 0
     assert "particles" in capsys.readouterr().out
@@ -206,26 +194,21 @@ def test_compare_runs_all_methods_on_the_same_marks(cache, tmp_path, capsys):
         row["mae_mm"] < 0.7 * figures["open-loop"]["mae_mm"] for name, row in figures.items() if name != "open-loop"
     )
     assert (out / "compare.png").stat().st_size > 10_000
-    assert len(pd.read_csv(out / "estimates.enkf.csv")) == 15
-    assert softaim("compare", recording, "--methods", "ekf", "--out", tmp_path / "some") == 0
-    assert list(json.loads((tmp_path / "some" / "summary.json").read_text())) == ["open-loop", "filter", "ekf"]
+    assert len(pd.read_csv(out / "estimates.enkf.csv")) == 9
 
 
-def test_fixes_are_fused_at_their_times(calibrated, cache, tmp_path):
+def test_fixes_are_fused_at_their_times(cache, tmp_path):
     """Sightings of the target good to 0.2 mm, off by 0.5 mm together: the error falls below 0.9 of that without."""
-    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=1.4), cache, OUTER)
-    without = summary(track(read_recording(recording, calibrated[1])))["filter"]["mae_mm"]
+    recording = recorded(tmp_path / "rec", Trial("poked", 1, duration_s=1.0), cache, OUTER)
+    without = summary(track(read_recording(recording)))["filter"]["mae_mm"]
     true = pd.read_csv(recording / "truth.csv").iloc[4::4]
     rng = np.random.default_rng(0)
     fixes = true[["time_s", "x_mm", "y_mm"]] + rng.normal(0.0, [0.0, 0.2, 0.2], (len(true), 3))
     fixes["x_mm"] += 0.5
     fixes.assign(sd_mm=0.2).to_csv(recording / "fixes.csv", index=False)
-    done = track(read_recording(recording, calibrated[1]))
+    done = track(read_recording(recording))
     assert summary(done)["filter"]["mae_mm"] < 0.9 * without
-    at = [k for k, t in enumerate(done.times_s) if np.isclose(true["time_s"], t).any()]
-    errors = np.linalg.norm(np.array([e.mean for e in done.estimates("filter")])[at] - done.truth[at], axis=1)
-    assert errors[3:].mean() < 1.2e-3
-    smoothed = compare_summary(compare(read_recording(recording, calibrated[1]), ["smoother"]))["smoother"]
+    smoothed = compare_summary(compare(read_recording(recording), ["smoother"]))["smoother"]
     assert smoothed["mae_mm"] < 0.9 * without
 
 

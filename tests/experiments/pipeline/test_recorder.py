@@ -1,9 +1,5 @@
 """Recordings that grow: whole up to the last second when their writer is killed."""
 
-import os
-import signal
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,42 +17,6 @@ from vision import EveryFrame, Frame, VideoWriter
 
 SIZE = (64, 48)
 INTERVAL = 1 / 30
-
-CAMERA = """
-import sys, threading, time
-from pathlib import Path
-import numpy as np
-import vision
-from experiments.pipeline.recorder import record
-from experiments.formats.scene.scene import read_scene
-
-class Camera:
-    k, began = -1, time.monotonic()
-    def isOpened(self): return True
-    def release(self): pass
-    def get(self, prop): return 1e3 * (self.began + self.k / 30)
-    def retrieve(self): return True, np.random.default_rng(self.k).integers(0, 256, (48, 64, 3), dtype=np.uint8)
-    def grab(self):
-        self.k += 1
-        unseen.acquire()
-        time.sleep(max(0.0, self.began + self.k / 30 - time.monotonic()))
-        return True
-
-class Counted(vision.LiveFrames):
-    def next(self, timeout_s):
-        frame = super().next(timeout_s)
-        if frame is not None:
-            print(frame.index, flush=True)
-            unseen.release()
-        return frame
-
-# A camera that waits for a recorder too slow for it, so that none is dropped however busy the machine is
-backlog = vision.SourceSettings().backlog
-unseen = threading.Semaphore(backlog // 2)
-frames = Counted(Camera, keep=backlog, exposures=lambda: vision.stated_exposure_time)
-scene = Path(sys.argv[2])
-record(frames, Path(sys.argv[1]), scene=read_scene(scene), scene_path=scene)
-"""
 
 
 def picture(k: int) -> np.ndarray:
@@ -101,34 +61,18 @@ def check_frames(folder: Path, n: int) -> None:
         np.testing.assert_array_equal(frame.image, picture(frame.index))
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("without_pictures")
-def test_a_recorder_killed_leaves_all_up_to_the_last_second(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """SIGKILL at frame 45, which is 1.5 s: lost are a second's frames, and the one that ends a piece."""
-    folder, scene = tmp_path / "rec", tmp_path / "scene.toml"
-    write_scene(small_scene(), scene)
-    words, root = [sys.executable, "-c", CAMERA, str(folder), str(scene)], Path(__file__).parents[3]
-    program = subprocess.Popen(words, cwd=root, stdout=subprocess.PIPE, text=True)
-    try:
-        assert program.stdout is not None
-        next(line for line in program.stdout if int(line) == 45)
-    finally:
-        os.kill(program.pid, signal.SIGKILL)
-        rest, _ = program.communicate()
-    n_delivered = 46 + rest.count("\n")
-    times = read_frames(folder / "frames.csv", torn=True)
-    assert n_delivered - 32 <= len(times) < n_delivered
-    np.testing.assert_allclose(np.diff(times), INTERVAL, atol=1e-6)  # none is missing between
-    assert (folder / "scene.toml").read_bytes() == scene.read_bytes()
-    check_frames(folder, len(times))
+def test_what_a_kill_leaves_is_tracked_and_recovered(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Of 75 frames two pieces of a second."""
+    folder = left_by_a_kill(tmp_path / "rec")
+    check_frames(folder, 60)
     assert softaim("track", folder, "--out", tmp_path / "track") == 0
-    rows = (tmp_path / "track" / "estimates.csv").read_text().splitlines()
-    assert len(rows) == len(times) + 1
+    assert len((tmp_path / "track" / "estimates.csv").read_text().splitlines()) == 61
     assert softaim("record", "--recover", folder) == 0
-    assert f"{len(times)} frames in {folder}" in capfd.readouterr().out
+    assert f"60 frames in {folder}" in capfd.readouterr().out
     names = {path.name for path in folder.iterdir()}
     assert names == {"frames.csv", "provenance.json", "scene.toml", "softaim.log", "video.mkv"}
-    check_frames(folder, len(times))
+    check_frames(folder, 60)
 
 
 def test_a_row_cut_short_and_a_piece_without_rows_are_left_out(tmp_path: Path) -> None:

@@ -104,14 +104,14 @@ def test_a_piece_without_frames_gets_no_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
 def test_a_film_cut_short_anywhere_is_not_named(tmp_path: Path, codec: Codec) -> None:
-    """Cut at 40 places: where it still gets its name every frame of it is decoded."""
+    """Cut at 16 places: where it still gets its name every frame of it is decoded."""
     suffix = {"FFV1": ".mkv", "MJPG": ".avi"}[codec]
     with VideoWriter(tmp_path / f"whole{suffix}", SIZE, 30.0, codec) as film:
         for k in range(5):
             film.write(picture(k))
     data = (tmp_path / f"whole{suffix}").read_bytes()
     n_named = 0
-    for k, size in enumerate(np.linspace(0, len(data), 40).astype(int)):
+    for k, size in enumerate(np.linspace(0, len(data), 16).astype(int)):
         path = tmp_path / f"{k}{suffix}"
         film = VideoWriter(path, SIZE, 30.0, codec)
         for number in range(5):
@@ -122,7 +122,7 @@ def test_a_film_cut_short_anywhere_is_not_named(tmp_path: Path, codec: Codec) ->
             film.close()
         n_named += path.exists()
         assert not path.exists() or count_frames(path) == 5
-    assert 1 <= n_named < 20
+    assert 1 <= n_named < 8
     assert not list(tmp_path.glob(".*"))
 
 
@@ -142,8 +142,7 @@ def room(n_bytes: int) -> Iterator[None]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limit on the size of files there")
-@pytest.mark.parametrize("n_bytes", [700, 60_000])
-@pytest.mark.parametrize("codec", ["FFV1", "MJPG"])
+@pytest.mark.parametrize(("codec", "n_bytes"), [("FFV1", 60_000), ("MJPG", 700)])
 def test_where_a_file_cannot_grow_no_piece_is_named_that_cannot_be_decoded(tmp_path, codec, n_bytes):
     """An error in one line, and no piece, for the first one does not fit."""
     folder = tmp_path / "rec"

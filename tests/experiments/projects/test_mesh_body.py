@@ -1,5 +1,6 @@
 """`softaim new --mesh`: tissues, wall, marks and target of a box of 40 x 30 x 30 mm, and one line for each fault."""
 
+import shlex
 import shutil
 from pathlib import Path
 
@@ -15,11 +16,12 @@ from experiments.formats.needle_file import read_needle
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, read_scene, usable_scene
 from experiments.formats.scene.space_marks import outward
-from experiments.projects.mesh_body import SHALLOWEST_MM
+from experiments.projects.mesh_body import SHALLOWEST_MM, MeshChoice, _check_words
 from experiments.projects.template import GROUP_SD
 from tests.experiments.command import softaim
 from tests.experiments.formats.mesh.shapes import box
 from tests.experiments.projects.test_project import commands_of
+from tests.experiments.rows import rows
 from tests.test_words import findings
 
 NODES, ELEMENTS = box((8, 6, 6), 5.0)
@@ -81,10 +83,8 @@ def test_marks_lie_apart_on_the_free_surface_and_the_target_inside(tmp_path: Pat
 
 def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: Path, body: Path) -> None:
     scene = made(tmp_path / "made", body, "--marks", 6, "--region", "1=fat", "--region", "2=gland")
-    assert scene.mesh is not None
     assert scene.mesh.tissues == (TISSUES["fat"], TISSUES["gland"])
     truth = usable_scene(tmp_path / "made" / "truth" / "scene.toml")
-    assert truth.mesh is not None
     np.testing.assert_array_equal(truth.network.positions, scene.network.positions)
     for own, assumed in zip(truth.mesh.tissues, scene.mesh.tissues, strict=True):
         assert 0.0 < abs(np.log(own.young_pa / assumed.young_pa)) < 3.5 * GROUP_SD["stiffness"]
@@ -94,7 +94,6 @@ def test_the_simulated_tissue_differs_in_stiffness_and_damping_alone(tmp_path: P
 
 def test_a_field_makes_four_mixtures_and_labelled_faces_hold_it(tmp_path: Path, body: Path) -> None:
     scene = made(tmp_path / "made", body, "--marks", 6, "--field", "glandularity", "--fixed", "faces 5")
-    assert scene.mesh is not None
     names = [tissue.name for tissue in scene.mesh.tissues]
     assert names == ["gland 0-25", "gland 25-50", "gland 50-75", "gland 75-100"]
     densities = [tissue.density_kg_m3 for tissue in scene.mesh.tissues]
@@ -146,7 +145,6 @@ def soft(tmp_path_factory, body: Path) -> Path:
 
 def test_its_files_are_read_and_explained(soft: Path) -> None:
     folder, scene = soft, read_scene(soft / "scene.toml")
-    assert scene.mesh is not None
     assert scene.mesh.tissues[0].young_pa == 4e3
     plan = read_needle(folder / "needle.toml", scene.target.radius_m, 3)
     target = scene.network.positions[scene.network.index("T")]
@@ -168,54 +166,40 @@ def test_its_files_are_read_and_explained(soft: Path) -> None:
         assert "#" in first, key
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--unit", "m"], "expected a body of 20 mm to 1 m, found 40 m with --unit m"),
-        (["--fixed", "x<-1"], "--fixed: expected a part of the body, found none; x is 0 to 40 mm"),
-        (["--fixed", "x<99"], "--fixed: expected 3 nodes or more, and not all, found 441 of 441; x is 0 to 40 mm"),
-        (["--fixed", "q < 3"], '--fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "q < 3"'),
-        (["--fixed", "wall"], '--fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "wall"'),
-        (["--fixed", "faces 1"], 'expected one field with label 1, "faces label=1" or "faces part=1", found "faces 1"'),
-        (["--fixed", "faces 9"], '--fixed: expected a label of faces in the file, found "9"; it has 1, 5, 7'),
-        (["--marks", "0"], "--marks: expected 1 or more, or a file of marks, found 0"),
-        (["--marks", "none.csv"], "none.csv: expected a file, found none"),
-        (
-            ["--target", "60,10,10"],
-            "--target: expected a place inside body.vtu, found 60,10,10, which is outside; x is 0 to 40 mm",
-        ),
-        (
-            ["--fixed", "x<6", "--target", "4,9,9"],
-            "--target: expected a position that can move, found 4,9,9, which --fixed x<6",
-        ),
-        (["--target-sd-mm", "1e5"], "--target-sd-mm: expected an SD that leaves the target inside the body"),
-        (["--target", "6,10"], '--target: expected x,y,z [mm], found "6,10"'),
-        (["--field", "none"], '--field: expected a field of body.vtu, glandularity, height, label, part, found "none"'),
-        (["--field", "height"], "--field: expected height from 0 (fat) to 1 (gland), found 1.25 to 28.75"),
-        (["--region", "1=fat"], "--region: expected a tissue for label 2 of label, found none"),
-        (["--region", "3=fat"], '--region: expected a label of label, 1, 2, found "3=fat"'),
-        (
-            ["--region", "1=bone"],
-            "--region: expected LABEL=TISSUE with one of fat, gland, fibrous, skin, fascia, muscle",
-        ),
-        (["--field", "label", "--young-kpa", "4"], "--young-kpa: expected no --region and no --field with it"),
-        (["--size-mm", "30"], "--size-mm: expected 0.29 to 19.4 mm for body.vtu, found 30 mm"),
-        (["--nodes", "nodes.csv"], "--mesh: expected no --nodes beside it, found nodes.csv"),
-        (["--kind", "breast"], "--kind breast: expected no --mesh, found"),
-    ],
-)
-def test_faults_are_one_line(words: list[str], message: str, body: Path, tmp_path: Path, capsys) -> None:
-    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--mesh", body, *WALL, *words) == 2
+FAULTS = """
+--fixed x<-1 | --fixed: expected a part of the body, found none; x is 0 to 40 mm
+--fixed x<99 | --fixed: expected 3 nodes or more, and not all, found 441 of 441; x is 0 to 40 mm
+--fixed 'q < 3' | --fixed: expected "y < 6" [mm], "faces 2" or "region 1", found "q < 3"
+--fixed 'faces 1' | expected one field with label 1, "faces label=1" or "faces part=1", found "faces 1"
+--fixed 'faces 9' | --fixed: expected a label of faces in the file, found "9"; it has 1, 5, 7
+--marks 0 | --marks: expected 1 or more, or a file of marks, found 0
+--marks none.csv | none.csv: expected a file, found none
+--target 60,10,10 | --target: expected a place inside body.vtu, found 60,10,10, which is outside; x is 0 to 40 mm
+--fixed x<6 --target 4,9,9 | --target: expected a position that can move, found 4,9,9, which --fixed x<6
+--target-sd-mm 1e5 | --target-sd-mm: expected an SD that leaves the target inside the body
+--target 6,10 | --target: expected x,y,z [mm], found "6,10"
+--field none | --field: expected a field of body.vtu, glandularity, height, label, part, found "none"
+--field height | --field: expected height from 0 (fat) to 1 (gland), found 1.25 to 28.75
+--region 1=fat | --region: expected a tissue for label 2 of label, found none
+--region 3=fat | --region: expected a label of label, 1, 2, found "3=fat"
+--region 1=bone | --region: expected LABEL=TISSUE with one of fat, gland, fibrous, skin, fascia, muscle
+--field label --young-kpa 4 | --young-kpa: expected no --region and no --field with it
+--nodes nodes.csv | --mesh: expected no --nodes beside it, found nodes.csv
+--kind breast | --kind breast: expected no --mesh, found
+"""
+
+
+@pytest.mark.parametrize(("words", "message"), rows(FAULTS))
+def test_faults_are_one_line(words: str, message: str, body: Path, tmp_path: Path, capsys) -> None:
+    assert softaim("new", tmp_path / "made", "--kind", "mesh", "--mesh", body, *WALL, *shlex.split(words)) == 2
     err = capsys.readouterr().err
     assert message in err
     assert err.count("\n") == 1
     assert not (tmp_path / "made").exists()
 
 
-def test_without_unit_or_wall_it_asks(body: Path, tmp_path: Path, capsys) -> None:
+def test_without_wall_or_mesh_it_asks(body: Path, tmp_path: Path, capsys) -> None:
     call = ("new", tmp_path / "made", "--kind", "mesh", "--mesh", body)
-    assert softaim(*call, "--fixed", "x<1") == 2
-    assert "--unit: expected the unit of body.vtu, mm, cm, m, found none; it is 40 mm in mm" in capsys.readouterr().err
     assert softaim(*call, "--unit", "mm") == 2
     assert "found none; x is 0 to 40 mm, y is 0 to 30 mm, z is 0 to 30 mm" in capsys.readouterr().err
     assert softaim("new", tmp_path / "made", "--kind", "mesh", "--unit", "mm") == 2
@@ -235,21 +219,11 @@ def test_a_recording_has_its_mesh(tmp_path: Path, soft: Path) -> None:
     assert softaim("identify", tmp_path / "still", "--at-rest", "--out", tmp_path / "rest.toml") == 2
 
 
-@pytest.mark.parametrize(("n", "words"), [(6, "found 6: the target is poorly"), (90, "more than 80, found 90")])
-def test_a_number_of_marks_of_little_use_is_one_warning(body: Path, tmp_path: Path, capsys, n: int, words: str) -> None:
-    made(tmp_path / "made", body, "--marks", n)
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if "--marks" in line]
-    assert words in line
-
-
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--fixed", "x<-1"], "--fixed: expected a part of the body, found none; x is 0 to 40 mm"),
         (["--fixed", "faces 5"], "--fixed: expected tetrahedra with labels in skin.stl, found a surface"),
-        (["--region", "1=fat"], "--region: expected tetrahedra with labels in skin.stl, found a surface"),
-        (["--field", "label"], "--field: expected tetrahedra with labels in skin.stl, found a surface"),
-        (["--target", "60,10,10"], "which is outside; x is 0 to 40 mm"),
         (["--marks", "none.csv"], "none.csv: expected a file, found none"),
     ],
 )
@@ -260,6 +234,13 @@ def test_options_are_checked_before_a_surface_is_filled(words, message, tmp_path
     call = ("new", tmp_path / "made", "--kind", "mesh", "--mesh", tmp_path / "skin.stl", *WALL, *words)
     assert softaim(*call) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("n", "words"), [(6, "found 6: the target is poorly"), (90, "more than 80, found 90")])
+def test_a_number_of_marks_of_little_use_is_one_warning(caplog, n: int, words: str) -> None:
+    _check_words(MeshChoice(Path("body.vtu"), marks=str(n)), None)
+    (record,) = caplog.records
+    assert words in record.message
 
 
 def test_a_folder_with_files_is_refused_before_the_body_is_read(body: Path, tmp_path: Path, capsys) -> None:

@@ -20,7 +20,7 @@ from tests.test_words import findings
 
 PAGES = ("scene.toml", "scenario.toml", "calibration.toml", "still.toml", "needle.toml", "STEPS.md")
 TRUE = ("truth/scene.toml", "truth/all_marks.toml")
-KINDS_OF_PROJECTS = [(Kind.PLANE, 4), (Kind.PLANE, 5), (Kind.PLANE, 12), (Kind.BREAST, 10)]
+KINDS_OF_PROJECTS = [(Kind.PLANE, 4), (Kind.PLANE, 12), (Kind.BREAST, 10)]
 
 
 def written(folder: Path, *args, **options) -> Path:

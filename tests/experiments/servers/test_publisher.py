@@ -8,7 +8,6 @@ import pytest
 
 import vision
 from experiments.formats.needle_file import read_needle
-from experiments.formats.scenario import read_scenario
 from experiments.log import LOG
 from experiments.pipeline.live.control import Control
 from experiments.pipeline.live.session import PAUSED, Session
@@ -17,6 +16,7 @@ from experiments.servers.commands import read_command
 from experiments.servers.publisher import Shows, do, nis_band
 from experiments.simulation.plane_film import draw
 from experiments.simulation.simulate import scene_of
+from tests.experiments.webcam import coarse_webcam
 from vision import Frame
 
 NEEDLE = Path("tests/experiments/needle.toml")
@@ -54,7 +54,7 @@ class Link:
 def shown(tmp_path, monkeypatch):
     """A link, to which a run at rest is shown; the run's control; and a function that goes on by frames."""
     monkeypatch.setattr(publisher, "ATTENDS_S", np.inf)
-    scene = scene_of(read_scenario("webcam"))
+    scene = scene_of(coarse_webcam())
     plan = read_needle(NEEDLE, scene.target.radius_m, 2)
     image = draw(scene, scene.network.positions, vision.Lighting(), np.random.default_rng(0), strays=[])
     link, now = Link(), [START_S]
@@ -91,8 +91,8 @@ def test_a_state_tells_the_estimate_and_where_all_is_in_the_picture(shown):
     assert state["counters"]["frames"] == 12
     assert set(state["counters"]["stages_ms"]) == {"wait", "predict", "detect", "update", "advise"}
     assert state["needle"]["direction"] == [0.0, -1.0]
-    assert link.pictures[-1].shape == (480, 640, 3)
-    assert link.scene["picture_px"] == (640, 480)
+    assert link.pictures[-1].shape == (240, 320, 3)
+    assert link.scene["picture_px"] == (320, 240)
     assert [node["name"] for node in link.scene["nodes"]] == list(scene.network.names)
 
 
@@ -155,7 +155,7 @@ def test_what_clients_ask_for_is_done_between_two_frames(shown, capfd):
     assert state["recording"]["frames"] >= 0
     link.asked = [
         {"command": "fix", "place_mm": [0.0, 190.0], "sd_mm": 1.0},
-        {"command": "fix", "place_px": [320.0, 240.0], "sd_mm": 2.0},
+        {"command": "fix", "place_px": [160.0, 120.0], "sd_mm": 2.0},
         {"command": "needle", "tip_mm": [1.0, 220.0], "direction": [0.0, -2.0]},
         {"command": "record", "on": False},
     ]
@@ -174,7 +174,6 @@ def test_what_clients_ask_for_is_done_between_two_frames(shown, capfd):
         ({"command": "fix", "place_mm": [1.0, 2.0, 3.0]}, "expected 2 coordinates"),
         ({"command": "hue", "node": "M9", "place_px": [320.0, 240.0]}, "M9|mark"),
         ({"command": "hue", "node": "M1", "place_px": [3200.0, 240.0]}, "expected one inside"),
-        ({"command": "needle", "tip_mm": [0.0, 0.0, 1.0], "direction": [0.0, 0.0, 1.0]}, "expected 2 coordinates"),
         ({"command": "fly"}, "not done"),
     ],
 )
@@ -194,11 +193,9 @@ def test_what_cannot_be_done_is_said_and_the_run_goes_on(shown, capfd, asked, sa
     "refused",
     [
         {"command": "needle", "tip_mm": [0.0, 0.0, 1.0], "direction": [0.0, 0.0, 1.0]},
-        {"command": "needle", "tip_mm": [1.0, 210.0], "direction": [0.0, 0.0]},
-        {"command": "needle", "tip_mm": [1.0, 1e9], "direction": [0.0, -1.0]},
         {"command": "needle"},
     ],
-    ids=["of another dimension", "no direction", "far away", "no pose"],
+    ids=["of another dimension", "no pose"],
 )
 @pytest.mark.parametrize(("tip_mm", "advice"), [([1.0, 220.0], "NO_GUIDANCE"), ([1.0, 210.0], "ABORT")])
 def test_a_needle_whose_pose_is_refused_is_not_seen_until_one_is_taken(shown, refused, tip_mm, advice):

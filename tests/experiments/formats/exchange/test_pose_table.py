@@ -113,6 +113,11 @@ track,frame_idx,instance.score\n,0,1\n | expected a row for each frame, and body
 track,frame_idx,n.x,n.y\n,0,1,2\n | row 1: expected a column n.score, found none
 track,frame_idx,n.x,n.x,n.y,n.score\n,0,1,1,2,1\n | columns of different names, found "n.x" twice
 track,frame_idx,n.x,n.y,n.score\n,0.5,1,2,1\n | row 2: frame_idx: expected a frame's number, .* found 0.5
+scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,score\n0,1,2,3\n | row 3: expected n likelihood in column 4, found "n score"
+scorer,a,a,a\nbodyparts,n,n,n\ncoords,x,y,likelihood\ni.png,1,2,3\n | row 4: coords: expected a number, found "i.png"
+track,frame_idx,n.x,n.y,n.p\n,0,1,2,1\n | row 1: expected columns NODE.x, NODE.y, NODE.score of SLEAP, found "n.p"
+track,frame_idx,n.x,n.y,n.score\n,0,left,2,1\n | row 2: n.x: expected a number, found "left"
+time_s,node\n1,M1\n | row 1: expected a table of DeepLabCut .*, found "time_s,node"
 ,,\n,,\n | expected a table of DeepLabCut .*, found an empty file
 """
 

@@ -81,24 +81,6 @@ def test_another_unit_is_refused_and_named(tmp_path, name, with_frames) -> None:
     assert said.endswith(f"it seems to be {name.split(' ')[0].rstrip(',')}")
 
 
-FAULTS = {
-    "decreasing": (texts(FRAMES[::-1]), "row 3: exposure_s: expected more than"),
-    "one goes back": (texts(np.r_[FRAMES[:6], FRAMES[4:]]), "row 8: exposure_s: expected more than"),
-    "duplicated": (texts(np.repeat(FRAMES, 2)), "row 3: exposure_s: expected more than 0"),
-    "NaN": (["0.0", "nan", "0.1"], 'row 3: exposure_s: expected a finite number, found "nan"'),
-    "infinite": (["0.0", "0.03", "inf"], 'row 4: exposure_s: expected a finite number, found "inf"'),
-    "none": (["0.0", "", "0.1"], "row 3: exposure_s: expected a finite number, found none"),
-    "a clock": (["12:00:01.0", "12:00:01.1"], "row 2: exposure_s: expected a finite number"),
-}
-
-
-@pytest.mark.parametrize("name", FAULTS)
-def test_times_that_are_none_or_do_not_rise_are_refused(tmp_path, name) -> None:
-    times, message = FAULTS[name]
-    said = complaint(read_recording, recording(tmp_path, times, with_frames=True))
-    assert f"{tmp_path / 'frames.csv'}: {message}" in said
-
-
 @pytest.mark.parametrize(("name", "header"), [("truth", "time_s,node,x_mm,y_mm"), ("fixes", "time_s,x_mm,y_mm,sd_mm")])
 @pytest.mark.parametrize(("stated", "unit"), [("200", "milliseconds"), ("150000", "microseconds"), ("-1000", "")])
 def test_truth_and_fixes_of_another_time_than_the_frames_are_refused(tmp_path, name, header, stated, unit) -> None:

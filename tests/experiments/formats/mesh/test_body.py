@@ -136,7 +136,7 @@ def test_files_that_are_no_mesh_are_one_line(tmp_path: Path, name: str, content:
         read_body(tmp_path / name, "mm")
 
 
-@pytest.mark.parametrize("ending", [".stl", ".obj", ".ply", ".vtu"])
+@pytest.mark.parametrize("ending", [".stl", ".vtu"])
 def test_a_surface_is_filled(tmp_path: Path, ending: str, capfd, monkeypatch) -> None:
     """With elements of 8 mm the sphere has its volume to 6 %, and its nodes lie within 2 mm of it; no file is left."""
     monkeypatch.chdir(tmp_path)

@@ -111,6 +111,12 @@ FAULTS = r"""
     parameters and directions, or kinds, found both, drag
 [filter]\nled_nodes = ["M1", "M9"]\n | filter.led_nodes[1]: no node named "M9"
 [filter]\nled_nodes = ["In1"]\n | filter.led_nodes[0]: expected a node with a measured mark, found "In1" without
+[uncertainty]\nparameters = ["stiffness M1-M9"]\ndirections = [[0.1]]\n | uncertainty.parameters[0]: no positive
+    constant named "stiffness M1-M9"
+[uncertainty]\nstiffness = 1e9\n | uncertainty.stiffness: expected 700 or less
+[uncertainty]\nparameters = ["stiffness M1-M2"]\ndirections = [[1e4]]\n | uncertainty.directions: expected the log of
+    stiffness 0
+[filter]\npoke_m_s2 = 0\n | filter.poke_m_s2: expected more than 0, found 0
 [filter]\nled_nodes = "M1"\n | filter.led_nodes: expected a list, found "M1"
 [filter]\nled_nodes = [1]\n | filter.led_nodes[0]: expected text in quotes, found 1
 [filter]\nnoise = 1.0\n | filter.noise: expected one of poke_m_s2, poke_lasting_s,

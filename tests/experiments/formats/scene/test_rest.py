@@ -8,11 +8,10 @@ import pytest
 
 from dynamics import MassSpringNetwork, build_network, four_mass_phantom, spring_lengths
 from dynamics.phantoms.breast import breast_phantom
-from dynamics.phantoms.planar import planar_phantom
 from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import SceneError
 
-PHANTOMS = {"four-mass": four_mass_phantom(), "planar": planar_phantom(5).network, "breast": breast_phantom(10).network}
+PHANTOMS = {"four-mass": four_mass_phantom(), "breast": breast_phantom(10).network}
 
 
 def as_drawn(network: MassSpringNetwork) -> MassSpringNetwork:
@@ -57,6 +56,8 @@ STIFF, LENGTH = r"stiffness_N_m: .* ", r"spring\[0\]\.rest_length_mm: .* "
         (lambda n: replace(n, masses=1e-3 * n.masses), r"mass_kg: expected .* found 0.0002, .* too stiff; in t\?"),
         (lambda n: replace(n, rest_lengths=1e-3 * n.rest_lengths), f"{LENGTH}204.1 mm, found 0.2;"),
         (lambda n: replace(n, positions=1e-3 * n.positions), f"{LENGTH}0.2041 mm, found 200;"),
+        (lambda n: replace(n, stiffness=1e100 * n.stiffness), r"spring\[0\]\.stiffness_N_m: expected springs that bal"),
+        (lambda n: replace(n, masses=1e300 * n.masses), r"node\[0\]\.mass_kg: expected springs that balance"),
         (heavy, r"^network: expected a rest shape within one body size .* found \"M"),
     ],
 )
@@ -72,7 +73,7 @@ def cable(drawn: np.ndarray) -> MassSpringNetwork:
     return build_network(names, drawn, links, masses=0.02, stiffness=2000.0, **held)
 
 
-@pytest.mark.parametrize("factor", [0.1, 1.0 / 3.0, 3.0, 10.0])
+@pytest.mark.parametrize("factor", [0.1, 10.0])
 @pytest.mark.parametrize("rest_lengths", ["at rest", "as drawn"])
 @pytest.mark.parametrize("phantom", PHANTOMS)
 def test_a_stiffness_that_is_only_wrong_is_taken(phantom: str, factor: float, rest_lengths: str) -> None:

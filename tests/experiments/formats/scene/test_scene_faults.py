@@ -20,16 +20,10 @@ def path(tmp_path: Path) -> Path:
 
 BAD = r"""
 version = 1 | version =  | line 1: expected TOML, found invalid value at column 11
-[[mark]]\n | [[mark]\n | line 27: expected TOML, found
-mass_kg = 0.2\n | mass_kg = 0.2\nmass_kg = 0.2\n | line 8: expected TOML, found cannot overwrite a value
 version = 1 | version = true | version: expected 1, found true
-version = 1 | version = 1.0 | version: expected 1, found 1.0
 version = 1 |  | version: expected 1, found none
-mass_kg = 0.25 | mass = 1.0 | network.node[1].mass: expected one of name, position_mm, mass_kg, drag_N_s_m,
-    friction_N, fixed, found an unknown key
 [target] | [aim] | aim: expected one of version, network, mesh, uncertainty, filter, mark, target, reference, camera,
     provenance, found
-stiffness_N_m = 80.0\n |  | network.spring[0].stiffness_N_m: expected this key, found none
 mass_kg = 0.25\n |  | network.node[1].mass_kg: expected this key for a free node, found none
 [target]\nnode = "M2"\nradius_mm = 5.0\n |  | target: expected this key, found none
 stiffness_N_m = 80.0 | stiffness_N_m = 80.0\ngroup = "" | network.spring[0].group: expected a name, found ""
@@ -54,7 +48,6 @@ damping_N_s_m = 0.6 | damping_N_s_m = -0.6 | network.spring[0].damping_N_s_m: ex
 name = "M2" | name = "M1" | network.node[1].name: expected a unique name, found "M1", that of network.node[0]
 ["M2", "In1"] | ["M2", "M9"] | network.spring[1].between: no node named "M9"
 ["M1", "M2"] | ["M1", "M2", "In1"] | network.spring[0].between: expected 2 entries or fewer, found 3
-["M1", "M2"] | ["M1"] | network.spring[0].between: expected 2 or more entries, found 1
 node = "M1"\nhue | node = "M9"\nhue | mark[0].node: no node named "M9"
 node = "M2"\nhue | node = "M1"\nhue | mark[1].node: expected one mark for a node, found a second one on "M1", after
     mark[0]
@@ -62,29 +55,29 @@ node = "M2"\nhue | node = "In1"\nhue | mark[1].node: expected a free node (marks
     anchor "In1"
 node = "M2"\nradius | node = "In1"\nradius | target.node: expected a free node (a hidden target), found the anchor
     "In1"
+node = "M2"\nradius | node = "M2"\noffset_mm = [0.0, 0.0, 1.0]\nradius | target.offset_mm: expected 2 numbers, as
+    network.gravity_m_s2 has, found 3
+["M2", "In1"] | ["M2", "M1"] | network.node[0]: expected springs that lead to an anchor
 diameter_mm = 30.0 | diameter_mm = 30.0\nmeasured = false | mark: expected one or more measured marks, found none
 radius_mm = 5.0 | radius_mm = 0.0 | target.radius_mm: expected more than 0, found 0
 [0.0, 200.0] | [0.0, 200.0, 1.0] | network.node[1].position_mm: expected 2 numbers, as network.gravity_m_s2 has,
     found 3
-[0.0, -9.81] | [0.0, -9.81, 0.0] | network.node[0].position_mm: expected 3 numbers, as network.gravity_m_s2 has,
-    found 2
 [0.0, -9.81] | [-9.81] | network.gravity_m_s2: expected 2 or more entries, found 1
 name = "In1" | name = "" | network.node[2].name: expected a name, found ""
 [[0.8, 0.0, 319.5], [0.0, -0.8, 391.5], [0.0, 0.0, 1.0]] | [[0,0,0],[0,0,0],[0,0,0]] | camera[0].plane_to_px:
     expected a matrix that can be inverted
-, [0.0, 0.0, 1.0]] | ] | camera[0].plane_to_px: expected 3 or more entries, found 2
 [0.8, 0.0, 319.5] | [0.8, 319.5] | camera[0].plane_to_px[0]: expected 3 or more entries, found 2
 [0.0, 0.0, 1.0]] | [0.01, 0.0, 1.0]] | camera[0].plane_to_px: expected every node before the camera's horizon, found
     "M1" beyond
-[0.0, 0.0, 1.0]] | [0.0, 0.01, -1.0]] | camera[0].plane_to_px: expected every node before the camera's horizon, found
-    "In1" beyond
+["M1", "M2"] | ["M1", "M1"] | network.spring[0].between: expected two different nodes, found ["M1", "M1"]
+hue_deg = 120.0 | hue_deg = 400.0 | mark[0].hue_deg: expected less than 360, found 400.0
+[[camera]] | [[provenance]]\nstep = "guess"\n[[camera]] | provenance[0].step: expected 'simulate', 'at-rest',
+    'identify', 'tune' or 'register', found "guess"
 calibration_sd_px = 0.2 | translation_mm = [0, 0, 900] | camera[0]: translation_mm: expected no such key beside
     plane_to_px, found one
 """
 CAMERA = GOOD[GOOD.index("[[camera]]") :]
 OTHERS = [
-    ('name = "front"', 'name = """front', "line 43: expected TOML, found unterminated string at the end"),
-    ("version = 1", f"version = {'9' * 5000}", "expected TOML, found "),
     ("version = 1", f"version = {'[' * 5000}", "expected TOML, found lists nested too deeply"),
     ("mass_kg = 0.25", f"mass_kg = 1{'0' * 400}", "network.node[1].mass_kg: expected "),
     (

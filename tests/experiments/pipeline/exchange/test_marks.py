@@ -13,17 +13,13 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scene.scene import read_scene, write_scene
 from experiments.pipeline.exchange.marks import ImportSettings, import_table, plane_scale
 from tests.experiments.command import softaim
-from tests.experiments.commands.good_files import SIZE_PX, write_good_files
+from tests.experiments.commands.good_files import SIZE_PX
 from vision import Lens, Pose, posed_camera
 
 TAIL = ["tail=M4"]
 
 
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    write_good_files(tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("here")
 
 
 def test_places_are_on_the_plane() -> None:
@@ -124,7 +120,6 @@ def test_the_recording_is_read_as_it_was_meant() -> None:
     found = read_recording(Path("rec"))
     meant = import_table(Path("deeplabcut.csv"), Path("scene.toml"), Path("marks/frames.csv"), renamed=TAIL)
     assert found.exposures_s.tolist() == [0.0, 0.1, 0.2]
-    assert found.marks is not None
     for own, other in zip(found.marks, meant.marks, strict=True):
         assert [mark.node for mark in own] == [mark.node for mark in other]
         for mark, one in zip(own, other, strict=True):

@@ -102,7 +102,6 @@ def probability(scene: Scene, tissue: TissueFilter, positions: np.ndarray) -> fl
     """Of the force that marks ask for that are seen here for a second."""
     balance, marks = balance_of(scene, tissue), resting_marks(scene, positions, 10**-4.5)
     *_, found = (balance.update(k / 30.0, marks) for k in range(31))
-    assert found is not None
     return found.probability
 
 
@@ -190,8 +189,6 @@ def test_constants_that_are_stated_are_those_of_the_balance(scene, tissue):
     other = StaticBalance(tissue, stated(scene, constants=True).uncertainty)
     marks = resting_marks(scene, scene.network.positions, 10**-4.5)
     found = [(balance.update(k / 30.0, marks), other.update(k / 30.0, marks)) for k in range(31)][-1]
-    assert found[0] is not None
-    assert found[1] is not None
     np.testing.assert_allclose(found[0].cov, found[1].cov, rtol=1e-12)
 
 

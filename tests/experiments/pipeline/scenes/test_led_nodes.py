@@ -1,5 +1,6 @@
 """`[filter] led_nodes` of a scene: read by the filters of `track`, kept in scenes that `identify` and `tune` write."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -46,10 +47,13 @@ def test_a_led_node_bears_the_forces_of_a_hand_in_every_mode_of_the_tracks_filte
         np.testing.assert_allclose(found, np.stack([short] * 4 + [led] * 2, axis=1))
 
 
-def test_identify_and_tune_keep_led_nodes_in_the_scenes_they_write(recording, tmp_path):
+def test_identify_and_tune_keep_led_nodes_in_the_scenes_they_write(recording, tmp_path, capsys):
+    """And the level that tracking uses is the one that was reported."""
     state_led(recording, "M1")
     assert softaim("identify", recording, "--at-rest", "--out", tmp_path / "rest.toml") == 0
     assert read_scene(tmp_path / "rest.toml").settings.led_nodes == ("M1",)
-    assert softaim("tune", recording, "--out", tmp_path / "tuned.toml") == 0
-    tuned = read_scene(tmp_path / "tuned.toml")
+    capsys.readouterr()
+    assert softaim("tune", recording, "--out", tmp_path / "tuned.toml", "--json") == 0
+    report, tuned = json.loads(capsys.readouterr().out), read_scene(tmp_path / "tuned.toml")
+    assert tuned.settings.discrepancy == report["strain"] == report["levels"]["strain"]["value"]
     assert tuned.settings.led_nodes == ("M1",)

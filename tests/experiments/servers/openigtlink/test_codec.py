@@ -2,7 +2,6 @@
 
 import struct
 
-import numpy as np
 import pytest
 from pyigtl.messages import MessageBase, StringMessage
 
@@ -20,7 +19,6 @@ from experiments.servers.openigtlink.crc import crc64
 from tests.experiments.servers.openigtlink import published
 
 METADATA = {"First patient age": "22", "Second patient age": "25"}
-MATRIX = np.arange(16.0).reshape(4, 4) / 8.0
 
 
 def taken_apart(found: bytes) -> Message:
@@ -107,10 +105,8 @@ def test_a_flipped_bit_of_the_body_is_noticed(at: int):
     ("at", "fields"),
     [
         (58, struct.pack(">HHII", 11, 18, 39, 1)),
-        (58, struct.pack(">HHII", 65535, 18, 39, 1)),
         (58, struct.pack(">HHII", 12, 65535, 39, 1)),
         (58, struct.pack(">HHII", 12, 18, 2**32 - 1, 1)),
-        (58, struct.pack(">HHII", 12, 0, 39, 1)),
         (58, struct.pack(">HHII", 12, 1, 39, 1)),
         (118, struct.pack(">H", 65535)),
         (120, struct.pack(">HHI", 65535, 3, 2)),
@@ -140,7 +136,7 @@ def test_metadata_in_another_character_set_is_left_out():
     [
         *[(0, struct.pack(">H", version), "version") for version in (0, 3, 0x504F)],  # P and O of a browser's POST
         *[(at, b"\xff", "UTF-8") for at in (2, 14)],
-        *[(42, struct.pack(">Q", size), "at most 65536") for size in (LARGEST_BODY + 1, 2**31, 2**63, 2**64 - 1)],
+        *[(42, struct.pack(">Q", size), "at most 65536") for size in (LARGEST_BODY + 1, 2**64 - 1)],
     ],
 )
 def test_a_header_that_is_none_or_announces_too_much_is_refused(at: int, changed: bytes, said: str):
