@@ -86,14 +86,10 @@ class Disturbances:
         slow = np.append(slow, [slow[0]] * (len(short) - len(slow)))
         return [(self.white, one, max(one, led), float(other)) for one, other in zip(short, slow, strict=True)]
 
-    @property
-    def usual_mode(self) -> int:
-        """Index of the poked mode or, for a continuum, of the mode with the strongest slow force."""
-        return len(self.calm_modes) - (1 if self.is_solid else 2)
-
-    def usual(self, raised: float) -> dict[str, float]:
-        """Strength of each source by name, in the usual mode [m/s²]."""
-        return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.usual_mode], strict=True))
+    def strongest(self, raised: float) -> dict[str, float]:
+        """Largest strength of each source by name [m/s²], over all modes but led."""
+        modes = self.by_mode(raised)[: None if self.is_solid else -1]
+        return dict(zip(("white", "short", "led", "slow"), np.max(modes, axis=0), strict=True))
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:

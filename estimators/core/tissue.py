@@ -112,21 +112,16 @@ class TissueProcess:
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
-        usual = self._usual[None]
+        strongest = np.square([[*self.disturbances.strongest(self.motion.raised).values(), 0.0, 1.0]])
         before, transition = np.zeros((1, self.n, self.n)), self.linearize(state, PUSHED_S)
-        self._set_forces(before[0], usual[0])
+        self._set_forces(before[0], strongest[0])
         after = moved(before, transition.matrix)
-        add_noise(after, transition, usual)
+        add_noise(after, transition, strongest)
         cov = after[0, :moving, :moving]
         V, own = self.span.matrix, self.span.independent
         spread = float(((V @ cov[:n, :n]) * V).sum()) / len(V)
         cov *= min(1.0, (DISPLACED * self.extent_m) ** 2 / spread)
         return np.asarray(cov + (START_SHARE * self.extent_m) ** 2 * np.kron(np.eye(2), own))
-
-    @property
-    def _usual(self) -> Floats:
-        """Variance of each source in the poked mode or, of a continuum, under the stronger slow forces."""
-        return np.asarray(self.variances(0.0)[self.disturbances.usual_mode])
 
     def _set_forces(self, cov: Floats, variances: Floats) -> None:
         """Set the covariance of forces and discrepancy in cov (n, n) from the sources' variances (n_sources,)."""

@@ -104,7 +104,7 @@ class NetworkMotion:
             return Span.whole(np.repeat(masses, dim))
         # At least the usual strengths: a needle's known force bends the body more than a weak prior expects
         least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}
-        own = disturbances.usual(self.raised)
+        own = disturbances.strongest(self.raised)
         sd = {name: max(own[name], self.raised * least[name]) for name in pushes}
         forces = np.hstack([sd[name] * masses[:, None] * push for name, push in pushes.items()])
         places, each = self._network.positions[free], np.eye(dim)

@@ -120,5 +120,4 @@ def test_no_standard_error_exceeds_that_without_data(swing):
     )
     assert wrong.residuals.inflation > 1.0
     assert wrong.residuals.n_effective < wrong.residuals.n
-    assert wrong.n_limited == 1
     assert (wrong.sd <= np.hypot(wrong.prior_sd, wrong.change) * (1.0 + 1e-9)).all()

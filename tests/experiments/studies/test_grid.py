@@ -61,7 +61,7 @@ def test_what_a_command_returns_is_its_exit_code_and_wrong_input_is_two(capsys):
     ("main", "option", "value", "expected"),
     [
         (ablation, "--only", "magic", "one of whole filter, "),
-        (ablation, "--bodies", "magic", "one of chain2, chain3, "),
+        (ablation, "--bodies", "magic", "one of phantom, "),
         (zoo, "--bodies", "sheet,magic", "one of chain2, chain3, "),
         (wrong_worlds, "--only", "magic", "one of nothing, "),
         (wrong_worlds, "--bodies", "magic", "one of four masses, "),
