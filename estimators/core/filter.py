@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag, expm
+from scipy.linalg import expm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
@@ -15,6 +15,7 @@ from estimators.core.innovations import (
     Innovations,
     Outliers,
     are_same,
+    block_diagonal,
     each_alone,
     inverse_roots,
     joined,
@@ -345,5 +346,5 @@ class HypothesisFilter:
         fresh = self.process.fresh(self._dt) * (own @ own.T)
         if self._named != (names, blocks):
             self._named, self._withheld = (names, blocks), self._groups(names, blocks)
-        R = block_diag(*(getattr(one, "noise_cov", one.cov) for one in observations))
+        R = block_diagonal([getattr(one, "noise_cov", one.cov) for one in observations])
         level.update(found.y[best], found.S[best], fresh, R, self._withheld)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from estimators.arrays import Floats
+from estimators.core.innovations import block_diagonal
 from estimators.tissue.estimate import MarkMeasurement
 
 
@@ -44,7 +44,7 @@ class Places:
         self.blocks = tuple(slice(k * dim, (k + 1) * dim) for k in range(len(marks)))
         shared = _shared(marks)
         self._rows = np.vstack([maps[mark.node] for mark in marks])
-        self.noise_cov = noise**2 * block_diag(*(mark.cov for mark in marks))
+        self.noise_cov = noise**2 * block_diagonal([mark.cov for mark in marks])
         self.cov = self.noise_cov + shared @ shared.T if calibration is None else self.noise_cov.copy()
         if calibration is not None and shared.shape[1]:
             self._rows[:, calibration] = shared
