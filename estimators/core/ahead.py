@@ -73,18 +73,11 @@ class AheadTables:
             pushed,
         )
 
-    def ahead(self, tissue: TissuePosterior, push: Floats | None = None) -> tuple[Floats, Floats, Floats]:
-        """Times [s] (k,), means [m] (k, dim) and covariances [m²] (k, dim, dim) of the target.
-
-        push: known force on the free nodes [N], constant in each future step, (k - 1, n_free, dim)
-        Raises ValueError before the filter's first frame and for a push of another shape.
-        """
-        times = self.times(tissue)
-        _, means, covs = self._moments(tissue, tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s))
-        return times, means if push is None else means + self.shift(push), covs
-
     def shift(self, push: Floats) -> Floats:
-        """Displacement of the target by a known force [m], (k, dim); push and exceptions are those of `ahead`."""
+        """Displacement of the target [m], (k, dim), by a known force that is constant in each future step.
+
+        push: the force on the free nodes [N], (k - 1, n_free, dim); raises ValueError for another shape
+        """
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
             raise ValueError(f"push: expected shape ({self.n_times - 1}, n_free, dim), found {np.shape(push)}")

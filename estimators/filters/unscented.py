@@ -8,7 +8,7 @@ import filterpy.kalman as filterpy
 import numpy as np
 
 from estimators.arrays import Floats
-from estimators.filters.kernels import joseph_update, moments, symmetric_points
+from estimators.filters.kernels import moments, symmetric_points
 
 
 class CovarianceError(ArithmeticError):
@@ -29,8 +29,7 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
 
     - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return rows;
     - the length of a measurement may change, with hx, H and R;
-    - the linear update has Joseph's form; P is exactly symmetric, and a P or S that is not positive
-      definite raises CovarianceError;
+    - P is exactly symmetric, and a P or S that is not positive definite raises CovarianceError;
     - the likelihood is kept as a logarithm, so that it cannot underflow.
 
     State: x (dim_x,) and P (dim_x, dim_x) after the last predict or update; nis and log_likelihood of the last update.
@@ -75,17 +74,6 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         w = np.linalg.solve(C, y)
         self._accept(self.x + K @ y, 0.5 * (updated + updated.T), (y, S, K))
         self._judge(float(w @ w), float(2.0 * np.log(np.diag(C)).sum()))
-
-    def update_linear(self, z: Floats, H: Floats, R: Floats) -> None:
-        """Update with z = H x + noise of covariance R, exactly: z (m,), H (m, dim_x), R (m, m). Raises CovarianceError.
-
-        For a linear measurement the unscented update equals the Kalman update.
-        """
-        x, P, y, S, K, nis, log_det, definite = joseph_update(self.x, self.P, z, H, R)
-        if not definite:
-            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another")
-        self._accept(x, P, (y, S, K))
-        self._judge(nis, log_det)
 
     def _drawn(self) -> Floats:
         points, definite = symmetric_points(self.x, self.P, self._scale)

@@ -36,7 +36,7 @@ def near_rest(request, phantom):
 def test_tables_are_the_predictions_near_rest(near_rest):
     """Mean to 2 % of where the body is aside or a tenth of sigma, covariance to 12 %, over half a second."""
     tables = near_rest.tables(16, CYCLE_S)
-    times, means, covs = tables.ahead(near_rest)
+    times, (_, means, covs) = tables.times(near_rest), tables.parts(near_rest)[-1]
     path, path_covs = near_rest.predict_path(times)
     sigma = np.sqrt(np.trace(path_covs, axis1=1, axis2=2))
     assert np.all(np.linalg.norm(means - path, axis=1) < 0.02 * 2e-3 + 0.1 * sigma)
@@ -64,7 +64,6 @@ def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
     now = near_rest.filter.weights[:4].sum()
     np.testing.assert_allclose(unled, now * np.exp(-CYCLE_S * np.arange(16) * led), rtol=1e-3)
     np.testing.assert_allclose(every, 1.0, rtol=1e-9)
-    np.testing.assert_array_equal(whole, tables.ahead(near_rest)[2])
     assert np.all(np.trace(covs, axis1=1, axis2=2) <= np.trace(whole, axis1=1, axis2=2) * (1.0 + 1e-9))
     assert means.shape == (16, len(near_rest.rest[0]))
 
@@ -74,18 +73,18 @@ def test_a_push_moves_the_tables_as_a_prediction_under_it(near_rest):
     tables = near_rest.tables(16, CYCLE_S)
     network = near_rest.network
     push = 0.3 * network.masses[network.free, None] * np.ones(network.dim)
-    moved = tables.ahead(near_rest, np.tile(push, (15, 1, 1)))[1] - tables.ahead(near_rest)[1]
+    moved = tables.shift(np.tile(push, (15, 1, 1)))
     then_s = near_rest.time_s + 15 * CYCLE_S
     truth = near_rest.predict_at(then_s, push).mean - near_rest.predict_at(then_s).mean
     assert np.linalg.norm(moved[-1] - truth) < 0.12 * np.linalg.norm(truth)
     with pytest.raises(ValueError, match=r"push: expected shape \(15, n_free, dim\), found"):
-        tables.ahead(near_rest, np.zeros((3, 1, 1)))
+        tables.shift(np.zeros((3, 1, 1)))
 
 
 def test_tables_need_a_first_frame(phantom):
     unified = TissueFilter(phantom, HIDDEN, OUTER)
     with pytest.raises(ValueError, match="expected a filter after its first frame"):
-        unified.tables(3, CYCLE_S).ahead(unified)
+        unified.tables(3, CYCLE_S).times(unified)
 
 
 QUIET = Disturbances(calm_m_s2=1e-4, poke_m_s2=1e-4, led_m_s2=1e-4, slow_m_s2=(1e-4,), bent=0.0)

@@ -134,7 +134,8 @@ def test_a_known_force_moves_the_target_as_it_does_by_all_nodes(both, body):
 def test_tables_are_the_predictions(both):
     """Mean to a tenth of sigma, covariance to 12 %, over half a second."""
     tissue = both[0][0]
-    times, means, covs = tissue.tables(16, HZ).ahead(tissue)
+    tables = tissue.tables(16, HZ)
+    times, (_, means, covs) = tables.times(tissue), tables.parts(tissue)[-1]
     path, path_covs = tissue.predict_path(times)
     sigma = np.sqrt(np.trace(path_covs, axis1=1, axis2=2))
     assert np.all(np.linalg.norm(means - path, axis=1) < 2e-4 + 0.1 * sigma)

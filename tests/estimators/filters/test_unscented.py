@@ -79,8 +79,7 @@ def any_marks(phantom, rng):
     return [i for node in nodes for i in range(8)[phantom.coordinates(node)]]
 
 
-@pytest.mark.parametrize("path", ["update", "update_linear"])
-def test_filter_is_the_textbook_kalman_filter_on_the_linear_phantom(phantom, rest_state, path):
+def test_filter_is_the_textbook_kalman_filter_on_the_linear_phantom(phantom, rest_state):
     """Kalman (1960): x = F x, P = F P F' + Q; K = P H' S⁻¹, x + K y, (1 - K H) P. M2 is never seen; marks come and go.
 
     200 frames of 1/30 s. 1e-10 of 1 m, and of 1e-4 m² relative to the largest covariance: rounding.
@@ -102,10 +101,7 @@ def test_filter_is_the_textbook_kalman_filter_on_the_linear_phantom(phantom, res
         if rows:
             K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
             x, P = x + K @ (z - H @ x), (np.eye(16) - K @ H) @ P
-        if path == "update_linear":
-            ours.update_linear(z + H @ rest_state, H, R)
-        else:
-            ours.update(z + H @ rest_state if rows else None, R, lambda s, H=H: s @ H.T)
+        ours.update(z + H @ rest_state if rows else None, R, lambda s, H=H: s @ H.T)
         np.testing.assert_allclose(ours.x, x + rest_state, rtol=0, atol=1e-10)
         np.testing.assert_allclose(ours.P, P, rtol=0, atol=1e-10 * P.max())
     assert sizes == {0, 2, 4, 6}
@@ -127,8 +123,6 @@ INDEFINITE = np.array([[1.0, 2.0], [2.0, 1.0]])
         (INDEFINITE, lambda f: f.predict(1.0), "state covariance"),
         (INDEFINITE, lambda f: f.update(np.zeros(2), np.eye(2)), "state covariance"),
         (np.eye(2), lambda f: f.update(np.zeros(2), -2.0 * np.eye(2)), "innovation covariance"),
-        (np.eye(2), lambda f: f.update_linear(np.zeros(2), np.eye(2), -2.0 * np.eye(2)), "innovation covariance"),
-        (INDEFINITE, lambda f: f.update_linear(np.zeros(2), np.eye(2), 0.1 * np.eye(2)), "innovation covariance"),
     ],
 )
 def test_a_covariance_that_is_not_definite_is_an_error_and_changes_nothing(P, act, message):

@@ -32,7 +32,7 @@ def outputs(phantom, frames, target):
     modes = tissue.predict_modes(tissue.time_s + 0.1)
     found["predict_modes"] = modes.means, modes.covs
     found["predict_path"] = tissue.predict_path(tissue.time_s + np.array([0.0, 0.1]))
-    found["tables"] = tissue.tables(7, 1.0 / 30.0).ahead(tissue)[1:]
+    found["tables"] = tissue.tables(7, 1.0 / 30.0).parts(tissue)[-1][1:]
     smooth = fixed_interval(TissueFilter(phantom, target, OUTER), frames)[5]
     found["fixed_interval"] = smooth.mean, smooth.cov
     lag = FixedLag(TissueFilter(phantom, target, OUTER))

@@ -65,7 +65,8 @@ def test_predictions_have_it_too():
     tissue = made(SD_M)
     tracked(tissue)
     tissue.fix(tracked(made(0.0)).mean + np.array([5e-3, 0.0]), FIX_M**2 * np.eye(2))
-    times, means, covs = tissue.tables(10, 1.0 / 30.0).ahead(tissue)
+    tables = tissue.tables(10, 1.0 / 30.0)
+    times, (_, means, covs) = tables.times(tissue), tables.parts(tissue)[-1]
     slow_means, slow_covs = tissue.predict_path(times)
     np.testing.assert_allclose(means, slow_means, atol=2e-4)
     np.testing.assert_allclose(np.sqrt(covs[:, 0, 0]), np.sqrt(slow_covs[:, 0, 0]), rtol=0.2)
