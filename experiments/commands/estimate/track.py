@@ -17,7 +17,7 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark from the others; if inaccurate, inflate the covariance.")
+        bool, typer.Option("--check", help="Predict each mark by the other marks; inflate too small covariances.")
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,

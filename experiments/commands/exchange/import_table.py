@@ -33,7 +33,7 @@ def import_table(
     ] = 1.0,
     rename: Annotated[
         list[str] | None,
-        typer.Option("--rename", help="PART=NODE: node of a body part with another name; PART= omits the part."),
+        typer.Option("--rename", help="PART=NODE: the body part PART is the node NODE; PART= omits the part."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
@@ -45,7 +45,7 @@ def import_table(
         str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="With several animals: name of one, or of its track in SLEAP.")
+        str | None, typer.Option("--individual", help="With several animals: name of the animal (SLEAP: track) to use.")
     ] = None,
     force: Force = False,
 ) -> Answer:

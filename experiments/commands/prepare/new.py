@@ -49,7 +49,7 @@ def new(
     ] = None,
     fixed: Annotated[
         str | None,
-        typer.Option("--fixed", help='With --mesh: fixed nodes, as "y<6" [mm], "faces 2" or "region 1"; required.'),
+        typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
     driven: Annotated[bool, typer.Option("--driven", help="With --fixed: the wall moves.")] = False,
     marks: Annotated[
