@@ -1,4 +1,4 @@
-"""Errors of input in one line that names the file, the key, what was expected and what was found."""
+"""Errors of input: one line that names the file, the key, what was expected and what was found."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from math import isfinite
 from pathlib import Path
 
 LONGEST_SHOWN = 60
-"""Largest number of characters shown of a found value, so that the message fits a line of a terminal."""
+"""Largest number of characters of a found value in a message, so that the message fits a line of a terminal."""
 
 SOME_NAMES = 5
 """Largest number of names in a message; choice."""
@@ -41,7 +41,7 @@ def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
-    """In this context, convert errors of the operating system, all or those with these numbers, into InputError."""
+    """In this context, convert errors of the operating system, with these numbers or any number, into InputError."""
     try:
         yield
     except OSError as error:
@@ -62,7 +62,7 @@ def shown(value: object) -> str:
 
 
 def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
-    """The n finite numbers of an option's value, separated by commas; InputError, which says what is expected."""
+    """Read n finite numbers, separated by commas, from an option's text; raises InputError, which states `expected`."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -82,7 +82,7 @@ def no_node(name: object, names: Iterable[str]) -> str:
 
 
 def read_text(path: Path) -> str:
-    """Read a UTF-8 text file, without a byte order mark; InputError if there is none or it is not text."""
+    """Read a UTF-8 text file, without a byte order mark; InputError for a missing file, or one that is not text."""
     try:
         content = path.read_bytes()
     except FileNotFoundError:

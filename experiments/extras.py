@@ -26,7 +26,7 @@ def needed(extra: str) -> str:
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError for an extra that is not installed; asked_by: what needs it, for the message."""
+    """Raise InputError for an extra that is not installed; asked_by: what needs the extra, for the message."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

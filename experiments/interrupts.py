@@ -13,8 +13,8 @@ from types import FrameType
 def as_interrupts() -> Iterator[None]:
     """In this context, raise KeyboardInterrupt whatever form an interrupt has.
 
-    An interrupt during a compiled kernel appears as SystemError, "returned a result with an exception set", whose cause
-    is the interrupt.
+    An interrupt during a compiled kernel appears as SystemError, "returned a result with an exception set"; the
+    interrupt is its cause.
     """
     try:
         yield

@@ -13,7 +13,7 @@ CODE = Path(__file__).parents[1] / "dynamics" / "forces" / "__pycache__"
 
 
 def keep_kernels() -> None:
-    """If neither folder is writable, keep kernels for this run only; call before numba is loaded."""
+    """If numba has no writable folder, keep compiled kernels for this run only; call before numba is loaded."""
     home = Path(os.path.expanduser("~"))
     users = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     stated = [Path(os.environ[VARIABLE])] if os.environ.get(VARIABLE) else []
@@ -24,6 +24,6 @@ def keep_kernels() -> None:
 
 
 def can_be_written(folder: Path) -> bool:
-    """Whether files can be created in a folder, or the folder itself can."""
+    """Whether files can be created in a folder, after the folder is created if it is missing."""
     there = next((one for one in (folder, *folder.parents) if one.exists()), None)
     return there is not None and os.access(there, os.W_OK | os.X_OK)

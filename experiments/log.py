@@ -15,10 +15,10 @@ LOG = logging.getLogger("softaim")
 
 
 MOST_WAITING = 1000
-"""Largest number of lines that wait for a reader of standard error; choice: softaim.log has all lines."""
+"""Largest number of lines that wait for a reader of standard error; further lines are only in softaim.log; choice."""
 
 LAST_S = 0.5
-"""Time that `StandardError.unwaited` waits at its end until the last lines are read [s]; choice."""
+"""Longest time that `StandardError.unwaited` waits at its end for a reader of the last lines [s]; choice."""
 
 
 class StandardError(logging.Handler):
@@ -46,7 +46,7 @@ class StandardError(logging.Handler):
 
     @contextmanager
     def unwaited(self) -> Iterator[None]:
-        """Let a thread write the lines in this context, so that the program does not depend on a reader."""
+        """In this context, let a thread write the lines, so that the program never waits for a blocked reader."""
         waiting: Queue[str | None] = Queue(MOST_WAITING)
 
         def work() -> None:

@@ -1,6 +1,6 @@
-"""One thread per library: for filters with some twenty states, or parts of pictures, more threads would only wait.
+"""Limit of one thread per library: for some twenty states, or parts of pictures, more threads would only wait.
 
-The module also prepares helper processes, and has a thread that prepares items in advance.
+The module also prepares helper processes, and prepares items in advance in a thread.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ONE_THREAD = dict.fromkeys(
     ),
     1,
 )
-"""Environment of a process that works alone, or as one worker per core."""
+"""Environment variables that limit each library to one thread."""
 
 
 def one_thread_each() -> None:
@@ -48,7 +48,7 @@ def begin_helper() -> None:
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
     """The same items in the same order, each prepared by a thread while an earlier one is processed.
 
-    An exception during the preparation of an item is raised at its place. The thread ends with the context.
+    An exception during the preparation of an item is raised when that item is taken. The thread ends with the context.
     """
     end: Any = object()
     coming, thread = iter(items), ThreadPoolExecutor(1, "ahead")

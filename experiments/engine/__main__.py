@@ -1,6 +1,6 @@
 """Repeat one failed run from its record: `python -m experiments.engine FAILURE.json`.
 
-Prints its result; an exception is shown in full, with exit code 1.
+It prints the run's result; an exception is shown in full, with exit code 1.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from experiments.errors import InputError, read_text
 
 
 def repeat(path: Path) -> object:
-    """The result of a record's run. Raises InputError for a file that is not a record, and the run's exceptions."""
+    """Repeat the run of a record; returns its result. Raises InputError for another file, and the run's exceptions."""
     try:
         record = json.loads(read_text(path))
         work, case = named_work(record["work"]), record["case"]

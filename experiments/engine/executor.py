@@ -99,7 +99,7 @@ def _sent(work: Work, jobs: Sequence[Any], client: Client) -> Iterator[Run]:
 
 
 def _outcome(future: Future, index: int) -> Run:
-    """The outcome of a run that was sent. Raises InputError without a scheduler, KilledWorker."""
+    """The outcome of a run that was sent. Raises InputError if no scheduler or worker answers, KilledWorker."""
     from distributed import CancelledError, KilledWorker
     from distributed.scheduler import NoWorkerError
 

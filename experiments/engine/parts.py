@@ -18,8 +18,8 @@ KEPT = "kept"
 """The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between two parts [s], and as a share of the time since the first part [1]; choice: about
-a thousand parts per day."""
+"""Least time between two parts [s], and its least share of the time since the first part [1]; choice: about a thousand
+parts per day."""
 
 
 class Parts:
@@ -69,7 +69,7 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def read_parts(folder: Path) -> pa.Table | None:
-    """The rows of all parts; a column with floats in any part is float in all. None without parts."""
+    """The rows of all parts, None without parts; a column that has floats in one part has floats in all rows."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

@@ -1,4 +1,4 @@
-"""Use of other cores for the passes of one estimation: their processes start only if that saves time."""
+"""Use of other cores for the passes of one estimation; processes on other cores start only if that saves time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any
 from experiments.threads import begin_helper
 
 Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
-"""A map, such as that of a pool of processes."""
+"""Type of a map function, such as the `map` of a pool of processes."""
 
 WORTH_S = 4.0
 """Time of a map in this process [s] after which further maps use other processes, which start in two seconds."""
@@ -26,7 +26,7 @@ NEEDED = "estimators"
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The results in the order of the items: the pool starts with the first item, this process with the last.
+    """The results in the order of the items; the pool begins with the first item, this process with the last.
 
     This process does the unfinished work of a killed process.
     """
@@ -50,10 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map that runs in this process; after a map that took `WORTH_S`, also in a process for each other core.
+    """A map that runs in this process; after a call that took `WORTH_S`, also in one process for each other core.
 
     n_cores: number of cores, by default all. Functions and arguments must be picklable.
-    ahead: whether the processes start now, while this one does other work, and help from the first call on
+    ahead: whether to start these processes now, so that they already take part in the first call
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

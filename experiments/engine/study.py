@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RUNS = "runs.parquet"
 FAILURES = "failures"
 OWN = ("seconds", "failure", "command", "program", "key")
-"""Columns of the engine: a run's time, its failure, the command that repeats it, the source's digest, the key."""
+"""Columns of the engine: a run's time, its failure, the command that repeats it, the program's digest, the key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,7 +146,7 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
     """Rows of these runs, in order; if a run was done twice, only one result is used, preferably a success.
 
-    Rows of a run are contiguous in a part, in the order of its function.
+    The rows of a run are contiguous in a part, in the order in which its function returned them.
     """
     if kept is None:
         return table_of([])

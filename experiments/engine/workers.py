@@ -23,17 +23,17 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""Dask's monitoring: the default intervals take 12 % of a core, these 1 %; the dashboard is off."""
+"""Settings of Dask's monitoring, which takes 1 % of a core with these intervals and 12 % with the defaults."""
 
 DEATHS = 2
-"""Number of deaths of local workers after which a run is repeated alone, and then has failed; choice: one death may
-have an external cause."""
+"""Number of worker deaths during a run after which the run is repeated alone; it has failed if as many workers die
+again; choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Number of runs below which this process does them all: it finishes before workers have started; choice."""
+"""Number of runs below which this process does all runs: it finishes them before workers have started; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -57,7 +57,7 @@ class Workers:
 
     @property
     def n_local(self) -> int:
-        """Processes on this machine."""
+        """Number of processes on this machine."""
         from dask.system import CPU_COUNT
 
         return CPU_COUNT if self.n_processes is None else self.n_processes
@@ -67,7 +67,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The workers of a command that also runs without the extra: the chosen ones, or this process for few runs."""
+    """The wanted workers; by default all cores or, for few runs or without the extra `cluster`, only this process."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None

@@ -18,7 +18,7 @@ from vision import Lens, quiet_opencv
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
-"""Numbers of coefficients in OpenCV's order: k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, and two for a tilted sensor."""
+"""Permitted numbers of distortion coefficients, in OpenCV's order k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, two tilts."""
 
 N_DLT = 11
 """Number of coefficients of a direct linear transformation, L1 to L11, of one camera."""

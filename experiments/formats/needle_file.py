@@ -22,8 +22,8 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 class NeedleForces(Strict):
     """`[forces]`: forces of the needle that the filter assumes; by default those in soft PVC (`docs/needle.md`).
 
-    Nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true constant. With
-    a puncture_N of 0 the skin has no resistance.
+    The keys are nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true
+    constant. With a puncture_N of 0 the skin has no resistance.
     """
 
     puncture_N: NotNegative = 0.8  # noqa: N815 (the format's own word)

@@ -109,7 +109,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # before the move: an interrupt may follow it; the last file needs no backup
+                if path != paths[-1]:  # read before the move, which an interrupt may follow; the last needs none
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
@@ -134,7 +134,7 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
 def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] = dict) -> Iterator[BinaryIO]:
     """A file to write incrementally; it moves to `path` after a clean exit; after an exception the old file stays.
 
-    beside: called when the file is complete; returns further files, of which all or none are written
+    beside: called when the file is complete; returns further files; all files are written, or none
     """
     final = _final(path)
     part = _part_of(final, final.parent)

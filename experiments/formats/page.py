@@ -29,5 +29,5 @@ def replaced(text: str, parts: Mapping[str, str]) -> str:
 
 
 def rewrite_page(page: Path, parts: Mapping[str, str]) -> None:
-    """Replace parts of a page, by name; if one cannot be found, ValueError and the page does not change."""
+    """Replace parts of a page, by name; if a part is missing, raise ValueError and do not change the page."""
     write_whole(page, replaced(page.read_text(encoding="utf-8"), parts))

@@ -27,7 +27,7 @@ Kind = Literal["rib", "vessel", "other"]
 
 
 class NeedleTable(Strict):
-    """`[needle]`; forces and noise as in `PlannedNeedle`."""
+    """`[needle]`: the gauge, and the forces and errors of `PlannedNeedle`."""
 
     gauge: int = 16
     cutting_N: NotNegative = PlannedNeedle().cutting_N  # noqa: N815 (the format's own word)
@@ -101,8 +101,8 @@ class PlanFile(Strict):
 class Task:
     """Content of a plan file in metres.
 
-    obstacles, kinds: one kind for each; arrival_s [s]; target_sd_m [m]; n_entries, n_aims: numbers of tried entries and
-    aims
+    obstacles, kinds: the obstacles, and the kind of each; arrival_s [s], target_sd_m [m]: as in `PlanFile`
+    n_entries, n_aims: numbers of tried entries and aims
     """
 
     needle: PlannedNeedle

@@ -59,7 +59,7 @@ class Fix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True positions of nodes; each node has its own times. Filters do not use them.
+    """True positions of nodes; each node has its own times. Filters do not use the truth.
 
     times_s: by node, increasing [s], (n,)
     positions: by node [m], (n, dim)
@@ -76,7 +76,7 @@ class Truth:
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
         """Whether the truth covers each of the times [s], (n,), and the node's true positions [m], (n, dim).
 
-        Interpolated linearly; NaN outside the truth's own times.
+        Positions are interpolated linearly; they are NaN outside the truth's own times.
         KeyError for a node that is not among `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
@@ -92,10 +92,10 @@ class Recording:
     """A recording: a scene with frames or marks and their times, checked when opened.
 
     folder: its path
-    exposures_s: one for each frame, increasing [s], (n_frames,)
+    exposures_s: exposure times of the frames, increasing [s], (n_frames,)
     source: the video file, or the folder of pictures or of a film's pieces; None for marks.csv
         and for films in space
-    films: of the cameras in space; exposures_s are then the times at which any of them exposed
+    films: films of the cameras in space; exposures_s are then the times at which any camera exposed
     marks: for each frame the marks from another tracker; None with pictures
     truth: true positions of nodes, if known
     fixes: direct measurements of the target, in order of time
@@ -194,7 +194,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames and the marks of each; times are those in the file unless given."""
+    """Exposure times of the frames [s], and the marks of each; without exposures_s the times come from the file."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
@@ -219,7 +219,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Times [s], (n,), and marks of a table like marks.csv, which may have any nodes and reference marks."""
+    """Times [s], (n,), and marks of a table like marks.csv; it may name all nodes and reference marks."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -228,7 +228,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Index of the frame nearest to each time [s], (n,), the earlier of two equal ones, and its distance [s], (n,)."""
+    """Index of the frame nearest to each time [s], (n,), the earlier of two equally near; its distance [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)

@@ -21,7 +21,7 @@ STEPS = "STEPS.md"
 """File name of a project's page of steps, beside its scenarios."""
 
 MOST_STEPS = 1_000_000
-"""Largest number of frames, samples of a tremor, or pokes: more are a typing error. It is nine hours at 30 frames/s."""
+"""Largest number of frames, samples of a tremor, or pokes, 9 hours at 30 frames/s: more are a typing error."""
 
 PAPER_SD_MM = 4.14
 """Standard deviation of the paper's marks for each axis [mm]."""
@@ -40,14 +40,14 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Relative standard deviations, by kind, of the true constants from the scene's constants, which the filter uses; the
-seed determines the deviations."""
+"""Relative standard deviations, by kind, of random true constants about the scene's constants; the filter uses the
+scene's constants, and the seed determines the true ones."""
 
 
 class SeenMarks(Strict):
     """Simulated errors of marks without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; the methods know it
+    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; all methods get this value
     lost: share of missing marks; outliers: share of marks 30 to 150 mm from the true position
     """
 
@@ -59,7 +59,7 @@ class SeenMarks(Strict):
 class Marks(SeenMarks):
     """Simulated errors of marks without a film; for the phantom also hue and size of its discs.
 
-    The phantom has a disc on each free node; the hidden one is drawn for scoring only.
+    The phantom has a disc on each free node; the disc on the hidden node is for scoring only.
     """
 
     sd_mm: Positive | None = None  # type: ignore[assignment]
@@ -79,7 +79,7 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """Format of the film; for a scene also the light and the number of distractors in view.
+    """Format of the film; for a scene also the light and the number of distractors, objects with a mark's colour.
 
     stagger_s: in space, delay of each camera's exposure after the previous camera's
     """

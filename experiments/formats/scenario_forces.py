@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table: random acceleration of every free node, white noise below half of 1 / interval_s."""
+    """Tremor of the table: random acceleration of every free node, white up to the frequency 1 / (2 interval_s)."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
@@ -52,8 +52,8 @@ class Pokes(_Forces):
     """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
 
     The size of each poke is drawn between `weakest` times the largest force and that force.
-    pause_s: mean of the pause between two pokes, which is exponentially distributed
-    together: whether each poke acts on all nodes, in the same direction, instead of on a random one
+    pause_s: mean of the exponentially distributed pause between two pokes
+    together: whether each poke acts on all nodes, in the same direction, instead of on one random node
     """
 
     pause_s: Positive
@@ -64,8 +64,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave, and its second harmonic with half its amplitude.
 
-    The period is constant in a run. direction: of the force in its first half wave; default `UPWARD`. Without nodes,
-    the whole mass of a continuum is accelerated.
+    The period is constant in a run. direction: direction of the force in the first half wave; default `UPWARD`.
+    Without nodes, the whole mass of a continuum is accelerated.
     """
 
     direction: Coordinates | None = None
@@ -80,7 +80,7 @@ class Breathing(_Forces):
 class Posture(Strict):
     """Rotation of the body: gravity turns from one direction to another, at a rate that rises and falls.
 
-    from_m_s2: first gravity [m/s²]; by default that of the scene, under which the body rests as drawn
+    from_m_s2: gravity at the start [m/s²]; by default the scene's gravity, under which the body rests as drawn
     """
 
     from_m_s2: Coordinates | None = None

@@ -21,7 +21,7 @@ MOST_RUNS = 1_000_000
 """Largest number of runs in a sweep: more are probably a typing error."""
 
 MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breathing", "posture", "press", "constants")
-"""Keys of a scenario that a grid may vary; not those of seeds, or of films, which a sweep does not make."""
+"""Keys of a scenario that a grid may vary; a sweep sets the seeds itself and makes no films."""
 
 
 ModelFactors = create_model(  # type: ignore[call-overload]

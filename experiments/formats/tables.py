@@ -109,7 +109,7 @@ def read_table(
 
 
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
-    """Rows of a CSV file from the header on, at least one, each as long as the header and on one line.
+    """One or more rows of a CSV file, the header first; each row is as long as the header and on one line.
 
     expected: for the error message of an empty file; torn: as in `read_table`. Raises InputError.
     """

@@ -139,7 +139,7 @@ def in_metres(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields with lengths in millimetres, as in a file: each name that ends in _m ends in _mm."""
+    """Fields with lengths in millimetres, as in a file: each name that ends in _m, such as `radius_m`, gets _mm."""
     return _scaled(fields, "_m", "_mm", 1e3)
 
 

@@ -48,20 +48,20 @@ SURE_M = 1e-9
 
 
 SETTLED_S = 0.5
-"""Delay of the breathing model after the first tracked frame [s]; choice: the first frames have large errors."""
+"""Time after the first tracked frame before the breathing model uses estimates [s]; choice: early errors are large."""
 
 
 class BreathingPath:
-    """A breathing model of the target, in addition to its filter.
+    """Breathing model of the target's motion, fitted to the filter's estimates.
 
-    State: the model, and the time from which it is updated [s].
+    State: the model, and the time from which estimates update it [s].
     """
 
     def __init__(self, dim: int) -> None:
         self.model, self._from_s = Breathing(dim), np.inf
 
     def learn(self, tissue: TissueFilter, estimate: TargetEstimate) -> None:
-        """Update with the estimate of the newest frame."""
+        """Update the model with the filter's estimate at the newest frame."""
         if estimate.status is not Status.TRACKING or estimate.cov is None:
             return
         self._from_s = min(self._from_s, estimate.time_s + SETTLED_S)
@@ -69,7 +69,7 @@ class BreathingPath:
             self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
 
     def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
-        """The filter's path, mixed with that of the breathing model while the target breathes."""
+        """The filter's path of the target; while the target breathes, a mixture with the breathing model's path."""
         if self.model.breath() is None:
             return path
         breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
@@ -86,7 +86,7 @@ class Advised:
     guidance: tuple[Guidance, ...]
 
     def counts(self) -> dict[str, int]:
-        """Number of frames by advice."""
+        """Number of frames with each advice."""
         names = [str(one.advice) for one in self.guidance]
         return {str(advice): names.count(str(advice)) for advice in Advice}
 
@@ -99,10 +99,10 @@ def advise(
     watch: Watcher | None = None,
     every_s: float = 0.0,
 ) -> Advised:
-    """Run the filter through every frame and advise at each, with the needle at the plan's position.
+    """Update the filter with every frame, and advise at each frame for a needle at the plan's position.
 
-    watch: called with each frame, its step and the advice. every_s: interval of advice [s], given at the first frame
-    after each interval; `watch` gets only those frames. Raises InputError, SourceError.
+    watch: called with each frame that has advice, its step and the advice. every_s: least interval between two advices
+    [s]; 0 for advice at every frame. Raises InputError, SourceError.
     """
     line = Line(recording.scene, baseline=False, fixes=recording.fixes, explain=watch is not None)
     n_frames = len(recording.exposures_s)
@@ -134,16 +134,15 @@ def advise(
 
 
 def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
-    """Predicted push of the whole insertion on the target [m], (dim,)."""
+    """Predicted displacement of the target by the needle after the whole insertion [m], (dim,)."""
     return plan.push_on(scene.network, scene.target.point).shift(plan.insertion)
 
 
 def observed_hits(done: Advised) -> Floats:
-    """Observed hit rate of insertions that follow each frame's advice, given the true target, (n_frames,).
+    """Observed hit rate: probability that a needle inserted as advised at each frame hits the true target, (n_frames,).
 
-    It is the share of needles that hit, with random errors of tip and push. NaN if no needle arrives, or if
-    the truth ends before its arrival. The needle goes to the advised depth at the time of arrival. The true motion is
-    without a needle, so the push that the plan states is added.
+    The tip and the target's displacement by the needle have random errors. NaN if the advice has no arrival time, or if
+    the truth ends before it. The truth was recorded without a needle, so the predicted displacement is added.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -191,7 +190,7 @@ def reliability(done: Advised) -> dict[str, float | int | None]:
 
 
 def reach_s(plan: NeedlePlan, tissue: TissueFilter) -> float:
-    """Time ahead for which a plan needs the target's path [s]."""
+    """Longest time ahead at which a plan needs the target's predicted position [s]."""
     return path_reach_s(tissue, plan.insertion, plan.needle, plan.settings)
 
 
@@ -203,7 +202,7 @@ def header(dim: int) -> list[str]:
 
 
 def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
-    """The values of one frame in the order of `header`, None for missing ones."""
+    """The values of one frame in the order of `header`; None for a missing value."""
     aims = [None] * dim if guidance.aim is None else [float(1e3 * x) for x in guidance.aim]
     return [
         time_s,
@@ -222,7 +221,7 @@ def row(time_s: float, guidance: Guidance, dim: int) -> list[object]:
 
 
 def table(done: Advised) -> pd.DataFrame:
-    """Content of advice.csv, in seconds, mm and degrees: a row for each frame, `observed` only if truth is known."""
+    """Content of advice.csv in seconds, mm and degrees, a row for each frame; with truth also a column `observed`."""
     import pandas as pd  # imported here: a live run does not need it and must start at once
 
     dim = done.recording.scene.network.dim

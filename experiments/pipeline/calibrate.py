@@ -31,9 +31,9 @@ from vision.cameras.board import larger_board
 
 
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
-    """Board from the command's options; InputError names the option.
+    """The board that the command's options describe; an InputError names the faulty option.
 
-    text: such as 9x6, the numbers of inner corners of a chessboard or of squares of a ChArUco board
+    text: such as 9x6, the numbers of a chessboard's inner corners or of a ChArUco board's squares along both sides
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -97,7 +97,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, with the plane's picture if it is a separate file."""
+    """The pictures, and the picture of the plane if it is a file that is not among them."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)
@@ -106,7 +106,7 @@ def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
 
 
 def named_folders(cameras: Sequence[str]) -> dict[str, Path]:
-    """Folders by camera from texts like `left=DIR`; InputError for anything else."""
+    """The folder of each camera, from texts like `left=DIR`; InputError for a text of another form."""
     folders: dict[str, Path] = {}
     for text in cameras:
         name, equals, folder = text.partition("=")
@@ -140,9 +140,9 @@ def command(
 ) -> list[Calibration]:
     """Calibrate one camera from pictures, or several jointly from a folder each. Raises errors for bad input.
 
-    One camera gives camera.toml, its plot and optional files; several give NAME.toml and plots of each in a folder.
-    vector: pdf or svg, a further format of plots; picture: draws a calibration and returns the content of a file
-    write: writes files together, by their paths; folder: opens the output folder for several cameras
+    Writes camera.toml, a plot and optional files for one camera, or a folder with NAME.toml and plots for several.
+    vector: additional format of the plots, pdf or svg; picture: draws a calibration and returns the plot file's content
+    write: function that writes all files, given by path; folder: opens the output folder for several cameras
     """
     if bool(pictures) == bool(cameras):
         found = "both" if pictures else "neither"

@@ -1,9 +1,9 @@
 """Comparison of the filter with the open loop and other methods on a recording's marks, for `softaim compare`.
 
-The marks are found once, while the filter and the open loop run; the methods of `estimators.METHODS` get the same
-marks. Each method has the filter's tissue model, initial state and force model. The extended, stock unscented and
-ensemble filters have only the poked mode; the particle filter has all modes, and approximates the optimal filter. Like
-the filter, the smoother uses fixes; it uses the marks of all frames.
+The filter and the open loop run first; the methods of `estimators.METHODS` then use the marks found by this run. Each
+method has the filter's tissue model, initial state and force model. The extended, stock unscented and ensemble filters
+use one mode of the force model, pokes. The particle filter uses all modes and approximates the optimal filter. The
+smoother uses the marks of all frames and, like the filter, direct measurements of the target (fixes).
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from experiments.pipeline.line import FILTER, OPEN_LOOP, Step, with_bias_of_fixe
 from experiments.pipeline.track import Advance, Track, figures, track, write_estimates
 
 SMOOTHER = "smoother"
-"""The registered method that `softaim smooth` runs."""
+"""Name of the smoother, the method in `estimators.METHODS` that `softaim smooth` runs."""
 
 
 def method_names() -> tuple[str, ...]:
-    """All methods for comparison: those of a track, then the registered ones."""
+    """Names of all methods for comparison: the open loop, the filter, then those in `estimators.METHODS`."""
     return (OPEN_LOOP, FILTER, *METHODS)
 
 
 def chosen(text: str | None) -> tuple[str, ...]:
-    """Methods by names separated by commas, with those of every track; all if text is None. Raises InputError."""
+    """The methods in `text`, separated by commas, with open loop and filter; all if it is None. Raises InputError."""
     names = method_names()
     named = names if text is None else [name.strip() for name in text.split(",")]
     for name in named:
@@ -44,7 +44,7 @@ def compare(
     methods: Sequence[str] | None = None,
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
 ) -> Track:
-    """A track with the estimates of these methods, all if None; stage(name) returns a function for progress.
+    """Track a recording with these methods, all if None; stage(name) returns the function that reports progress.
 
     Raises InputError, SourceError, UnknownMethodError.
     """
@@ -72,7 +72,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track with the estimates of a further method, and its time per frame [s]."""
+    """The steps of a track, with the estimates of a further method and the time that it needs per frame [s] added."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps
@@ -102,7 +102,7 @@ def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
 
 
 def write_smoothed(done: Track, folder: Path) -> None:
-    """Write the smoother's estimates.csv, the filter's beside it and summary.json to an existing folder."""
+    """Write a table of the smoother's estimates, one of the filter's, and summary.json to an existing folder."""
     write_estimates(done, folder, {SMOOTHER: "estimates.csv", FILTER: f"estimates.{FILTER}.csv"}, summary(done))
 
 

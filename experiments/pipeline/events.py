@@ -17,10 +17,10 @@ from vision import Distractor, SourceOf
 DISTRACTOR = "distractor"
 
 CONSTANTS = ("simulate", "identify")
-"""Steps after which the constants are the tissue's: those of its simulation, or identified ones."""
+"""Steps after which a scene has the tissue's constants, used for its simulation or identified from a recording."""
 
 SAGS = 1e-3
-"""Least reported difference between rest and drawing, relative to the network's size; drawings are no more accurate."""
+"""Least reported distance of a node at rest from its drawn position, as a share of the network's size [1]; choice."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -46,8 +46,8 @@ def _edited(scene: Scene) -> bool:
 def rest_line(scene: Scene) -> str | None:
     """A message if the network does not rest as drawn, which displaces the predicted target; else None.
 
-    Usually rest lengths then equal the drawn lengths, which is right only without gravity. Also None if they were
-    identified: later changes of other constants may have moved the rest shape.
+    The usual cause is that rest lengths equal the drawn lengths, although gravity stretches the springs. None also for
+    identified rest lengths, because later changes of other constants may have moved the rest shape.
     """
     if rest_is_known(scene):
         return None
@@ -76,11 +76,11 @@ def scene_line(scene: Scene) -> str:
 
 
 Command = Literal["simulate", "identify", "tune", "track", "insert"]
-"""Stages that require earlier steps: simulation, identification, tuning, and estimation."""
+"""Commands that require earlier steps."""
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Steps that are missing before `before`, and other limits of a scene: one line for each, by name."""
+    """Messages on steps that a scene lacks before the command `before`, and on its other limits, by name."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
@@ -95,12 +95,12 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 
 def is_identified(scene: Scene) -> bool:
-    """Whether the constants are the tissue's: identified from a recording, or used for its simulation."""
+    """Whether a scene has the tissue's constants: identified from a recording, or used for the simulation."""
     return any(step.step in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
 def _unidentified(scene: Scene) -> str | None:
-    """Reason why the constants are not the tissue's; None if they are identified or their uncertainty is stated."""
+    """A message that the constants were not identified; None if they were, or if their uncertainty is stated."""
     if scene.uncertainty is not None or is_identified(scene):
         return None
     found = any(step.step in CONSTANTS for step in scene.steps)
@@ -109,7 +109,7 @@ def _unidentified(scene: Scene) -> str | None:
 
 
 def _untuned(scene: Scene) -> str | None:
-    """Reason why the noise levels are not the tissue's; None if they were tuned or are stated."""
+    """A message that the noise levels were not tuned to the tissue; None if they were, or if the scene states them."""
     usual, names = FilterSettings(), [step.step for step in scene.steps]
     own = scene.settings
     if (own.poked, own.discrepancy) == (usual.poked, usual.discrepancy):
@@ -132,7 +132,7 @@ def report_swap(swap: IdentitySwap) -> None:
 
 
 def pose_line(scene: Scene) -> str | None:
-    """A message if moves of the camera or tracker cannot be detected; None with reference marks."""
+    """A message that moves of the camera or tracker cannot be detected; None for a scene with reference marks."""
     return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 
@@ -148,7 +148,7 @@ def move_line(moved: CameraMove) -> str:
 
 
 def distractor_line(came: Distractor) -> str:
-    """The message of a distractor, and what to do about it."""
+    """The message on a distractor, an object with a mark's colour, and what to do about it."""
     u, v = (round(float(x)) for x in came.center_px)
     size = "a mark's size" if came.size < 1.5 else f"{came.size:.0f} marks' size"
     return (
@@ -164,7 +164,7 @@ def report_distractors(time_s: float, came: Sequence[Distractor]) -> None:
 
 
 def report_source_events(frames: SourceOf[object], camera: str = "") -> None:
-    """Report the pending events of a source; camera: its name, if there are several."""
+    """Report the pending events of a source; camera: name of its camera, if there are several."""
     for event in frames.take_events():
         text = f"camera {camera}: {event.text}" if camera else event.text
         report_event(event.time_s - frames.origin_s, event.kind, text)

@@ -17,7 +17,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 FILM = "film+"
-"""Prefix of a udp:// address that sends a film; without it, `softaim live` reads datagrams as marks."""
+"""Prefix of the udp:// address of a film; without the prefix, `softaim live` reads datagrams as marks."""
 
 
 def open_source(
@@ -29,10 +29,10 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The frames of the source `spec`, and the scene of scene_path or else the source's own, or None.
+    """The scene of scene_path or else the source's own, if any, and the frames of the source `spec`.
 
-    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: for picture folders without fps;
-    phantom: its process, if already started. Raises InputError, also if the scene has no camera.
+    live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: frame rate of picture folders without
+    fps; phantom: process of the phantom, if already started. Raises InputError, also if the scene has no camera.
     """
     recording = _recording_in(spec, scene_path, fps)
     if recording is not None:
@@ -61,7 +61,7 @@ def open_source(
 def open_live(
     specs: Sequence[str], scene_path: Path | None, *, fps: float | None = None, phantom: PhantomProcess | None = None
 ) -> tuple[Scene | None, vision.Source | vision.SeveralFrames]:
-    """The newest frames of a source, or of several cameras in space, and the scene, as in `open_source`."""
+    """The scene, as in `open_source`, and the newest frames of one source, or of several cameras in space."""
     named = by_camera(specs)
     if "" not in named:
         scene, cameras = open_each(specs, scene_path, live=True, fps=fps)
@@ -77,7 +77,7 @@ def open_live(
 def open_each(
     specs: Sequence[str], scene_path: Path | None, *, live: bool, fps: float | None = None
 ) -> tuple[Scene | None, dict[str, vision.Source]]:
-    """The frames of a source, by the key "", or of several cameras, by name; and the scene as in `open_source`."""
+    """The scene, as in `open_source`, and the frames of each camera by name; the name of a single source is ""."""
     named = by_camera(specs)
     if "" in named:
         scene, frames = open_source(named[""], scene_path, live=live, fps=fps)
@@ -109,7 +109,7 @@ def by_camera(specs: Sequence[str]) -> dict[str, str]:
 
 
 def scene_in_space(path: Path, cameras: Iterable[str]) -> Scene:
-    """The scene of a file; InputError if it has no cameras in space of these names."""
+    """The scene of a file; InputError if it lacks a camera in space with one of these names."""
     scene = usable_scene(path, rests=False)
     names = [camera.name for camera in scene.space_cameras]
     for name in cameras:
@@ -134,7 +134,7 @@ def filmed_scene(path: Path) -> Scene:
 
 
 def check_size(frame: vision.Frame | vision.Exposure, scene: Scene, camera: str = "") -> None:
-    """Raise InputError if a picture's size differs from that of the scene's camera, in space the one of this name."""
+    """Raise InputError if a picture's size differs from that of its camera; camera: its name in a scene in space."""
     images = {camera: frame.image} if isinstance(frame, vision.Frame) else frame.images
     names = [one.name for one in scene.space_cameras] or [camera]
     for name, image in images.items():

@@ -1,4 +1,4 @@
-"""The keys of a mark's table in scene.toml, learned from one position in one picture."""
+"""The colour keys of a mark in scene.toml, from the colour at one position in a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from vision import NOMINAL_FPS, HueError, learn_hue
 
 
 def hue_lines(source: str, at: str, number: int) -> list[str]:
-    """hue_deg, half_width_deg, min_saturation and min_value of the mark at `at`, "u,v" [px], in frame `number`.
+    """Lines with hue_deg, half_width_deg, min_saturation, min_value of the mark at pixel `at`, "u,v", of a frame.
 
     Raises InputError if there is no such frame, position or mark.
     """

@@ -34,8 +34,8 @@ Advance = Callable[[float], None]
 Frames = list[tuple[float, tuple[MarkMeasurement, ...]]]
 
 MOST_WORSE = 1.1
-"""Largest ratio of the target's error after identification to the error before, both predicted without its mark; above
-it no scene is written; choice: a recording of a minute determines the ratio to a tenth."""
+"""Largest permitted ratio of the target's error with the identified constants to that with the scene's constants [1];
+neither filter uses the target's mark; choice: a recording of a minute determines the ratio to a tenth."""
 
 MOST_SHARED = 0.5
 """Squared correlation of two constants above which they are reported as confounded; choice."""
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError if these nodes have marks for scoring only, which are not searched in films in space."""
+    """Raise InputError for nodes with marks for scoring only in films in space, because such marks are not visible."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -94,7 +94,7 @@ def identified_scene(
 ) -> tuple[Scene, IdentificationResult]:
     """The scene with the constants identified from a recording and their uncertainty, and the full result.
 
-    workers: processes that share the passes of the filter.
+    workers: map function, which may distribute the filter's passes over processes.
     Raises InputError if the target's mark is not visible, or if the result fits worse than the scene.
     """
     scene = recording.scene
@@ -142,7 +142,7 @@ def tuned_scene(
 ) -> tuple[Scene, TuningResult]:
     """The scene with the discrepancy level tuned on a recording, and the full result.
 
-    workers: processes that share the passes of the filter.
+    workers: map function, which may distribute the filter's passes over processes.
     Raises InputError if `minutes` is too short for any result.
     """
     scene = recording.scene
@@ -163,9 +163,9 @@ def tuned_scene(
 
 
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
-    """Name, value [SI], relative standard error and change of each identified constant; mesh: that of their tissues.
+    """Name, value [SI], relative standard error and change of each identified constant; mesh: the mesh of a body.
 
-    kept: whether its value did not change, because the recording does not determine it
+    The entry `kept` is true if the value did not change, because the recording does not determine it.
     """
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
@@ -183,7 +183,7 @@ def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> lis
 def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
     """Combinations of constants that the recording determines less than the prior does.
 
-    Each has the share of its prior variance that remains, and the constants with the largest weights.
+    Each entry has the ratio of the combination's variance to its prior variance, and its most important constants.
     """
     left, directions = found.identifiable()
     combinations: list[Mapping[str, object]] = []
@@ -196,9 +196,9 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 
 
 def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
-    """Confounded pairs of constants, or of the means of whole kinds, strongest correlation of errors first.
+    """Pairs of constants, or of means over whole kinds, with correlated errors, the strongest correlation first.
 
-    A combination of the two is known better than either; an error in one causes an error in the other.
+    The recording determines a combination of the two better than each one alone.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -224,7 +224,7 @@ def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
 
 
 def identification_report(found: IdentificationResult, mesh: SceneMesh | None = None) -> dict[str, object]:
-    """The output of `softaim identify --json`; mesh: the mesh to whose tissues the constants belong."""
+    """The output of `softaim identify --json`; mesh: the mesh whose tissues have these constants."""
     return {
         "passes": found.passes,
         "converged": found.converged,
@@ -256,7 +256,7 @@ def _mm(length_m: float | None) -> float | None:
 
 
 def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
-    """The fit of the identified constants, one line each."""
+    """Lines on how well the identified constants fit the recording."""
     residuals = found.residuals
     why = "" if found.n_agreeing else ": the search from the scene's own fits all frames better"
     lines = [f"{found.n_agreeing} of {found.n_starts} preliminary searches led to these constants{why}"]
@@ -276,7 +276,7 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
 
 
 def time_lines(found: IdentificationResult | TuningResult, minutes: float) -> list[str]:
-    """A line on a result that the time limit has cut short."""
+    """A line that the time limit ended the search, if it did."""
     best = f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
     return [] if found.in_time else [best]
 

@@ -27,22 +27,22 @@ from experiments.pipeline.events import rest_is_known
 from experiments.pipeline.sight.space import calibration_shifts
 
 MOST = 0.9
-"""Share of the variance that the listed sources explain together [1]."""
+"""Share of the target's variance that the sources named in a message explain together [1]."""
 
 SEEN = "marks and disturbances"
-"""Name of the source that is the filter's own covariance, without considered errors."""
+"""Name for the part of the filter's covariance that does not come from considered errors."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsualUncertainty:
     """Default standard deviations for a scene that states none.
 
-    stiffness, mass: relative, for each spring and node independently [1]; the balance of forces uses one error for all
-    springs, because independent errors would hide a cut spring; choice
-    scale: relative, of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
-    position_m: of the target's position in the tissue on each axis [m]; choice: the error of a registration from
+    stiffness, mass: relative error of each spring and node, independent [1]; choice. The balance of forces uses one
+    error for all springs, because independent errors would hide a cut spring.
+    scale: relative error of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
+    position_m: error of the target's position in the tissue on each axis [m]; choice: the error of a registration from
     another picture
-    drift_m: of a camera or tracker without reference marks, on each axis [m]; choice
+    drift_m: drift of a camera or tracker without reference marks, on each axis [m]; choice
     """
 
     stiffness: float = 0.3
@@ -64,7 +64,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Shift of marks by one sd along each direction of the calibration, stated or default; None without a camera."""
+    """Function that returns the shift of marks by one sd of each calibration error; None without a camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -79,8 +79,8 @@ def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
 def error_budget(scene: Scene, tissue: TissueFilter) -> tuple[ErrorSource, ...]:
     """Sources of the target's error that marks do not reveal; the filter considers those that the scene states.
 
-    The scene states errors of constants in `[uncertainty]`, which `softaim identify` writes, the error of a camera's
-    scale in `scale_sd` or a calibration's `uncertainty`, and that of the target's position in `position_sd_mm`.
+    The scene states errors of constants in `[uncertainty]`, which `softaim identify` writes. It states the error of a
+    camera's scale in `scale_sd` or `uncertainty`, and the error of the target's position in `position_sd_mm`.
     """
     network, nodes = scene.network, scene.measured_nodes
     at_rest = StaticResponse(tissue, nodes)
@@ -127,9 +127,9 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """The target's variance for advice [m²], summed over the axes, by source; empty without a covariance.
+    """Contribution of each source to the target's variance for advice [m²], over all axes; empty without a covariance.
 
-    estimate: the filter's estimate, without unconsidered errors
+    estimate: the filter's estimate, whose covariance does not include unstated errors
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -167,7 +167,7 @@ def _is_unscaled(scene: Scene) -> bool:
 
 
 MEANS = 2.0
-"""Number of averaging times of the force balance before guidance starts [1]."""
+"""Number of averaging times of the force balance that pass before guidance starts [1]."""
 
 UNTESTED = "the forces on the marks have not been observed long enough to test them"
 
@@ -179,14 +179,14 @@ class IntegrityMonitor:
     """Monitor of the estimates of a scene's filter, frame by frame in order of time.
 
     budget: sources of the target's error; unstated: covariance of unconsidered errors [m²], (dim, dim)
-    State: the contradiction; the balance of forces on the marks; tested_s, start of its test [s], None before marks;
-    the largest delay of pictures [s], the delay that a person has acknowledged, and whether pictures come irregularly.
+    State: the test for contradictions; the balance of forces on the marks; tested_s, when its test is complete [s],
+    None before marks; largest delay of pictures; delay that a person acknowledged; whether pictures come irregularly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # a led node moves all marks together
+        # a body that is pulled along moves all marks together
         settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
         self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
@@ -194,10 +194,10 @@ class IntegrityMonitor:
         self._late_s, self._known_late_s, self._uneven = 0.0, 0.0, False
 
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
-        """Update with a frame's estimate and its marks; returns why there is no guidance, None if there is.
+        """Update with a frame's estimate and its marks; returns the reason to withhold guidance, or None.
 
-        Before guidance a body is monitored for `MEANS` averaging times from its first marks: innovations do not show a
-        cut spring, and a poke may hide it in one average.
+        Guidance starts `MEANS` averaging times after the first marks, because only the balance of forces shows a cut
+        spring, and a poke may hide the cut in one average.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -215,7 +215,7 @@ class IntegrityMonitor:
         self.tested_s = None
 
     def looked(self) -> None:
-        """Reset after a person has checked tissue, marks and picture."""
+        """Clear contradiction and delay after a person has checked tissue, marks and picture."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 
@@ -229,7 +229,7 @@ class IntegrityMonitor:
 
     @property
     def fault(self) -> str | None:
-        """Reason why there is no guidance, whatever the newest estimate's status; None if there is."""
+        """Reason to withhold guidance regardless of the newest estimate's status; None without such a reason."""
         if self.contradiction.reason:
             return self.contradiction.reason
         if self._late_s > self._known_late_s:

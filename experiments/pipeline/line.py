@@ -41,7 +41,7 @@ MOST_STATES = 600
 more; choice: 100 nodes in space. The filter itself has no limit."""
 
 USUAL_BIAS = FixBias(sd_m=1e-3)
-"""Default error common to all fixes: that of an ultrasound probe's calibration; a scene should state its own."""
+"""Default error common to all fixes: the error of an ultrasound probe's calibration; a scene should state its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,7 +62,7 @@ class Sight:
 class Step:
     """Result of one frame.
 
-    estimates: by method
+    estimates: the target's estimate by each method
     marks: all marks identified in the frame, including those for scoring only; corrected with reference marks if the
     scene has any
     swap: a detected exchange of marks, None in almost all frames
@@ -113,7 +113,7 @@ class Film(Watcher, Protocol):
 class Line:
     """Processing of the frames of one scene, in order of exposure, by all methods.
 
-    check: also predict each mark without using it, and inflate the covariance if that reveals a wrong model
+    check: also predict each mark without using it, and inflate the covariance if these predictions reveal a wrong model
     fixes: direct measurements of the target, used at their times; the filter also estimates their common error
     explain: record in each step which marks were searched and why some were not found; estimates do not change
     State: the filter, the association of its marks, the filters that check it, the paper's open loop
@@ -148,7 +148,7 @@ class Line:
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
-        """Search the scene's marks in these colours from now on; their learnt appearance is discarded."""
+        """Search the scene's marks in these colours from now on; the appearance learnt so far is discarded."""
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
@@ -194,7 +194,7 @@ class Line:
         return replace(self._estimated(exposure_s, named, 0.0, predicted - began, sight), reference=reference)
 
     def _corrected(self, marks: Sequence[MarkMeasurement]) -> tuple[Sequence[MarkMeasurement], ReferenceSeen | None]:
-        """The tissue's marks, corrected with the reference marks among `marks`, and the result for these."""
+        """The tissue's marks, corrected with the reference marks in `marks`, and the result for the reference marks."""
         by = self.reference
         if by is None:
             return marks, None
@@ -204,7 +204,7 @@ class Line:
     def _sight(
         self, lost: Mapping[str, vision.LostMark | None], came: tuple[vision.Distractor, ...] = ()
     ) -> Sight | None:
-        """The search for marks at the filter's time; None without `explain`."""
+        """Record of the search for marks at the filter's time; None without `explain`."""
         if not self._explain:
             return None
         return Sight({node: self._prediction(node, self.filter.expected) for node in self._marks}, lost, came)
@@ -296,5 +296,5 @@ def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted
 
 
 def with_bias_of_fixes(settings: FilterSettings, fixes: Sequence[Fix]) -> FilterSettings:
-    """The settings with a common error of fixes, the default if they state none."""
+    """The settings with an error common to all fixes; it is the default error if the settings state none."""
     return replace(settings, fix_bias=USUAL_BIAS) if fixes and settings.fix_bias is None else settings

@@ -36,7 +36,7 @@ APART = 10e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Planned:
-    """A plan, its task, and its target: the status of the estimate or `at rest`, and the estimate's time [s]."""
+    """A plan and its input; estimate: the status of the target's estimate, or `at rest`; time_s: its time [s]."""
 
     scene: Scene
     task: Task

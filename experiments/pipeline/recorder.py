@@ -1,8 +1,8 @@
 """Recording of frames as they arrive: what `softaim record` does.
 
-Unlike other output, a recording has its final name during writing, so that a killed program leaves what was written.
-The film is in pieces of a second; when a piece is complete on the disk it gets its name, then its rows are added to
-frames.csv. At the end the pieces are joined into one film.
+Unlike other output, a recording has its final name during writing, so that it remains if the program is killed. The
+film is written in pieces of a second. When a piece is complete on the disk, it gets its name; then its rows are added
+to frames.csv. At the end the pieces are joined into one film.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PIECE_S = 1.0
 """Length of a piece [s], the most that a kill may lose; the README promises that only the last second is lost."""
 
 TABLES = ("frames.csv", MARKS, "truth.csv", "fixes.csv")
-"""Files of a replaced recording that belong to its frames."""
+"""Files that are removed with the pictures when a recording is replaced."""
 
 HEADER = b"frame,exposure_s\n"
 
@@ -41,7 +41,7 @@ Advance = Callable[[float], None]
 
 @dataclass(slots=True)
 class _Piece:
-    """The present piece: its first row, that row's position in frames.csv [bytes], its start, its frames' times [s]."""
+    """The present piece: its first row, that row's position in frames.csv [bytes], its start and frames' times [s]."""
 
     first_row: int
     begins_at: int
@@ -145,7 +145,7 @@ def record(
     force: bool = False,
     clock: Callable[[], float] = time.monotonic,
 ) -> int:
-    """Record frames in pieces to a new folder until they end, `seconds` are over or Ctrl-C; returns their number.
+    """Record frames to a new folder until the source ends, `seconds` are over or Ctrl-C; returns the number of frames.
 
     sources: source of one camera, or of several by name, whose pieces are in `segments.NAME`
     scene: checked against the frames' size; scene_path: its file, copied if given
@@ -237,7 +237,7 @@ def rate_of(exposures_s: Floats) -> float:
 def join(folder: Path, advance: Advance = lambda _share: None) -> int:
     """Join a recording's pieces into a film of each camera; returns the number of frames, InputError if there are none.
 
-    Incomplete rows, and frames without a row, are dropped. After a kill this can be repeated.
+    Incomplete rows, and frames without a row, are dropped. If the program is killed, the call can be repeated.
     """
     cameras = _growing(folder)
     if not cameras:
@@ -294,7 +294,7 @@ def record_source(
     stage: Callable[[str], Advance] = lambda _name: lambda _share: None,
     force: bool = False,
 ) -> tuple[int, int, bool]:
-    """Record a source, or one for each of several cameras, NAME=SOURCE, to the new or empty folder `out`, and join it.
+    """Record one source, or NAME=SOURCE for each of several cameras, to the folder `out`, and join the pieces.
 
     Returns the numbers of recorded and of dropped frames, and whether there is a scene.
     force: whether `out` may have files; a recording in it is replaced when the first frame comes

@@ -40,7 +40,7 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: distance of each point from its prediction by the other points, and the expected distance [m], or None
+    left_out: by point, its distance from the position that the other points predict, and the expected distance [m]
     suspect: the point without which the fit improves most; None if no point can be omitted
     target_sd_m: error of the registration at the target for each axis [m]
     stated: whether the scene states the error of the target's place
@@ -61,7 +61,7 @@ class Registered:
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """The scene, moved to fit points measured in the first seconds of a table, or of a folder's table.
+    """The scene, moved to fit points measured in the first seconds of a table; table: its file, or its folder.
 
     mesh_file: file of the moved mesh. Raises InputError.
     """
@@ -134,7 +134,7 @@ def _target_sd(scene: Scene, found: Registration) -> float:
 
 
 def _left_out(points: Points, k: int, others: Registration | None) -> tuple[float, float] | None:
-    """Distance of a point from its prediction by the other points, and the expected distance [m]."""
+    """Distance of a point from the position that the other points predict, and the expected distance [m]."""
     if others is None:
         return None
     drawn = points.drawn[[k]]

@@ -118,7 +118,7 @@ def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Sce
 
 
 def assumed_scene(true: Scene, factors: Mapping[str, float], changed: FilterTable, text: str | None) -> Scene:
-    """The scene that methods use: constants times these factors by kind, and the table `[filter]` with changed keys."""
+    """The scene that methods use: constants are multiplied by their kind's factor, and keys of `[filter]` replaced."""
     own = None if text is None else _tables(text, "scene").filter
     table = (own or FilterTable()).model_copy(update=changed.model_dump(exclude_unset=True))
     return replace(true, network=assumed_network(true.network, factors), settings=settings_of(table))

@@ -1,4 +1,4 @@
-"""Tracking of a recording by both methods, with scores if the truth is known: what `softaim track` does."""
+"""Tracking of a recording by filter and open loop, with scores if the truth is known: what `softaim track` does."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class Track:
     """Estimates of all methods for a recording.
 
     steps: a step for each frame
-    truth, truth_cov: true position of the target [m], (n_frames, dim), NaN where unknown, and covariance of its error
-    [m²], (n_frames, dim, dim), which is that of the target's mark
-    counts: numbers of rejected marks and repaired covariances; results of the check, if there was one
-    withheld: results of the check by node, for marks predicted as if hidden
+    truth: true position of the target [m], (n_frames, dim), NaN where unknown; truth_cov: covariance of its error [m²],
+    (n_frames, dim, dim), zero unless the truth is the measured position of a mark
+    counts: further figures for summary.json, such as the numbers of rejected marks and repaired covariances
+    withheld: with `check`, by node, how well a filter that does not use its mark predicts the mark
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of the target's variance is the constant error of its position in the tissue
     marks: by node, shares of frames in which its mark was found, refused or lost, and why
@@ -89,9 +89,9 @@ def track(
     check: bool = False,
     watch: Watcher | None = None,
 ) -> Track:
-    """Run both methods through every frame; `advance`: called with the completed share. Raises InputError, SourceError.
+    """Run the filter and the open loop through every frame; advance: called with the completed share.
 
-    check: also predict each mark without using it; watch: called with each frame and its step
+    check: also predict each mark without using it; watch: called with each frame, its step. InputError, SourceError.
     """
     if check and len(recording.scene.measured_nodes) < 2:
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
@@ -175,8 +175,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    The position of the target's node comes from truth.csv or from its mark for scoring. All estimates use the same map
-    from the node to the target.
+    The position of the target's node comes from truth.csv or from its mark for scoring. The offset from the node to the
+    target is the same as in all estimates.
     """
     scene = recording.scene
     node = scene.target.node
@@ -230,8 +230,8 @@ def _nees_or_infinite(error: Floats, cov: Floats) -> float:
 def figures(done: Track, method: str) -> dict[str, float | int | None]:
     """The figures of summary.json for one method; None for non-finite numbers.
 
-    Figures that need truth are present if any frame has truth; figures that need a covariance or innovations, if the
-    method has them.
+    Figures that need truth are present if any frame has truth. Figures that need a covariance or innovations are
+    present if the method has these.
     """
     rows, estimates = table(done, method), done.estimates(method)
     seconds = [step.detect_s + step.method_s[method] for step in done.steps]
@@ -296,7 +296,7 @@ def write_tables(done: Track, folder: Path) -> None:
 
 
 def write_estimates(done: Track, folder: Path, names: Mapping[str, str], found: Mapping[str, Any]) -> None:
-    """Write tables of estimates to an existing folder, by method under these names, and figures to summary.json."""
+    """Write a table of each method's estimates, by its file name in `names`, and summary.json to an existing folder."""
     for method, name in names.items():
         (folder / name).write_text(table_text(table(done, method)), encoding="utf-8")
     (folder / "summary.json").write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")

@@ -1,7 +1,7 @@
 """Check of a scene before estimation: what `softaim check` finds.
 
-Rest, oscillations and the accuracy bound are computed for the scene's network near its rest; the scene's filter gives
-the information in a frame of marks at rest.
+Rest, oscillations and the accuracy bound are computed for the scene's network near its rest. The scene's filter shows
+how much information a frame of marks at rest contains.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ FRAMES_PER_S = 30.0
 """Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Shortest and longest time of marks at rest for the filter [s]; it lasts until the covariance is steady."""
+"""Shortest and longest time for which the filter gets marks at rest [s]; it ends when the covariance is steady."""
 
 SETTLED = 0.01
 """Relative change of the target's variance over a quarter of a second below which it is steady."""
@@ -45,13 +45,13 @@ class SceneCheck:
     """Properties of a scene near its rest.
 
     path: path of the scene's file; rest: positions at rest [m], (n_nodes, dim)
-    stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's implicit one [s]
+    stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's integration [s]
     interval_s: frame interval [s]; seen: the measured marks in a frame at rest; single: nodes of the marks that only
-    one camera in space sees; unfound: nodes whose marks are not detected, and why, None for marks without rows
+    one camera in space sees; unfound: reasons why marks are not detected, by node, None for marks without rows
     estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m, pushed_m: lower bound on the target's standard deviation on each axis for unbiased estimates [m], without
-    pushes, and with pushes on all marked nodes as in the scene's filter
+    quiet_m, pushed_m: lower bounds on the target's standard deviation on each axis for unbiased estimates [m]; quiet_m
+    is without pushes, pushed_m with pushes on all marked nodes as in the scene's filter
     """
 
     path: Path
@@ -76,14 +76,14 @@ class SceneCheck:
 
     @property
     def sigma_m(self) -> float:
-        """Standard deviation of the target on each axis by the scene's filter [m]."""
+        """Standard deviation of the target on each axis, from the scene's filter [m]."""
         return per_axis(np.asarray(self.estimate.cov))
 
     @property
     def mark_sd_m(self) -> float:
         """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        It is for marks that several cameras see; if there are none, it is the standard deviation across a camera's ray.
+        Only marks that several cameras see count; without such marks, the standard deviation across a camera's ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
@@ -106,7 +106,7 @@ def checked(
 ) -> SceneCheck:
     """Check a scene file or a recording's scene; raises InputError.
 
-    frames_per_s, sd_mm: rate and standard deviation of the marks, instead of the recording's or the camera's
+    frames_per_s, sd_mm: rate and standard deviation of the marks, instead of those of the recording or camera
     """
     recording = read_recording(source) if source.is_dir() else None
     path = source / "scene.toml" if source.is_dir() else source
@@ -224,7 +224,7 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Covariance of each measured mark with rows [m²], or the typical one if none has rows; nodes without rows."""
+    """Covariance [m²] of each measured mark that has rows, or `usual` if none has rows; and the nodes without rows."""
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)

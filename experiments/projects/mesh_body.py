@@ -51,10 +51,10 @@ WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 TARGET = "T"
 
 NEAR = 0.05
-"""Largest distance from the surface of a mark that is moved onto it, relative to the extent; choice: 5 mm in 100 mm."""
+"""Largest distance by which a mark is moved onto the surface, relative to the body's extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Weight of the free nodes around a target below which it does not move [1]; numerical."""
+"""Interpolation weight of the free nodes around a target below which the target does not move [1]; numerical."""
 
 N_DRAWS = 100
 """Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
@@ -117,7 +117,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         for one in tissues
     ]
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
-    exactly = replace(of, target_sd_mm=0.0)  # random position of the lesion; `insert` does not change it
+    exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn above; `insert` must not draw it again
     truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
@@ -182,7 +182,7 @@ def _label_of(fixed: str) -> str:
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """The nodes of labelled faces; None for other forms; raises InputError for a missing label or several fields."""
+    """Nodes of the faces with the label in `fixed`, None without a label; InputError if it is missing or ambiguous."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -198,7 +198,7 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
 
 
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The nodes of labelled faces, and the scene's key `fixed`; raises InputError."""
+    """The nodes that labels fix, and the scene's key `fixed`; raises InputError if no node or every node is fixed."""
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
@@ -266,7 +266,7 @@ def _place(text: str) -> Floats:
 def _target(of: MeshChoice, mesh: TetMesh, anchored: NDArray[np.int64]) -> Floats:
     """Position of the target [m], (3,): from the option, or the centre of the element nearest to the body's centre.
 
-    anchored: fixed nodes; raises InputError for a target that they fix
+    anchored: fixed nodes; raises InputError for a target that cannot move because of these nodes
     """
     if of.target_mm is None:
         centres = mesh.nodes[mesh.elements].mean(axis=1)

@@ -23,7 +23,7 @@ YES = ("yes", "")
 """Permitted entries in columns `fixed` and `target`."""
 
 SHORTEST_M = 4e-4
-"""Shortest permitted spring [m]: a template's marks are a sixth as wide and written to 0.1 mm. Shorter springs are
+"""Shortest permitted spring [m]: a template's marks have a sixth of its length, written to 0.1 mm. Shorter springs are
 often due to lengths in metres."""
 
 

@@ -39,8 +39,8 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """Assign the tissues of a body; raises InputError.
 
-    field: name of the field with labels if there are regions, LABEL=TISSUE, else with the share of gland; young_pa: of
-    a body of one tissue; all options are checked
+    field: name of the field with the labels of `regions`, LABEL=TISSUE, or without regions with the share of gland
+    young_pa: Young's modulus of a body of one tissue; all options are checked
     """
     if regions or field is not None:
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")

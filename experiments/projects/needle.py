@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle pushes; numerical: the last one moves it by < 10 µm."""
+"""Number of iterations for the aim at a target that the needle pushes; numerical: the last moves the aim by < 10 µm."""
 
 N_ENTRIES = 200
 """Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
@@ -31,7 +31,7 @@ def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Flo
 
 
 def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """The direction, (dim,), and the push [m], (dim,), for a target whose rest is `start` [m], (dim,)."""
+    """The direction, (dim,), and the push [m], (dim,), for a target whose position at rest is `start` [m], (dim,)."""
     shift = np.zeros_like(start)
     for _ in range(AIMING):
         shift = push.shift(Insertion(entry, direction, 1.0))
@@ -49,8 +49,8 @@ def surest_entry(
 ) -> tuple[Floats, Floats]:
     """The entry on the free surface [m], (3,), with the least error from push and bending, and the direction, (3,).
 
-    Needles do not enter from the side of the wall, nodes (k,), where the rest of the person is.
-    faces: of the surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
+    Entries on the side of the wall, nodes (k,), are excluded, because the rest of the person is there.
+    faces: free surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
     push = NeedlePush(network, target, forces)

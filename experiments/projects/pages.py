@@ -23,16 +23,16 @@ MOVED_M = 0.01
 """Displacement of a mesh's target by breathing [m]."""
 
 POKED_M = 0.02
-"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: as large as by a probe."""
+"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: a probe displaces it as much."""
 
 WAVE = 2.5
 """Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
 
 POKE_M_S2 = {2: 10.0, 3: 15.0}
-"""Strongest poke by dimension [m/s²]; choice: 40 m/s² on the masses of 40 g in a soft breast would be 1.6 N."""
+"""Acceleration by the strongest poke, by dimension [m/s²]; choice: 15 m/s² is 0.6 N on a mass of 40 g."""
 
 HORIZON_S = 1.0
-"""Time within which a better start is searched [s]: five periods of a breast's oscillation, half the default."""
+"""Time ahead within which a better time to start is searched [s]: five periods of a breast's oscillation."""
 
 SPEED_MM_S = 100.0
 

@@ -47,7 +47,7 @@ def project(
     """The template of a project of this kind; raises InputError for options that belong to another kind.
 
     masses: number of masses of a phantom; young_kpa: Young's modulus [kPa] of an elastic body
-    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: of the true tissue's constants
+    nodes, springs: files of a spring mesh; mesh: options for a body of tetrahedra; seed: seed of the true constants
     """
     belongs = {
         "--masses": (masses, kind in (Kind.PLANE, Kind.BREAST)),

@@ -27,7 +27,7 @@ SURE = 0.9
 """Hit probability with the best aim below which there is a warning; it equals the default threshold of GO."""
 
 SURER = 0.95
-"""Ratio of the filter's sigma at rest to the lower bound below which there is a warning [1]."""
+"""Least ratio of the filter's sigma at rest to the lower bound of sigma that gives no warning [1]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -304,7 +304,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Largest offset with which the network still rests as drawn [m]: drawings are not finer."""
+    """Largest offset of a node from its drawn position with which the network counts as resting as drawn [m]."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

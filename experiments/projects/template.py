@@ -47,13 +47,13 @@ FINEST_MM = 0.01
 """Step to which the size of a camera's pixel is rounded, and its least value [mm]."""
 
 CALIBRATION_SD_PX = 0.68
-"""Standard deviation of marks in the scenarios' light `paper` [px]."""
+"""Standard deviation of marks in films with the scenarios' light `paper` [px]."""
 
 GROUP_SD = {"stiffness": 0.1, "rest_length": 0.0, "damping": 0.2, "drag": 0.2, "friction": 0.2}
-"""Relative standard deviation of the simulated tissue's constants, common to a group of springs."""
+"""Relative standard deviations of random factors on the simulated tissue's constants, one for each group of springs."""
 
 OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03, "friction": 0.03}
-"""Relative standard deviation of each constant of the simulated tissue, independent of the others."""
+"""Relative standard deviations of further random factors, one for each single constant."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

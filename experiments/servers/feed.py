@@ -1,6 +1,6 @@
 """Newest state of a live run in the serving process; any number of clients read it without delaying the run.
 
-`message` defines the messages. Runs in one asyncio loop.
+The module `message` defines the messages. A feed is used in one asyncio loop.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Feed:
         self._changed = asyncio.Event()
 
     async def after(self, number: int, timeout_s: float | None = None) -> Moment | None:
-        """Wait for a moment with a larger number than this one; returns the newest, None if none came in time."""
+        """Wait for a moment whose number is larger than `number`; returns the newest, None if none came in time."""
         try:
             async with asyncio.timeout(timeout_s):
                 while self.newest is None or self.newest.number <= number:

@@ -27,7 +27,7 @@ MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval of pictures [s]; choice: viewers cannot distinguish more, and each takes 3 ms to compress."""
+"""Least interval between pictures [s]; choice: viewers cannot distinguish more, and each takes 3 ms to compress."""
 
 QUALITY = 80
 """JPEG quality, out of 100; choice: marks and their rims are clearly visible."""
@@ -81,7 +81,7 @@ class Link:
         self._notices = ()
 
     def publish(self, message: Callable[[], Mapping[str, Any]], image: NDArray[np.uint8] | None) -> None:
-        """Replace a waiting state by the newest one; message: makes it, called in the sending thread."""
+        """Replace the waiting state by the newest; message: function that makes it, called in the sending thread."""
         with self._changed:
             self._waiting = message, image
             self._changed.notify_all()

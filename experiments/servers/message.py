@@ -23,7 +23,7 @@ from experiments.version import version
 
 VERSION = 1
 STALE_MS = 200
-"""Age of the newest state above which a viewer shows it as stale [ms]; a requirement of users at the needle."""
+"""Age of the newest state above which a viewer shows it as stale [ms]; a requirement for needle guidance."""
 
 N_FACES = 1500
 """Largest number of faces in a surface for viewers; choice: as many as a browser can shade for each state."""

@@ -42,7 +42,7 @@ LAST_EVENTS = 8
 """Number of events in a state; choice."""
 
 TELLS_S = 2.0
-"""Time without a frame after which the addresses are printed, since the source did not fail [s]; choice."""
+"""Time without a frame after which the addresses are printed [s]; choice: a wrong source fails earlier."""
 
 ATTENDS_S = 0.005
 """Longest time for requests between two frames [s]; choice."""
@@ -79,7 +79,7 @@ class Shows:
         link.begin(scene_message(scene, source, None if self._camera is None else self._camera.size_px, plan))
 
     def prepare(self, frame: Frame | None, n_shown: int, time_s: float) -> None:
-        """Show a frame without an estimate, or that there is no frame."""
+        """Show a frame without an estimate, or report that there is no frame."""
         if n_shown or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()
         since_s = 0.0 if frame is None else time.monotonic() - frame.exposure_s
@@ -136,7 +136,7 @@ class Shows:
         """Handle the requests since the last cycle of the loop, and report failed requests.
 
         It ends after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
-        Addresses are printed with the first frame or after `TELLS_S`: for bad input only the error is printed.
+        Addresses are printed with the first frame or after `TELLS_S`, so that bad input prints only its error.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:
             self.link.tell()

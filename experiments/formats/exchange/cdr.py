@@ -12,8 +12,8 @@ HEADER = b"\x00\x01\x00\x00"
 def encoded(form: str, *values: Any) -> bytes:
     """A message with these values; `form` has a letter for each.
 
-    i, I, d: a number as in `struct`, aligned to its own size; s: a text; b: bytes. A text ends with a zero byte; texts
-    and bytes follow their length. An array of fixed length has no length: its entries are values.
+    i, I, d: a number as in `struct`, aligned to its own size; s: a text; b: bytes. A text ends with a zero byte.
+    Texts and bytes begin with their length. The entries of an array of fixed length are passed as single values.
     """
     body = bytearray()
     for code, value in zip(form, values, strict=True):

@@ -29,7 +29,7 @@ def open_table(
 
 
 def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
-    """The table of a run in a file, and the names of its columns in order; raises InputError.
+    """The table of a run's results in a file, and the names of its columns in order; raises InputError.
 
     `needed` columns, which include time_s, must exist. After a killed run the last line may be incomplete.
     """

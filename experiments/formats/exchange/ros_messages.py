@@ -49,7 +49,7 @@ DEFINITIONS: Mapping[str, str] = {
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
     """Message of the target's position [m], (dim,), with its covariance [m²], (dim, dim).
 
-    The target has no orientation: the message has the identity, and z = 0 in the plane, each with zero covariance.
+    The target has no orientation, so the rotation is the identity; in the plane z is 0. Both have zero covariance.
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov

@@ -63,7 +63,7 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """The number of frames, and what messages call them; InputError, SourceError if some are missing.
+    """The number of frames, and the word for them in messages; InputError, SourceError if some are missing.
 
     A film's frames are counted by reading it, because its header may be wrong; this is much faster than tracking.
     `advance` is called with the completed share.
@@ -89,7 +89,7 @@ def check_pictures(
 ) -> None:
     """Raise InputError for faults that would otherwise appear only at the end of a long run.
 
-    times: the file of exposure times; size_px, place: size of the camera's pictures, and the key that states it
+    times: the file of exposure times; size_px: stated size of the camera's pictures; place: the key that states it
     """
     with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)

@@ -41,7 +41,7 @@ class CameraFilm:
 
 
 def film_name(camera: str, i: int) -> str:
-    """The part of a file's name for a camera; InputError for a camera name that is invalid in file names."""
+    """The part of a file name that names a camera; InputError if the camera's name is invalid in file names."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera
@@ -101,7 +101,7 @@ def read_films(
 
 
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
-    """Times at which any camera exposed [s], (n,), and for each time the indices of the films with a picture.
+    """Times at which any camera exposed [s], (n,), and for each time the indices of the films that have a picture.
 
     A picture within `vision.TOGETHER_S` after that of another camera gets the time of the first one.
     """

@@ -1,4 +1,4 @@
-"""Whether the first marks fit the scene's drawing; if not, which reflection, rotation or unit would make them fit."""
+"""Test whether the first marks fit the drawing; if not, which reflection, rotation or unit would make them fit."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
 """Root mean square distance of marks from the drawing, relative to the body's size, above which they do not fit;
-choice: more than pokes and weight move the marks of a body that is drawn at rest."""
+choice: pokes and weight move the marks of a body that is drawn at rest by less."""
 
 FITS = 0.1
-"""Distance, relative to the body's size, below which another interpretation of the numbers fits, if it is also below a
-quarter of the first distance; choice."""
+"""Distance, relative to the body's size, below which another interpretation of the numbers fits; it must also be below
+a quarter of the distance without this interpretation; choice."""
 
 ALIKE = 1.5
-"""Ratio to the least distance up to which interpretations fit equally well [1]; the message names the simplest;
-choice."""
+"""Interpretations whose distances are at most this factor above the least distance fit equally well [1]; the message
+names the simplest; choice."""
 
 FLAT = 0.2
-"""Spread of marks across their longest direction, relative to that along it, below which they are collinear; choice."""
+"""Ratio of the second largest to the largest spread of marks below which they are collinear [1]; choice."""
 
 N_FRAMES = 10
 """Number of frames with marks after which the test is done, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Millimetres per unit that lengths may have instead of mm."""
+"""Units that lengths may have instead of mm, with the millimetres per unit."""
 
 
 RESIZED = 8.0
@@ -64,7 +64,7 @@ class FirstMarks:
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
     """A message if marks, by node [m], (dim,), are closer together or farther apart than tissue can deform.
 
-    Only for three or more marks of the body, since two marks of a cord may come close to each other.
+    None for fewer than three marks of the body, since two marks of a cord may come close to each other.
     """
     nodes = [name for name in seen_m if name in scene.network.names]
     if len(nodes) < 3:
@@ -93,9 +93,9 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks, by node [m], (dim,), lie far from the drawing and a simple other interpretation fits.
+    """A message if marks, by node [m], (dim,), lie far from the drawing and their numbers fit if read in another way.
 
-    None if they fit, if no simple interpretation makes them fit, or if too many do.
+    None if the marks fit, if no simple interpretation makes them fit, or if more than two do so equally well.
     """
     network = scene.network
     nodes = [name for name in seen_m if name in network.names]  # without reference marks on the rig
@@ -133,7 +133,7 @@ def _rms(apart: Floats) -> float:
 
 
 def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
-    """Reflections and rotations of the axes, in any unit, and pixels of the camera."""
+    """Readings of the numbers with reflected or rotated axes, in any unit of length, and as pixels of the camera."""
     for axes in _axes(seen.shape[1]):
         words, changes = _axes_words(axes)
         if changes:
@@ -148,7 +148,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Reflections and rotations with any scale and shift, for an anchored body and marks that are not collinear."""
+    """Readings with reflected or rotated, scaled and shifted axes, for an anchored body and non-collinear marks."""
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
     if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return

@@ -10,7 +10,7 @@ from vision import FrozenValues, SourceEvent
 
 
 def values_of(marks: Iterable[MarkRow]) -> dict[str, tuple[float, ...]]:
-    """The values of a frame that two frames never share by chance: positions by node [m]."""
+    """Positions of a frame's marks by node [m], which are never equal in two frames by chance."""
     return {mark.node: tuple(mark.position_m.tolist()) for mark in marks}
 
 

@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit in which a stated time is nearest to an expected time [s].
+    """The unit with which a stated number is nearest to an expected time [s].
 
-    None if it is nearest in seconds, or if the times differ by more than the factor `most` in every unit.
+    None if this unit is the second, or if the times differ by more than the factor `most` in every unit.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -53,7 +53,7 @@ def check_seconds(table: Table, column: str) -> None:
 
 
 def check_within(table: Table, column: str, times_s: Floats) -> None:
-    """Raise InputError if none of a table's times is near those of the frames [s], (n_frames,)."""
+    """Raise InputError if none of a table's times is near a frame's time; times_s: times of frames [s], (n_frames,)."""
     times = table.numbers[column]
     first_s, last_s = float(times_s[0]), float(times_s[-1])
     if not len(times) or (times.min() <= last_s + LONGEST_S and times.max() >= first_s - LONGEST_S):

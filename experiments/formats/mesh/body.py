@@ -29,8 +29,8 @@ a wrong unit changes the extent by a factor of ten or more."""
 class Body:
     """A body of one tissue, with the fields of its file.
 
-    fields: numbers at the nodes, (n,), by name
-    cell_fields: numbers of the elements, (m,), by name
+    fields: a number for each node, (n,), by name
+    cell_fields: a number for each element, (m,), by name
     faces: the outer faces, with the fields of the file's triangles, NaN where the file has none
     """
 
@@ -137,8 +137,8 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
     """The body in elements with edges of this size [m].
 
-    A field at a new node is the mean over the old nodes nearest to it, or the nearest value if there is none; labels
-    are those of the nearest element or face.
+    Each old node belongs to its nearest new node. A field at a new node is the mean over its old nodes or, without any,
+    the value at the nearest one. Labels are those of the nearest old element or face.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

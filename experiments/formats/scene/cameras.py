@@ -1,4 +1,4 @@
-"""Cameras of a scene file: read from `[[camera]]` or its named file, and written to it."""
+"""Cameras of a scene file: read from `[[camera]]` or the file that it names, and written to `[[camera]]`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.formats.toml_file import exactly, key_lines
 from vision import PlaneCamera, SpaceCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
-"""Matrix from homogeneous points of the plane in metres to the millimetres of a scene file's homography."""
+"""Matrix that converts homogeneous points of the plane from metres to millimetres, the unit of a file's homography."""
 
 
 Camera = PlaneCamera | SpaceCamera | LensFile
@@ -60,7 +60,7 @@ def _of_keys(table: CameraTable, dim: int) -> Camera:
     homography = np.array(table.plane_to_px, dtype=float) @ METRES_TO_MM
     try:
         return PlaneCamera(table.name, size_px, homography)
-    except ValueError:  # the file's model has checked the rest
+    except ValueError:  # `CameraTable` has checked all other keys
         raise ValueError(
             "plane_to_px: expected a matrix that can be inverted, with the plane in mid-picture,"
             f" found {shown(table.plane_to_px)}"
@@ -83,7 +83,7 @@ def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
 
 
 def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
-    """The camera in a scene of this dimension."""
+    """The camera as a scene of this dimension uses it: a `PlaneCamera` in the plane."""
     if dim == 3:
         return camera
     return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)

@@ -27,8 +27,8 @@ LINE = "needle"
 """Prefix of the names of points on a needle's line; a number follows."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Spacing of points on a line relative to the body's extent, and its least ratio to an element's edge [1]; choices: the
-radius of the patch on which a force acts; points of one element cannot move independently."""
+"""Spacing of points on a line relative to the body's extent, and its least ratio to an element's edge [1]; choices: a
+force acts on a patch of this radius, and points in one element cannot move independently."""
 
 APART_M = 1e-5
 """Distance of two points below which they coincide [m]; choice: finer than any mark."""
@@ -61,7 +61,7 @@ class SceneMesh:
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
         """The tissues with the stiffness that they have in a network of this mesh after identification.
 
-        Their damping does not change: `damping_s`, damping over stiffness, is divided by the stiffness's factor.
+        Damping does not change: `damping_s`, its ratio to stiffness, is divided by the factor on the stiffness.
         """
         factors = _traces(network) / self.stiffness
         return tuple(
@@ -70,9 +70,9 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """Network of these points with this network's tissues, and all responses to smooth forces on the surface.
+        """The network with the same points and tissues, and with all responses to smooth forces on the surface.
 
-        These responses do not include all modes of the mesh.
+        It still lacks those modes of the mesh that smooth forces on the surface do not excite.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
@@ -91,7 +91,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
 
 
 def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh of a table with its file's content, and the network; raises SceneError, `mesh…: …`, InputError."""
+    """The mesh that a table and its file's content describe, and its network; SceneError, `mesh…: …`, InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
@@ -131,7 +131,7 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 
 
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
-    """Mesh and network with additional points on the part of a straight line inside the body, `LINE 1` and so on.
+    """Mesh and network with additional points on the part of a straight line inside the body, named LINE and a number.
 
     A point of the mesh within half the spacing replaces a point on the line; names in use are skipped.
     ends: ends of the line [m], (2, 3). The points' masses do not change, because forces are stated relative to them.
@@ -159,7 +159,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """`[mesh]` with tissues by region, and points [m] by name; rounded to six digits and 0.1 µm."""
+    """`[mesh]` with tissues by region, and points [m] by name; numbers have six digits, positions a step of 0.1 µm."""
     return MeshTable(
         file=file,
         fixed=fixed,
@@ -206,7 +206,7 @@ def _made(
 
 
 def _numbered(of: ProjectMesh, table: MeshTable) -> ProjectMesh:
-    """The mesh with its regions numbered in the order of the tissues; SceneError for a region without one."""
+    """The mesh with its regions numbered in the order of the tissues; SceneError for a region without a tissue."""
     numbers = [tissue.region for tissue in table.tissue]
     for i, number in enumerate(numbers):
         if numbers.index(number) < i:

@@ -19,7 +19,7 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 
 
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
-    """The scene with its body, gravity, target and reference marks moved; SceneError if its cameras do not fit then.
+    """The scene with body, gravity, target and reference marks moved; SceneError if the cameras do not fit the result.
 
     Gravity turns with the body, so that the body's posture does not change. mesh_file: file of the moved mesh
     """

@@ -105,7 +105,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
-    """`[network]` of a scene file, line by line; groups: of each spring, as from `spring_groups`."""
+    """`[network]` of a scene file, line by line; groups: the group of each spring, see `spring_groups`."""
     lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Outer surface of a body in space for drawing: that of its mesh at rest, or the convex hull of its springs."""
+"""Outer surface of a body in space for drawing: the surface of its mesh at rest, or the convex hull of its springs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Size of the smallest cells whose corners are joined, relative to the body's size, and the factor to the next size."""
+"""Cell size of the finest grid that joins corners, relative to the body's size, and the factor to the next grid [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,6 +72,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """These faces, with only those of the positions [m], (n, 3), that are corners of a face."""
+    """The surface of these faces; positions [m], (n, 3), that are not corners of a face are omitted."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

@@ -25,7 +25,7 @@ class ReferenceMark:
     """A reference mark, which does not move.
 
     name: its name in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
-    look: its look in a film, where its name stands for the node; None without a camera
+    look: its appearance in a film, as a `Mark` with this name in place of a node; None without a camera
     """
 
     name: str
@@ -54,7 +54,7 @@ class Reference:
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
     def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
-        """Raise SceneError if they do not fit the network, the cameras, or the marks of the tissue."""
+        """Raise SceneError if the reference marks do not fit the network, the cameras, or the tissue's marks."""
         check_own_names("reference.mark", [mark.name for mark in self.marks])
         for i, mark in enumerate(self.marks):
             key = f"reference.mark[{i}]"

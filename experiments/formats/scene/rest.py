@@ -1,7 +1,7 @@
 """Test whether a network rests near its drawing; if not, which key of its file is probably in another unit.
 
-The rest shape depends on the ratio of weight to stiffness: masses in g and a stiffness in N/mm give the same ratio. The
-density from masses and distances shows which of them is wrong.
+The rest shape depends on the ratio of weight to stiffness: masses in g change it as much as a stiffness in N/mm. The
+density, from masses and distances, shows which of the two is wrong.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""Factor above which a number probably has another unit: units differ by 100 or 1000; choice."""
+"""Factor from a plausible value above which a number probably has another unit; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
-"""Share of the weight that the springs as drawn may leave unbalanced because rest lengths are rounded; choice."""
+"""Share of the weight that springs of drawn length may leave unbalanced, because rest lengths are rounded; choice."""
 
 LONGEST = 2.0
-"""Ratio of a spring's length at rest to its rest length above which a body counts as stretched; choice."""
+"""Ratio of a spring's length in the rest shape to its unloaded length above which a body is stretched; choice."""
 
 DENSITY = 100.0
 """Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
@@ -51,7 +51,7 @@ NO_REST = "braces, stiffer springs or anchors would hold it"
 def check_rest(network: MassSpringNetwork) -> None:
     """Raise SceneError, `network…: …`, if a network rests far from its drawing.
 
-    NetworkError if it has no rest shape there and no unit is suspected. A continuum rests as drawn.
+    NetworkError if it has no rest shape near its drawing and no unit is suspected. A continuum rests as drawn.
     """
     if network.continuum is not None:
         return
@@ -79,7 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on the stiffness with which the springs as drawn balance the weight, by least squares; 1 if none does.
+    """Factor on the stiffness with which springs of drawn length balance the weight, by least squares; 1 if none does.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
@@ -113,7 +113,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """Message with the suspected key and its first value in the file, if the stiffness must grow by this factor."""
+    """Message with the suspected key and its first value in the file; lacking: factor that the stiffness lacks."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)

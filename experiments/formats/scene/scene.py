@@ -41,11 +41,11 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 class Scene:
     """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit together.
 
-    uncertainty: of the constants of the tissue, None for exact ones
-    settings: noise levels, pokes and led nodes of the filter
+    uncertainty: uncertainty of the tissue's constants; None for exact constants
+    settings: noise levels, pokes and led nodes (always pulled along) of the filter
     spring_groups: name of each spring's group, whose constants are identified together, (n_springs,), empty for a
-    single spring; an empty tuple without groups
-    steps: processing steps done on it, in order
+    spring without a group; an empty tuple without groups
+    steps: processing steps done on the scene, in order
     reference: fixed marks that correct the pose of the camera or tracker
     lenses: cameras without a pose, whose pictures cannot be used
     mesh: the mesh of the network, None for springs
@@ -127,9 +127,9 @@ class Scene:
 
     @property
     def n_calibration(self) -> int:
-        """Number of uncertain directions of the calibration: those of the first camera, in space of all cameras.
+        """Number of uncertain directions of the calibration: of the first camera or, in space, of all cameras.
 
-        Directions of the pose from reference marks are last; in space only marks.csv has reference marks, not pictures.
+        Reference marks add the directions of the estimated pose at the end; in space, only marks.csv has such marks.
         """
         dim = self.network.dim
         n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
@@ -144,7 +144,7 @@ class Scene:
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """Names of marks for another tracker: the node, or the reference mark."""
+        """Names by which another tracker sends marks: those of nodes with marks, and of reference marks."""
         return (*(mark.node for mark in self.marks), *(mark.name for mark in self.reference.marks))
 
     @property

@@ -50,14 +50,14 @@ class SpringTable(Strict):
 
 
 NODE_KEYS = {"drag_N_s_m": ("drag", 1.0), "friction_N": ("friction", 1.0)}
-"""Constants of a node: key of `[[network.node]]`, field of `MassSpringNetwork`, SI units per unit of the key."""
+"""Constants of a node: by key of `[[network.node]]`, the field of `MassSpringNetwork` and the factor to SI units."""
 
 SPRING_KEYS = {
     "stiffness_N_m": ("stiffness", 1.0),
     "rest_length_mm": ("rest_lengths", 1e-3),
     "damping_N_s_m": ("damping", 1.0),
 }
-"""Constants of a spring: key of `[[network.spring]]`, field of `MassSpringNetwork`, SI units per unit of the key."""
+"""Constants of a spring: by key of `[[network.spring]]`, the field of `MassSpringNetwork` and the factor to SI."""
 
 
 class NetworkTable(Strict):
@@ -142,7 +142,7 @@ class ReferenceMarkTable(_LookTable):
 
 
 class ReferenceTable(Strict):
-    """`[reference]`: fixed marks that correct the pose of a camera or tracker, and the drift of that pose."""
+    """`[reference]`: fixed marks that correct the pose of a camera or tracker; sd of the pose's uncorrected drift."""
 
     drift_sd_mm: NotNegative | None = None
     mark: list[ReferenceMarkTable] = Field(default_factory=list)
@@ -235,26 +235,26 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: priors that replace the defaults, and the led nodes, see `FilterSettings`."""
+    """`[filter]`: priors that replace the defaults; led_nodes: nodes that are always pulled along."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
     strain: Annotated[float, Field(ge=0, le=0.1)] | None = None
     fix_bias_mm: Positive | None = None
     unified: Literal[True] = True
-    """Key that scenes for an earlier filter may have."""
+    """Key without effect, permitted because scenes for an earlier filter have it."""
     led_nodes: list[Name] = Field(default_factory=list)
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""Steps on a scene; simulate: its constants produced the true motion in the recording of its folder."""
+"""Steps on a scene; simulate: the recording in the scene's folder was simulated with the scene's constants."""
 
 
 class Step(Strict):
     """`[[provenance]]`: a step done on the scene, written by the program.
 
-    program: version of the program; recording_sha256: of the recording, None without one
-    network_sha256, scene_sha256: of the network and of the whole scene after the step, by `scene_digest`
+    program: version of the program; recording_sha256: digest of the recording, None without one
+    network_sha256, scene_sha256: digests of the network and of the whole scene after the step, see `scene_digest`
     kept: constants that the step did not change, because the recording does not determine them
     """
 

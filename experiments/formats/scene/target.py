@@ -13,7 +13,7 @@ from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 class Target:
     """The hidden target point: a node, or a point at an offset from it.
 
-    radius_m: radius of a hit [m]; offset_m: offset from the node [m], (dim,), whose direction is constant; empty: none
+    radius_m: distance within which a needle hits [m]; offset_m: constant offset from the node [m], (dim,); empty: none
     position_sd_m: standard deviation of its position in the tissue on each axis, including registration [m]; None: not
     stated
     """
@@ -25,7 +25,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators. If its accuracy is not stated it is exact here; advice adds a default error."""
+        """The target for estimators. A position without stated accuracy is exact here; advice adds a default error."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

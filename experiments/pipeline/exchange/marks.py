@@ -25,8 +25,8 @@ class ImportSettings:
 
     least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
     likelihood was set by a person and is always used
-    sd_px: error of a position, one standard deviation for each axis [px]; choice, to be replaced by the tracker's own
-    evaluation
+    sd_px: standard deviation of a position on each axis [px]; choice: replace it by the error that the tracker's own
+    evaluation reports
     """
 
     least: float = 0.6
@@ -37,7 +37,7 @@ DEFAULTS = ImportSettings()
 
 
 def plane_scale(mm_per_px: float, origin_px: tuple[float, float]) -> PlaneCamera:
-    """A camera perpendicular to the plane, whose picture size is not used; origin_px: pixel of the plane's origin."""
+    """A camera perpendicular to the plane, to convert pixels only; origin_px: pixel of the plane's origin."""
     first_m = (-1e-3 * mm_per_px * origin_px[0], 1e-3 * mm_per_px * origin_px[1])
     return fronto_parallel_camera("scale", (1, 1), (mm_per_px, mm_per_px), first_m)
 
@@ -47,7 +47,7 @@ class Imported:
     """Marks of a table, by frame.
 
     scene: scene with these marks; exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
-    unlikely, outside: numbers of positions omitted for a low likelihood, or because they lie outside the picture
+    unlikely, outside: numbers of omitted positions: those with a low likelihood, and those outside the picture
     manual: number of marks without a likelihood, which a person set
     """
 

@@ -22,7 +22,7 @@ Advance = Callable[[float], None]
 
 
 def export_plus(of: Exported, stream: BinaryIO, advance: Advance = lambda _share: None) -> int:
-    """Write a sequence; returns the number of frames that have the target. Raises InputError, SourceError."""
+    """Write a sequence; returns the number of frames with a target estimate. Raises InputError, SourceError."""
     recording, estimates = of.recording, of.estimates
     n_frames = len(recording.exposures_s)
     if recording.source is None:
@@ -62,7 +62,7 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
 
 
 def _by_frame(rows: Results | None) -> dict[int, int]:
-    """The index of each frame's row, by the frame's index."""
+    """Index of the row of each frame that has one, by the frame's index."""
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 
@@ -78,14 +78,14 @@ def _images(recording: Recording, pictures: Iterable[Frame], advance: Advance) -
 
 
 def translation_mm(place_m: Floats) -> Floats:
-    """The transform that translates to a position [m], (dim,), in mm for PLUS, (4, 4)."""
+    """Matrix of the translation to a position [m], (dim,), for PLUS, (4, 4) in mm."""
     shift = np.eye(4)
     shift[: len(place_m), 3] = 1e3 * place_m
     return shift
 
 
 def picture_to_plane(scene: Scene) -> Floats:
-    """Affine map from pixels to the plane [mm], (4, 4): the camera's map near the centre of the drawn marks."""
+    """Affine map from pixels to the plane [mm], (4, 4): the camera's map, linearised near the centre of the marks."""
     camera, network = scene.cameras[0], scene.network
     middle_m = np.mean([network.positions[network.index(mark.node)] for mark in scene.marks], axis=0)
     u, v = camera.project(middle_m[None])[0]
@@ -99,7 +99,7 @@ def picture_to_plane(scene: Scene) -> Floats:
 
 
 def picture_off_mm(scene: Scene) -> float:
-    """Largest error of `picture_to_plane` at a drawn mark [mm]; oblique or distorted pictures are not affine."""
+    """Largest error of `picture_to_plane` at a drawn mark [mm]; an oblique or distorted view is not affine."""
     camera, network = scene.cameras[0], scene.network
     places_m = np.array([network.positions[network.index(mark.node)] for mark in scene.marks])
     matrix = picture_to_plane(scene)

@@ -32,13 +32,13 @@ UNSEEN, SILENT = "the needle's tracker does not see it", "the needle's tracker h
 class LiveAdvice:
     """Advice on a needle for each frame, and while frames are missing; each row is written to advice.csv at once.
 
-    The time of a row is the frame's exposure time or, without a frame, the present. The path is a mixture of the
-    filter's path, from tables, and that of a breathing model, weighted by probability.
+    The time of a row is the frame's exposure time or, without a frame, the present. The target's predicted path is a
+    mixture of the filter's path, from tables, and the breathing model's path, weighted by their probabilities.
     unstated: covariance of the target from unstated errors [m²], (dim, dim); None: zero
     origin_s: clock time at which the source's own time, used in rows, is zero [s]
     State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle
-    moves if it is tracked; posed_s, the time of its last pose [s], inf if no tracker sent one, -inf while its tracker
-    does not see it; whether the needle has to stop.
+    moves if it is tracked; posed_s, the time of the needle's last pose [s], inf without a tracker, -inf while the
+    tracker does not see the needle; whether the needle has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
@@ -66,18 +66,18 @@ class LiveAdvice:
         self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
-        """The advice at now_s [s], from the estimate of the newest frame; its row is written.
+        """The advice at now_s [s], from the estimate of the newest frame; also writes its row.
 
-        fault: another reason than the estimate for no guidance
+        fault: reason to give no guidance, whatever the estimate
         """
         self._last = estimate
         self._breath.learn(tissue, estimate)
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
-        """The advice at now_s [s] without a new frame, from the last estimate; its row is written. None before any.
+        """The advice at now_s [s] without a new frame, from the last estimate, if any; also writes its row.
 
-        fault: another reason than the estimate for no guidance
+        fault: reason to give no guidance, whatever the estimate
         """
         return None if self._last is None else self._said(tissue, self._last, now_s, now_s, fault)
 
@@ -116,7 +116,7 @@ class LiveAdvice:
 
 
 def own_time_s(time_s: float, origin_s: float) -> float:
-    """A clock time [s] as the time of a source that is zero at origin_s, rounded to a nanosecond as in files."""
+    """Convert a clock time [s] to the source's time, which is zero at origin_s; rounded to nanoseconds as in files."""
     return round(time_s - origin_s, 9) if origin_s else time_s
 
 

@@ -17,7 +17,7 @@ RECORDING = "recording"
 
 
 class Control:
-    """Requests of viewers to a live run, except those that its session handles itself.
+    """Handles requests of viewers to a live run, except those that the run's session handles itself.
 
     A request that fails raises ValueError or InputError with a message of one line.
     out: folder of the run, in which each recording gets a folder; needle: the text of the needle's file

@@ -1,4 +1,4 @@
-"""Live tracking of a target until its source ends: what `softaim live` does around its session."""
+"""Live tracking of a target until the source ends: what `softaim live` does outside the session."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ class Attendant(Publisher, Protocol):
     """Protocol of a viewer's process: it shows a run, and handles requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
-        """Show the n_shown-th frame without an estimate, or that there is no frame.
+        """Show a frame without an estimate, or report that there is no frame; n_shown: number of frames so far.
 
-        time_s: time of the frame, or the present, in the source's time [s]; later states continue from it
+        time_s: time of the frame or, without one, the present, in the source's time [s]
         """
 
     def attend(self, control: Control) -> None:
@@ -141,7 +141,7 @@ def _prepared(
         report_source_events(frames)
         if frame is not None:
             check_size(frame, scene)
-        if n_shown:  # for bad input standard error has only the error
+        if n_shown:  # for bad input only the error is printed
             status.show(PREPARING)
         if viewer is not None:
             now_s = time.monotonic() if by_itself is not None or isinstance(frames, LiveMarks) else 0.0

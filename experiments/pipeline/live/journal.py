@@ -25,7 +25,7 @@ class Act(StrEnum):
     BEGIN = "begin"
     """The journal begins; values: the source, and whether the run begins here."""
     PAUSE = "pause"
-    """Pause or resume the use of frames; the value says which."""
+    """Pause or resume the use of frames; value: whether there is a pause now."""
     ORIGIN = "origin"
     """The source's time is zero at time_s on the clock."""
     FRAME = "frame"
@@ -38,20 +38,20 @@ class Act(StrEnum):
     COAST = "coast"
     """A prediction without a frame."""
     DATED = "dated"
-    """A new value of the largest delay from exposure to arrival [s]; then whether frames come irregularly."""
+    """A change of delays; values: the largest delay from exposure to arrival [s], whether frames come irregularly."""
     RESET = "reset"
     """Reset of the state."""
     FIX = "fix"
-    """A direct measurement of the target: position [m], then standard deviation [m]."""
+    """A direct measurement of the target; values: position [m], then standard deviation [m]."""
     HUE = "hue"
-    """A new colour: node of the mark, then the colour in the order of `MarkHue`."""
+    """A new colour of a mark; values: the mark's node, then the colour in the order of `MarkHue`."""
     NEEDLE = "needle"
-    """A tracked needle: position of its tip [m], then its direction; empty if it is not visible."""
+    """A tracked needle; values: position of its tip [m], then its direction; none if the needle is not visible."""
 
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """One action of the loop: its time [s], the clock's time [s], and the values that a replay needs."""
+    """One action of the loop; time_s: time to which it refers; now_s: clock time when done; values: for a replay."""
 
     act: Act
     time_s: float
@@ -65,14 +65,14 @@ class Done:
 
 
 def mark_values(marks: Sequence[MarkMeasurement]) -> tuple[Any, ...]:
-    """Marks as the values of a frame: node, position [m], covariance [m²] and shared errors [m] of each."""
+    """Marks as the values of a frame: node, position [m], covariance [m²] and shared errors [m] of each mark."""
     return tuple(
         [m.node, m.position.tolist(), m.cov.tolist(), None if m.shared is None else m.shared.tolist()] for m in marks
     )
 
 
 def marks_of(values: Sequence[Any]) -> tuple[MarkMeasurement, ...]:
-    """The marks of such values. Raises ValueError or TypeError for invalid ones."""
+    """The marks in values made by `mark_values`. Raises ValueError or TypeError for invalid values."""
     return tuple(
         MarkMeasurement(node, np.array(position), np.array(cov), None if shared is None else np.array(shared))
         for node, position, cov, shared in values

@@ -18,7 +18,7 @@ from experiments.errors import InputError
 from experiments.log import LOG
 
 A_LINE_S = 1.0
-"""Least interval of status lines without a terminal [s]; choice."""
+"""Least interval between status lines if standard output is not a terminal [s]; choice."""
 
 LAST_S = 0.5
 """Timeout for writing the last status line [s]; choice."""
@@ -37,7 +37,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file, unless done. Called for the first row, so that a run without a frame keeps an older file."""
+        """Create the file, unless done; called with the first row, so that a run without rows keeps an older file."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -75,7 +75,7 @@ class LiveTable:
         if self._file is not None:
             try:
                 self._file.close()
-            except OSError as error:  # write the remaining rows
+            except OSError as error:  # closing writes the remaining rows
                 self.fault = self.fault or InputError.refused(self.path, "a table that can be written", error)
 
 
@@ -136,11 +136,11 @@ class StatusLine:
 
 
 FINEST_MS, LONGEST_MS, A_DECADE = 1e-3, 1e6, 200
-"""Range of the histogram of latencies [ms], and number of bins per factor of ten: resolution 1.2 %; numerical."""
+"""Range of the histogram of latencies [ms], and number of bins per factor of ten: a bin is 1.2 % wide; numerical."""
 
 
 class Latencies:
-    """Histogram of latencies from exposure to estimate, with constant memory."""
+    """Histogram of latencies from exposure to estimate; its memory does not grow."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(int(A_DECADE * np.log10(LONGEST_MS / FINEST_MS)) + 1, dtype=np.int64)

@@ -61,8 +61,8 @@ def prepared(
 ) -> tuple[Made, int]:
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
-    make: may be interrupted and called again; rehearse: picklable function that calls the same kernels
-    frames: frames of a camera; None if none may be read, for example because the first request starts a film.
+    make: function that may be interrupted and called again; rehearse: picklable function that calls the same kernels
+    frames: frames of a camera; None if they must not be read yet, for example because this would start a film.
     show: called with each frame and the number of frames so far; with None if no frame came for LOOK_S. Exceptions of
     make, show or the source are raised here.
     """
@@ -108,7 +108,7 @@ def _shown_until(over: Callable[[], bool], frames: Cameras | None, show: Show, n
 
 
 def _compiled_elsewhere(rehearse: Callable[[], object], frames: Cameras | None, show: Show, n_shown: int) -> int:
-    """Compile in another process; if that fails, this one compiles later. Returns the number of frames shown."""
+    """Compile in another process; if that fails, this process compiles later. Returns the number of frames shown."""
     LOG.info("compiling kernels, once on this machine for such a scene; it takes about a minute")
     process = multiprocessing.get_context("spawn").Process(
         target=_rehearse, args=(rehearse,), name="softaim compiling", daemon=True

@@ -21,7 +21,7 @@ class RecorderThread(Generic[Item]):
 
     folder, codec: arguments of the `Recorder`; frame: function that makes an item's frame, called in the thread
     n_waiting: largest number of waiting items
-    faults, failed: errors that end the recording, and the function that the thread calls then
+    faults: kinds of errors that end the recording; failed: function that the thread then calls with the error
     State: waiting items; the recorder, None before the first frame; number of recorded frames; whether it should end.
     """
 
@@ -71,7 +71,7 @@ class RecorderThread(Generic[Item]):
 
     def _work(self) -> None:
         try:
-            while not self.ends or self._waiting:  # last, so that no item follows the end
+            while not self.ends or self._waiting:  # `_waiting` is tested last: no item is added after `ends`
                 item = self._next()
                 if item is not None:
                     self._record(self._frame(item))

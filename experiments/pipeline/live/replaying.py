@@ -25,7 +25,7 @@ class Replayed:
 
     rows: number of compared rows, by table; different: the number of the first different row, by table, if any
     begun: whether the recording began with its run; otherwise estimates differ until both filters have converged
-    frames: number of replayed frames; lacking: number of frames in the journal without a recorded picture, after a kill
+    frames: number of replayed frames; lacking: number of frames in the journal whose pictures were lost by a kill
     """
 
     frames: int

@@ -49,7 +49,7 @@ class LiveSettings:
     """Settings of a live run: times to wait for frames.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: delay of the filter, in addition to two frame intervals, so that late frames can be used [s]; choice
+    behind_s: time by which the filter is behind the present, beyond two frame intervals, to use late frames [s]; choice
     """
 
     wait_s: float = 0.1
@@ -274,12 +274,12 @@ class Session:
         return now_s
 
     def pause(self, on: bool) -> None:
-        """Pause or resume the use of frames; meanwhile there is no advice."""
+        """Pause or resume the use of frames; during a pause there is no advice."""
         self._note(Act.PAUSE, [on])
         self.paused = on
 
     def dated(self, late_s: float, *, uneven: bool) -> None:
-        """Set the largest delay of frames after their exposure times [s], and whether they arrive too irregularly."""
+        """Set the largest delay from a frame's exposure to its arrival [s], and whether frames come too irregularly."""
         if self.integrity.dated(late_s, uneven=uneven):
             self._note(Act.DATED, [late_s, uneven])
 
@@ -292,8 +292,8 @@ class Session:
     def fix(self, place_m: Floats, sd_m: float) -> None:
         """Use a direct measurement of the target at the time of the newest estimate: position [m], (dim,), sd [m].
 
-        Its covariance includes the default common error of fixes if the scene states none. Raises ValueError
-        without an estimate, and for another dimension.
+        If the scene states no common error of direct measurements, the covariance includes the default one. Raises
+        ValueError without an estimate, and for another dimension.
         """
         tissue, dim = self.line.filter, self.line.scene.network.dim
         if tissue.time_s is None:

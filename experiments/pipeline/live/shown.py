@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Number of frames after which memory no longer grows by loading code; choice."""
+"""Number of frames after which all code is loaded, so that this no longer increases memory; choice."""
 
 STATM = Path("/proc/self/statm")
 
@@ -36,8 +36,8 @@ class Counters:
     """Performance counters of the loop since the run began.
 
     frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
-    dropped: frames that a newer one replaced
-    late: frames whose estimate took longer than the usual frame interval
+    dropped: number of frames that a newer one replaced before they were used
+    late: number of frames whose estimate took longer than the usual frame interval
     latencies: times from exposure to estimate; latency_ms: that of the newest frame
     stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise
     began_mb: memory of the process after the first frames [MB]

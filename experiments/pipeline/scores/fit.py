@@ -1,7 +1,7 @@
-"""Consistency of predicted marks: innovations against the band of a consistent filter, and a verdict.
+"""Consistency of predicted marks: innovations are compared with the band of a consistent filter; verdict in words.
 
-Innovations test the filter where there are marks. A hidden target is tested only by a truth, by a fix, or by withheld
-marks, which are predicted as if hidden.
+Innovations test the filter only at the marks. The estimate of a hidden target is tested by a known truth, by direct
+measurements, or by withheld marks, which are predicted as if they were hidden.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested; not those at a start, when the prior is intentionally wide."""
+"""Statuses of frames whose innovations are tested; frames at a start are not, because the prior is then wide."""
 
 COVERED = (0.9, 0.995)
 """Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
 [1]; choice."""
 
 ONE_ERROR = 0.999
-"""Probability of the region for a single error [1]: an error outside shows that the covariance is too small; choice."""
+"""Probability of the region for an error common to all frames [1]; outside it the covariance is too small; choice."""
 
 MOST_NEES = 2.0
 """Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
 
 NOISY = 1.5
-"""Factor on the stated standard deviation of marks above which it is reported as too small [1]; choice."""
+"""Factor on the stated standard deviation of marks above which this deviation is reported as too small [1]; choice."""
 
 NOISE = "marks are at least {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
 
@@ -60,7 +60,7 @@ class Fit:
 
     @property
     def ratio(self) -> float:
-        """Ratio of observed to predicted innovations, ideally 1."""
+        """Ratio of the observed to the predicted rms innovation, ideally 1."""
         return float(np.sqrt(self.mean_nis / self.degrees))
 
     @property
@@ -98,7 +98,7 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 class TruthScore:
     """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension.
 
-    one_error: whether most of the variance is an error that is constant in time: then all frames are only one sample
+    one_error: whether most of the variance comes from an error that is constant in time; all frames are then one sample
     """
 
     coverage95: float
@@ -185,9 +185,9 @@ def _fit_words(fit: Fit, wide: bool) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Withheld:
-    """Prediction of one mark by the filter without it.
+    """Prediction of one mark by a filter that does not use this mark.
 
-    frames: number of frames in which it was visible and predicted; mean_error_mm: mean distance from the prediction;
+    frames: number of frames with the mark and its prediction; mean_error_mm: mean distance from the prediction;
     mean_nees: ideally equal to the dimension; ratio: observed to predicted rms error, ideally 1
     """
 
@@ -206,7 +206,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """A sentence on what the check means for the target; scale: mean factor on the target's covariance."""
+    """A sentence on what withheld marks show about the target; scale: mean factor on the target's covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames above which a mark that was not used is reported; choice: the share outside 95 % regions."""
+"""Share of frames in which a mark is not used, above which it is reported; choice: the share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -55,7 +55,7 @@ class MarkShares:
 
 
 class MarkTally:
-    """Counter of the results of each mark, frame by frame. State: number of frames, and counts of (node, reason)."""
+    """Counts how often, and why, each mark was not used. State: number of frames, and counts of (node, reason)."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -93,7 +93,7 @@ class MarkTally:
 
 
 def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
-    """A line on the mark that was unused most often, why, and what to check; None if all were unused rarely."""
+    """A line on the mark that was most often not used, why, and what to check; None if all were used in most frames."""
     missed = {node: one.refused + one.lost for node, one in shares.items() if one.measured}
     worst = max(missed, key=lambda node: missed[node], default=None)
     if worst is None or missed[worst] <= MANY:
@@ -108,7 +108,7 @@ def marks_verdict(scene: Scene, shares: Mapping[str, MarkShares]) -> str | None:
 
 
 def reason_words(scene: Scene, node: str, reason: str) -> str:
-    """A reason, with the keys of the mark's hue if it concerns them."""
+    """Text of a reason, with the keys of the mark's hue if the reason concerns the hue."""
     mark = next(mark for mark in scene.marks if mark.node == node)
     return reason.replace("its hue", f"hue {mark.hue_deg:g} ± {mark.half_width_deg:g}")
 

@@ -81,7 +81,7 @@ class ReferenceMarks:
         self.pose = self.filter.estimate
 
     def find(self, image: NDArray[np.uint8]) -> tuple[MarkMeasurement, ...]:
-        """The reference marks in a frame, (height, width, 3) BGR, measured with the camera as calibrated."""
+        """The reference marks in a frame, (height, width, 3) BGR, measured with the calibrated, uncorrected camera."""
         assert self._calibrated is not None
         expected = [self._looked_for(name, self.pose) for name in self._looks]
         found = self._finder.find(image, expected, lambda name: self._looked_for(name, self.filter.after_move))
@@ -103,7 +103,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """The errors that corrected marks share through the pose, for a mark at this position [m], (dim,)."""
+        """Errors of a corrected mark at this position [m], (dim,), from the pose's errors, which all marks share."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

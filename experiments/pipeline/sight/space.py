@@ -23,8 +23,8 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""Cosine of the angle between a mark's normal and the direction to a camera below which it is not searched; choice: 73
-degrees. The detector rejects shapes whose width is below a quarter of their length."""
+"""Cosine of the angle between a mark's normal and the direction to a camera below which the mark is not searched;
+choice: 73 degrees. The detector rejects shapes whose width is below a quarter of their length."""
 
 MISFIT = 1e-4
 """Probability (p-value) of the distance between a mark's rays below which two cameras see different objects [1];
@@ -35,7 +35,7 @@ PATIENCE, AGAIN = 3, 6
 searches for hidden marks [1]; choice: each is a search of the whole picture."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Stages of the finders, without the slowest: if light changes, one camera may miss a mark, but others see it."""
+"""Stages of the finders; the slowest is omitted: a mark that a camera misses when light changes is seen by others."""
 
 
 class CameraSight:
@@ -58,7 +58,7 @@ class CameraSight:
         expected: Sequence[vision.Expected],
         after_impulse: Callable[[str], vision.Expected],
     ) -> list[AssociatedMark]:
-        """The expected marks found in a picture, (height, width, 3) BGR; some frames skip the hidden marks."""
+        """The expected marks found in a picture, (height, width, 3) BGR; hidden marks are searched in few frames."""
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
         if self.finder.missed is not None:
@@ -103,10 +103,10 @@ class SpaceSight:
         predict: Callable[[Sequence[str]], tuple[Floats, Floats]],
         after_impulse: Callable[[str], tuple[Floats, Floats]],
     ) -> tuple[MarkMeasurement, ...]:
-        """The marks in the pictures of one time; raises InputError for a picture of another size.
+        """The marks in pictures taken at one time; raises InputError for a picture of another size.
 
         predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
-        after_impulse: as `predict` for one node, if an impulse has acted since its mark was last found
+        after_impulse: as `predict`, for one node, assuming an impulse on it since its mark was last found
         """
         means, covs = predict(list(self.marks))
         self.expected = dict(zip(self.marks, zip(means, covs, strict=True), strict=True))
@@ -211,7 +211,7 @@ def check_size(camera: SpaceCamera, image: Image) -> None:
 
 
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
-    """Shift of marks at positions [m], (n, 3), by one sd along each direction of the calibration, (n, 3, k) [m].
+    """Function from positions of marks [m], (n, 3), to shifts [m], (n, 3, k), by one sd of each calibration error.
 
     It is the shift of the triangulated position; a position that no camera sees is not shifted.
     """

@@ -17,7 +17,7 @@ INDEX, ENTRY = struct.Struct(">H"), struct.Struct(">HHI")
 VERSIONS = (1, 2)
 LONGEST_TYPE, LONGEST_NAME = 12, 20
 LARGEST_BODY = 65536
-"""Largest size of a received message's body [bytes]; a requirement of users at the needle."""
+"""Largest size of a received message's body [bytes]; a requirement."""
 ASCII, UTF8 = 3, 106
 """Numbers of character sets: their MIBenum."""
 TICKS = 2.0**32

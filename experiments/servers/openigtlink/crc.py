@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 POLYNOMIAL = 0x42F0E1EBA9EA3693
 """Polynomial of ECMA-182, annex B, without its leading term."""
 BLOCK = 256
-"""Number of bytes in a table look-up, so that the table has half a megabyte."""
+"""Number of bytes that are looked up at once; the table then has half a megabyte."""
 
 
 def _table() -> NDArray[np.uint64]:

@@ -1,4 +1,4 @@
-"""Messages of a moment: transforms of target, needle and spread, STATUS and STRING. For users: docs/openigtlink.md."""
+"""Messages of a moment: transforms of target, 95 % ellipsoid and needle, STATUS, STRING. Users: docs/openigtlink.md."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of STRING for JSON: covariance, health, hit probability, advice (never GO if INVALID or lost)."""
+    """Content of STRING for JSON: status, covariance, hit probability, advice (never GO if INVALID or lost)."""
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -160,7 +160,7 @@ def spread_matrix(state: Mapping[str, Any]) -> Floats | None:
 
 
 def needle_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) of a frame with its origin in the needle's tip and +z in the insertion's direction, or None.
+    """Matrix (4, 4) of a frame with origin in the needle's tip and +z along the insertion; None without a needle.
 
     The shaft lies along -z, as in calibrations of SlicerIGT. The rotation about the needle is unknown; it is chosen as
     in [duff2017], section 3.

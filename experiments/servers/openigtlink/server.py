@@ -36,11 +36,11 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: largest number at a time; further ones get BUSY and are dropped; a requirement of users at the needle
+    clients: largest number at a time; further ones get BUSY and are dropped; a requirement
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
-    stuck_s: time without reception after which a client is dropped [s]; choice
+    stuck_s: time after which a client that receives nothing is dropped [s]; choice
     kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: ten moments, so that a slow
-    client does not read old data. Linux and macOS accept no new packet while the last one waits
+    client does not read old data. Linux and macOS accept no new packet while the last packet waits there
     """
 
     clients: int = 16
@@ -60,7 +60,7 @@ async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SET
 
 
 class _Server:
-    """State: the clients' tasks; number of dropped clients; the newest packet and its number; an event for the next."""
+    """State: clients' tasks; number of dropped clients; newest packet and its number; event set for the next packet."""
 
     def __init__(self, feed: Feed, settings: LinkSettings) -> None:
         self._feed, self._settings, self._sphere = feed, settings, sphere_message()
@@ -138,7 +138,7 @@ class _Server:
             writer.write(self._packet.common + (b"" if incoming.sends_needle else self._packet.needle))
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Pass on the client's requests. Ends with an exception: one of GONE, or MalformedError."""
+        """Pass on the client's requests until an exception ends this: one of GONE, or MalformedError."""
         may_write = _is_local(writer)
         while True:
             first = await reader.readexactly(1)

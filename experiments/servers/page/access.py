@@ -43,7 +43,7 @@ class Access:
         tokens = [one.removeprefix(TOKEN_PREFIX) for one in subprotocols if one.startswith(TOKEN_PREFIX)]
         if not tokens:
             return self.read_open, False
-        # a wrong token may not read even if reading is open: its page belongs to another run and must report that
+        # a page with a wrong token may not read even if reading is open: it belongs to another run and must report that
         known = len(tokens) == 1 and secrets.compare_digest(tokens[0].encode(), self.token.encode())
         return known, known
 

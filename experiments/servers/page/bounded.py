@@ -15,7 +15,7 @@ from uvicorn.protocols.utils import ClientDisconnected
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 MOST_CONNECTIONS = 64
-"""Largest number of connections of all kinds; choice: 16 clients, and 16 page loads with three each."""
+"""Largest number of connections of all kinds; choice: 16 clients, and 16 page loads with three connections each."""
 REQUESTS_S = 20.0
 """Longest duration of a connection that is not a WebSocket [s]; choice: fetching a page takes less."""
 CLOSING_S = 2.0
@@ -33,7 +33,7 @@ END_OF_HEAD = re.compile(rb"\n\r?\n")
 
 
 class BoundedHttp(H11Protocol):
-    """HTTP protocol; refuses connections above MOST_CONNECTIONS and heads above MOST_HEAD, ends after REQUESTS_S."""
+    """HTTP protocol with limits: MOST_CONNECTIONS connections, REQUESTS_S for each, MOST_HEAD bytes of a head."""
 
     _end: asyncio.TimerHandle | None = None
 
@@ -70,7 +70,7 @@ class BoundedHttp(H11Protocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """WebSocket protocol; ends a connection that is not accepted within CLOSING_S, or CLOSING_S after it is closed."""
+    """WebSocket protocol; ends a connection whose opening or closing takes longer than CLOSING_S."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Accept a connection."""

@@ -20,13 +20,13 @@ from experiments.servers.page.access import PROTOCOL, Access
 MOST_CLIENTS = 16
 """Largest number of viewers and programs at a time; a requirement."""
 STUCK_S = 10.0
-"""Time without reception after which a client is dropped [s]; choice: a tablet that lost its network connects again."""
+"""Time after which a client that receives nothing is dropped [s]; choice: it connects again if its network returns."""
 NEXT = "next"
 """Message with which a client that sets the pace reports that it is ready for a state."""
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 """WebSocket closing codes: wrong token, too many clients, not text."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""Exceptions if a client is gone, at the first send and at later ones, or if it is stuck."""
+"""Exceptions for a client that is gone, at the first send and at later ones, or that is stuck."""
 LONGEST_ERROR = 200
 """Largest number of letters of an error in an answer, because it may quote the client's input."""
 

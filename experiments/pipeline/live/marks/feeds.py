@@ -11,7 +11,7 @@ from experiments.pipeline.live.marks.receiver import SETTINGS, LiveMarks
 from vision import SourceError
 
 POLL_S = 0.1
-"""Interval at which a waiting feed checks whether it has to stop [s]; it processes a line at once."""
+"""Interval at which a waiting feed checks whether it has to stop [s]; lines are processed at once."""
 
 LOOPBACK = "127.0.0.1"
 
@@ -20,7 +20,7 @@ class UdpFeed:
     """Feed of lines in UDP datagrams at a port of this machine. Raises SourceError if the port is in use.
 
     host: local address to listen on; by default the loopback, so that only programs on this machine can send
-    After a host has sent, other hosts are refused until it has been silent for SETTINGS.hung_s.
+    After one host has sent, other hosts are refused until the first host has been silent for SETTINGS.hung_s.
 
     State: the socket; the last sender, and its time [s].
     """
@@ -71,12 +71,12 @@ class UdpFeed:
 
 
 def udp_feed(address: str) -> UdpFeed:
-    """The feed of `udp://:PORT` or `udp://HOST:PORT`, HOST an address of this machine. Raises SourceError."""
+    """The feed of `udp://:PORT` or `udp://HOST:PORT`; HOST is an address of this machine. Raises SourceError."""
     try:
         parts = urlsplit(address)
         port, spare = parts.port, parts.path.strip("/") or parts.query or parts.username
         host = parts.hostname or LOOPBACK
-        host.encode("idna")  # the error that getaddrinfo also raises is not a system error
+        host.encode("idna")  # reports an invalid name here as ValueError; getaddrinfo would raise it later
     except ValueError:
         port, spare, host = None, None, LOOPBACK
     if not port or spare:

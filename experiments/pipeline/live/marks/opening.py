@@ -26,7 +26,7 @@ def is_mark_source(spec: str) -> bool:
 
 
 def open_mark_source(spec: str, scene_path: Path | None) -> tuple[Scene, MarkSource]:
-    """The marks of the source `spec`, and the scene of scene_path or else that beside marks.csv. Raises InputError."""
+    """The scene, of scene_path or else beside marks.csv, and the marks of the source `spec`. Raises InputError."""
     path = source_in(Path(spec)) if Path(spec).is_dir() else Path(spec)
     if path.suffix == ".csv":
         scene = usable_scene(path.with_name("scene.toml") if scene_path is None else scene_path)

@@ -60,9 +60,9 @@ class Feed(Protocol):
 class LiveMarks(Closing):
     """Source of the newest frame of marks from a feed; it delivers each at most once, until the feed ends or `close()`.
 
-    Invalid lines, and frames with times out of order, are refused: they are counted by kind, and reported as events,
-    the first at once and then at most one in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
-    is BLOCKED, like a camera. A frame that repeats earlier values is omitted; after the event FROZEN it has no marks.
+    Invalid lines and frames with times out of order are refused. They are counted by kind and reported as events: the
+    first at once, then at most one event in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
+    is BLOCKED. Frames that repeat earlier values are omitted; after the event FROZEN they are delivered without marks.
 
     refused: counts of unusable input, by kind
     State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched;
@@ -160,7 +160,7 @@ class LiveMarks(Closing):
         self._report()
 
     def _report(self) -> None:
-        """If a report on refused input is due, make it: for each kind the number and the first message."""
+        """Make the report on refused input if it is due: for each kind, the number and the first message."""
         now = self.clock()
         if not self._unreported or now - self._reported_s < SETTINGS.hung_s:
             return

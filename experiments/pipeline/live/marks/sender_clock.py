@@ -9,7 +9,7 @@ from experiments.formats.marks.times import likely_unit
 from vision import SourceSettings
 
 CLEAR = 2.0
-"""Largest ratio of a frame's interval in a guessed unit to the expected interval, or its inverse [1]; choice."""
+"""Largest factor between a frame interval in a guessed time unit and the expected interval [1]; choice."""
 
 
 class Moment(NamedTuple):
@@ -24,11 +24,11 @@ class OrderError(ValueError):
 
 
 class SenderClock:
-    """Conversion of a sender's times to this machine's monotonic clock: adds the least delay of a frame.
+    """Conversion of a sender's times to this machine's monotonic clock: adds the offset of the clocks.
 
-    A frame arrives late but never early: the least difference of the clocks in the last settings.remembered_frames is
-    their offset, which follows a drifting clock. The least delay is assumed to be zero, so all times are late by the
-    true least delay.
+    Frames arrive late, never early. The offset is therefore the least difference of arrival time and sent time in the
+    last settings.remembered_frames frames, so it follows a drifting clock. It includes the least transmission delay,
+    which is unknown: converted times are late by this delay.
 
     A time is refused if it does not increase, or increases by over settings.hung_s more than this machine's clock. If
     only such frames come for settings.blocked_s, in order, the sender has a new clock, for example after a restart;
