@@ -9,7 +9,7 @@ With the deformation gradient F of an element and Lamé's constants mu and lambd
 plus, for each patch, lambda / 2 times the squared mean of theta over its volume; the mean prevents locking of nearly
 incompressible elements. Dashpots, of moduli mu' and lambda', add the stress A (2 mu' sym(A^T dF/dt)), with A = F or, in
 the linear law, I, and lambda' times the mean rate of theta. Sources: [mcadams2011] corotated, [lin2022] its rotation,
-[bonet2008] neo-Hookean, [souzaneto2005] patches. The input is not checked here: `dynamics.elements.tetrahedra` does.
+[bonet2008] neo-Hookean, [souzaneto2005] patches. `dynamics.elements.tetrahedra` checks the input.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def _transposed_product(A, B, out):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _rotation(F, cofactors, det, M, R):  # type: ignore[no-untyped-def]
-    """Write the rotation of F into R: the derivative of the sum s of its principal stretches; M: scratch.
+    """Write the rotation of F, the derivative of the sum s of its principal stretches, into R; M: scratch.
 
     s is the largest root of (s² - |F|²)² - 8 det F s - 4 |cof F|², found from above by Newton's method.
     """

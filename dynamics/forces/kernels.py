@@ -11,8 +11,8 @@ against finite differences, as a scalar function and in each assembly.
 Laws and loops share this file because numba's disk cache notices only changes to a kernel's own file. Arrays of the
 loops are node-major with the batch last, (n_nodes, dim, n_points), so that the innermost loop runs over adjacent
 numbers and the compiler can process several states at a time. The loops copy number by number: slice assignments, with
-their shape checks, take seconds longer to compile. The input is not checked here:
-`dynamics.forces.energy` and `dynamics.integration.stepping` do.
+their shape checks, take seconds longer to compile. The input is checked by
+`dynamics.forces.energy` and `dynamics.integration.stepping`.
 """
 
 from __future__ import annotations
@@ -727,7 +727,7 @@ def parameter_forces_each(states, nodes, p, kinds, indices, free):  # type: igno
 
 @njit(cache=True, nogil=True)
 def _write_parameter_forces(x, v, p, kinds, indices, free, out):  # type: ignore[no-untyped-def]
-    """`parameter_forces_each` for one state, into zeros (n, n_free dim); x, v: of all nodes, (n_nodes, dim)."""
+    """`parameter_forces_each` for one state x, v of all nodes, (n_nodes, dim), written into zeros (n, n_free dim)."""
     dim = x.shape[1]
     for k in range(kinds.shape[0]):
         kind, s = kinds[k], indices[k]

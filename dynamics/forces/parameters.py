@@ -145,7 +145,7 @@ def parameters(network: MassSpringNetwork, kinds: Sequence[str] = KINDS) -> tupl
 
 
 def parameter_label(network: MassSpringNetwork, parameter: Parameter) -> str:
-    """Name of a constant: `stiffness M1-M2`, `drag M1`, `stiffness fat`."""
+    """Name of a constant, such as `stiffness M1-M2`, `drag M1` or `stiffness fat`."""
     if network.continuum is not None:
         return f"{parameter.kind} {network.continuum.tissues[parameter.index]}"
     if parameter.kind in OF_SPRINGS:

@@ -53,7 +53,7 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write velocity rows, speeds (n, k), and coordinate rows into the columns from `start` on.
+    """Write rows of coordinates, and of velocities `speeds` (n, k), into the columns of `found` from `start` on.
 
     once: the rows of velocities in the resolvent A, (n, k)
     """

@@ -112,4 +112,4 @@ STRUCTURES: Mapping[str, tuple[Callable[[np.random.Generator], Structure], tuple
     "lobules": (lobules, ("fat", "gland", "fibrous")),
     "fibres": (fibres, ("fat", "fibrous")),
 }
-"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`: the ground, then the others."""
+"""Structures by name, each with its tissues from `dynamics.mesh.tissues.TISSUES`: first the surrounding one."""

@@ -85,7 +85,7 @@ def elastic_body(
 
     young: Young's modulus [Pa]; in the plane, that of a sheet of thickness `SHEET_M`
     springs: (n_springs, 2), None: `delaunay_springs`; stiffness [N/m] and damping [N s/m] of each, (n_springs,), None:
-        from that modulus; masses [kg], (n_nodes,), None: the mass of water, divided equally among the free nodes
+        from `young`; masses [kg], (n_nodes,), None: the mass of water, divided equally among the free nodes
     Without anchors it has no weight. Raises NetworkError for a body too soft for its weight, and for unusable nodes.
     """
     dim = positions.shape[1]

@@ -145,7 +145,7 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Shortest pause before names are tried from a start again [s], long enough to exclude wrong names."""
+        """Least time [s] between two starts with all possible names; by then a filter has excluded wrong names."""
         return 2.0 * self.tissue.settings.test_s
 
     @property

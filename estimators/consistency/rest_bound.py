@@ -13,8 +13,8 @@ from estimators.arrays import Floats
 from estimators.process.process_model import ForceMode, TissueModel, accumulated_noise
 
 LONG_RUN_S = 3600.0
-"""Time after which the bound is taken if it has no steady state, for example if marks do not determine a part of the
-body [s]."""
+"""Time [s] at which the bound is evaluated if it never becomes steady, for example because marks do not determine a
+part of the body."""
 
 SETTLED = 1e-6
 """Relative change of the bound, if the number of frames doubles, below which the bound is steady; numerical."""
@@ -36,7 +36,7 @@ def resting_bound(
 ) -> Floats:
     """Lower bound on the covariance of any unbiased estimate of a body near rest after many frames, (dim_x, dim_x).
 
-    marks: covariance of each mark [m²], (dim, dim), for nodes visible in every frame; interval_s: of frames [s]
+    marks: covariance of each mark [m²], (dim, dim), for nodes visible in every frame; interval_s: frame interval
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
 
     The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are

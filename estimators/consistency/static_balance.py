@@ -7,9 +7,9 @@ do not balance, averaged over the frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
-with F the forces of springs and weight at the marks z and at rest_h - Khh^-1 Khm (z - rest_m), where the hidden nodes
-follow them, and K the stiffness at rest of marked (m) and hidden (h) nodes: static condensation. Near rest f is Kc (z -
-rest); far from rest this form would treat the rotation of a spring as a change of its length. A chi-square test
+with the stiffness K at rest, and the forces F of springs and weight, on marked (m) and hidden (h) nodes: static
+condensation. F is that of marked nodes at the marks z and of hidden nodes at rest_h - Khh^-1 Khm (z - rest_m). Near
+rest f is Kc (z - rest); far from rest this form would treat a spring's rotation as stretch. A chi-square test
 compares f with its covariance for a right model. That covariance has three causes: pokes, which average out; one force
 on all nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera
 calibration and constants.

@@ -20,7 +20,7 @@ def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type
     """Jacobian of the motion (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
 
     The m states are n positions, n velocities and n_f forces that only decay. Noises have unit variance: white noise of
-    velocities, then noise of the forces, each from one of the sources (n_f,).
+    velocities, then the noise of each source of forces; sources (n_f,): index of each force's source.
     by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
     white (n,): standard deviation of the white noise of each velocity
     """

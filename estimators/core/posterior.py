@@ -27,7 +27,7 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the covariance at the start for the search regions of the first marks: the body may be displaced [1];
+"""Factor on the covariance at the start for the search regions of the first marks, as the body may be displaced [1];
 choice."""
 
 POSSIBLE = 1e-3

@@ -273,7 +273,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart, in the drawn shape if just restarted, and update; returns marks that are no outliers, their NIS."""
+        """Restart (in the drawn shape after a recent restart) and update; returns the marks that fit, and their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)

@@ -31,7 +31,7 @@ class AbortWatch:
         self._well_s: float | None = None
 
     def checked(self, guided: Guidance, insertion: Insertion, settings: AdviceSettings, now_s: float) -> Guidance:
-        """The final advice at now_s [s]: ABORT, or the advice of the rules; the numbers stay unchanged."""
+        """The guidance at now_s [s] with its final advice: ABORT or unchanged; its numbers stay the same."""
         inside = insertion.depth_m > 0.0
         if not inside:
             self._inside, self._followed_go, self._early, self._aborts = False, False, False, False

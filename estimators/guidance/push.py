@@ -32,7 +32,7 @@ class NeedlePush:
                 self._gives = None
 
     def shift(self, insertion: Insertion) -> Floats:
-        """Further shift of the target by an insertion up to the target at rest [m], (dim,)."""
+        """Further shift of the target by an insertion as deep as the resting target [m], (dim,)."""
         length = float((self._rest - insertion.entry) @ insertion.axis)
         if self._gives is None or length <= insertion.depth_m:
             return np.zeros(self._network.dim)

@@ -32,7 +32,7 @@ PRIOR_SD: Mapping[str, float] = dict.fromkeys(KINDS, 0.5) | {"stiffness": 0.3, "
 """Prior relative standard deviations of the constants, by kind; choice."""
 
 START_SPREAD: Mapping[str, float] = dict.fromkeys(KINDS, float(np.log(3.0))) | {"rest_length": 0.1}
-"""Range of the starts about the given constants, in logarithms; choice: from a third to three times; a tenth for rest
+"""Largest distance of a start from the given constants, in logarithms; choice: a factor of three, and a tenth for rest
 lengths, which are measured in a picture."""
 
 START_SDS = 4.0
@@ -289,7 +289,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty along the axes of its effect, (n, n), without the smallest axes, in total less than 1 - kept."""
+    """An uncertainty along the axes of its effect, (n, n), without small axes of a total share below 1 - kept."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

@@ -28,8 +28,8 @@ LEVEL = 0.003
 marks would be large, to explain wrong constants."""
 
 SMALL = 1e-3
-"""Share of a standard deviation of each constant that the filter considers; numerical: so small that the filter's gains
-are those of exact constants."""
+"""Factor on the constants' standard deviations that the filter considers [1]; numerical: so small that the gains are
+those for exact constants."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
 """Registration: the rigid motion from drawn points to measured ones, and its errors.
 
 Maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance. Newton's method
-starts from the rotation of [kabsch1976]; Gauss-Newton steps replace it where the likelihood is not convex. The
+starts from the rotation of [kabsch1976]; where the likelihood is not convex, Gauss-Newton steps are used instead. The
 covariance is that of the linearised motion. Terms of [fitzpatrick1998]: fiducial registration error for the residuals,
 target registration error for `Registration.error_cov`.
 """

@@ -130,7 +130,7 @@ class TissueModel:
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
         """Matrix A and noise density of the augmented motion about a shape [m], (dim_x, dim_x); in [m], [m/s], [N].
 
-        Unstable motions of the shape, as of a compressed link, keep their speed instead of growing: the real body moves
+        Unstable motions, such as of a compressed link, keep their speed instead of growing: the real body moves
         to another rest shape, while a linear motion would diverge.
         """
         n, half = self.network.n_state, self.network.n_state // 2

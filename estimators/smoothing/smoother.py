@@ -31,7 +31,7 @@ TimedFix = tuple[float, Floats, Floats]
 class Step:
     """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the moves before it.
 
-    moves: empty where the filter started: its state holds no information on earlier frames
+    moves: empty if the filter started at this frame, so that its state has no information on earlier frames
     """
 
     mean: Floats

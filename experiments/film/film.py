@@ -25,8 +25,8 @@ FILM, WORST = "film.avi", "worst.png"
 class Film:
     """A context manager that writes film.avi into a folder frame by frame, and worst.png at the end.
 
-    In space each camera has a film, film.NAME.avi. Marks of another tracker are drawn on a plain background;
-    InputError for those in space without cameras.
+    In space each camera has a film, film.NAME.avi. Without pictures, marks are drawn on a plain background;
+    InputError if such marks are in space and the scene has no camera.
     State: the writer of each camera, created with its first frame; the worst frames.
     """
 
@@ -39,7 +39,7 @@ class Film:
         self._writers: dict[str, VideoWriter] = {}
 
     def take(self, frame: AnyFrame, line: Line, step: Step, guidance: Guidance | None = None) -> None:
-        """Draw a frame and append it to the film, or the pictures of several cameras to theirs."""
+        """Draw the pictures of a frame, and append each to its camera's film."""
         for name, (image, overlay) in pictures_of(frame, self._cameras, line, step, guidance, self.plan).items():
             picture = drawn(image, overlay)
             if name not in self._writers:

@@ -26,12 +26,12 @@ WAITING = 8
 
 
 class LiveFilm:
-    """A film of each camera that is written in pieces in its own folder, like a recording, and joined at the end.
+    """A film for each camera, written in pieces to the folder `growing` and joined at the end.
 
-    growing: that folder, created with the first frame; after a kill, `softaim record --recover` joins the pieces
+    growing: is created with the first frame; after a kill, `softaim record --recover` joins the pieces
     In the loop, `take` only projects; drawing and compression run in a thread for each camera.
-    State: the threads; number of pictures dropped because they were too slow; the first fault that ended one; the
-    files written.
+    State: the threads; number of pictures dropped because threads were too slow; the first fault that ended a thread;
+    the files written.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:

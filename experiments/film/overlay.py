@@ -1,6 +1,6 @@
 """One annotated frame: marks, network, target, needle, status and reasons, in pixels.
 
-Independent of scenes and filters: `views` makes the `Overlay`. All ellipses contain 95 %.
+This module does not use scenes or filters: `views` makes the `Overlay`. All ellipses contain 95 % probability.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ MOST_LINES = 6
 
 
 class Fate(StrEnum):
-    """The result for a mark in a frame."""
+    """Result for a mark in a frame: found and used, refused by the filter, or lost."""
 
     FOUND = "found"
     REFUSED = "refused"
@@ -57,7 +57,7 @@ class MarkDrawn:
     center_px, cov_px2: its detection, (2,), (2, 2); None for a lost mark
     expected_px, expected_cov_px2: its prediction; None if it is not known
     shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
-    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False for a mark only for scoring
+    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False if only for scoring
     """
 
     name: str
@@ -88,7 +88,7 @@ class Overlay:
     """Annotation of one frame.
 
     status, status_colour: a word, and its colour; facts: text beside it, such as the time
-    nodes_px: (n, 2), NaN for nodes outside the view; names: of nodes, empty for those without a label; fixed: (n,)
+    nodes_px: (n, 2), NaN for nodes outside the view; names: of the nodes, empty for none; fixed: whether fixed, (n,)
     springs: pairs of nodes, (m, 2)
     target_px, target_cov_px2: (2,), (2, 2), None if not known; target_shape_px: as `shape_px` of a mark, (2, 2)
     trusted: whether the target's ellipse is reliable; otherwise it is faint

@@ -51,7 +51,7 @@ def _is_near(places: Floats) -> bool:
 
 
 def _fixed(places: Floats) -> Picture:
-    """Positions as OpenCV's integers for fractions of pixels."""
+    """Positions in OpenCV's integer unit, a sixteenth of a pixel."""
     return np.round(places * 2**SHIFT).astype(np.int32)
 
 
@@ -62,7 +62,7 @@ def _draw(image: Image, lines: Sequence[Picture], colour: Colour, width: int, ed
 
 
 def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour, width: int) -> None:
-    """Draw a dashed line through points, (n, 2) [px], with dark gaps, so that it is visible on any ground."""
+    """Draw a dashed line through points, (n, 2) [px], with dark gaps, so that it is visible on any background."""
     draw_line(image, points_px, DARK, width, edge=0)
     draw_segments(image, dashed(points_px, dash_px), colour, width, edge=0)
 
@@ -95,7 +95,7 @@ def _circle(n: int) -> Floats:
 
 
 def dashed(points_px: Floats, dash_px: float) -> Floats:
-    """Every second dash of a line through points, (n, 2): pieces (k, 2, 2)."""
+    """Every second dash of a line through points, (n, 2), as line pieces, (k, 2, 2)."""
     lengths = np.linalg.norm(np.diff(points_px, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not np.isfinite(along[-1]) or along[-1] == 0.0:

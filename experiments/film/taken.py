@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Pixels in each kind's colour range. State: numbers by frame and kind; frames with the least and most."""
+    """Pixels in each kind's colour range. State: numbers of pixels by frame and kind; frames with fewest and most."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]
@@ -65,7 +65,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """Figures by kind: marks and keys, selected share of the picture, ratio to the marks' size, faulty frames."""
+        """Figures by kind: marks, hue range, pixels as shares of picture and marks' area, numbers of faulty frames."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share

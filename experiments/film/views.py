@@ -195,7 +195,7 @@ def _mark(scene: Scene, mark: Mark, seen: MarkMeasurement | None, step: Step, vi
 
 
 def refused_words(seen: MarkMeasurement, mean: Floats, cov: Floats) -> str:
-    """Distance of a rejected mark from its prediction."""
+    """Text with the distance of a rejected mark from its prediction."""
     away = seen.position - mean
     sigmas = float(np.sqrt(away @ np.linalg.solve(cov + seen.total_cov, away)))
     return f"{1e3 * float(np.linalg.norm(away)):.1f} mm, {sigmas:.1f} sigma, from where it was expected"

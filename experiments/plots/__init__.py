@@ -3,4 +3,4 @@
 A new figure belongs here.
 """
 
-# Import names from the modules themselves: most modules load the filter for two seconds, the calibration's does not.
+# Import names from the modules themselves: most modules load the filter, in two seconds; calibration.py does not.

@@ -66,13 +66,13 @@ MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Difference of probabilities that is invisible in print; range of constant misses, relative to the lesion's radius."""
+"""Difference of probabilities that is invisible in print; range of a constant miss, relative to the lesion's radius."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
-"""Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""
+"""Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
 
 OBSERVED = "observed: share of needles with random errors of tip and push that hit the true target"
-"""Note on the observed hits: the true path is fixed, only tip and push are random, so the share is between 0 and 1."""
+"""Legend entry of the observed hits: the true path is fixed, tip and push are random, so some of the needles hit."""
 
 NUMBER = re.compile(r"\d+(?:\.\d+)?")
 

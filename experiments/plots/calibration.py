@@ -1,4 +1,4 @@
-"""Plot of a calibration: residuals over the picture's area, and the fit of each picture."""
+"""Plot of a calibration: residuals over the picture's area, and the rms residual of each picture."""
 
 from __future__ import annotations
 

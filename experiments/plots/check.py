@@ -1,4 +1,4 @@
-"""Plot of a scene's check: the network as drawn and at rest, marks, anchors, target, and each mark's information."""
+"""Plot of a scene's check: network as drawn and at rest, marks, anchors, target, each mark's share of information."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LEAST_BARS = 6
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""Largest distance between drawn and rest positions that is invisible in print [mm]: the plot then has only one."""
+"""Largest distance of drawn from rest positions that is invisible in print [mm]; one of both is then drawn."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""

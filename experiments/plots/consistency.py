@@ -46,7 +46,7 @@ def sigma_figure(done: Track) -> Figure | None:
     """Observed error over predicted standard deviation, for groups of frames; None without frames that have both.
 
     If the covariance is consistent, 95 % of the groups lie in the band. Errors of frames are correlated in time, so the
-    band assumes as many independent errors as a group has effective frames.
+    band's width uses the effective number of independent errors in a group.
     """
     error, sigma, nees = _errors_and_sigmas(done)
     if not len(error):

@@ -43,9 +43,9 @@ FARTHEST_MM = 20.0
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
-    """Draw hits, misses, reliability and advised.png into an existing folder; vector: "pdf" or "svg" beside each.
+    """Draw hits.png, misses.png, reliability.png and advised.png into a folder; vector: "pdf" or "svg" beside each.
 
-    The last two are omitted if no bin has `N_LEAST` insertions.
+    Each of the last two is omitted if none of its bins has `N_LEAST` insertions.
     """
     drawn = {"hits": hits_figure, "misses": misses_figure, "reliability": reliability_figure, "advised": advised_figure}
     bins_of = {"reliability": calibrated(done), "advised": bins(done.advised)}

@@ -41,7 +41,7 @@ MOST_NAMES = 30
 """Largest number of a network's nodes for which unmarked nodes are also labelled."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 60.0, 28.0, 48.0
-"""Widths in print [mm], in space: of the body's axes, of a close-up, and of the square that the body fills."""
+"""Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
 
 FAINT = 0.3
 """Opacity of an ellipse for a frame whose estimate is not based on consistent marks."""

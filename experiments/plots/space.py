@@ -26,13 +26,13 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""Directions of views [degrees] to the right of z, and above. The second view is the one that adds most marks."""
+"""Directions of views [degrees]: to the right of z, and above it. The second view is the one that adds most marks."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
 
 N_SPRINGS = 600
-"""Largest number of springs that are drawn: more hide each other."""
+"""Largest number of springs that are drawn: more would hide each other."""
 
 SKIN, WALL, NEAR, FAR = to_rgb("#ece7e1"), to_rgb("#9fb4c7"), np.array([0.25] * 3), np.array([0.8] * 3)
 """Colours of a surface in full light, of its wall, and of near and far springs."""
@@ -100,7 +100,7 @@ def facing(view: View, scene: Scene) -> NDArray[np.bool_]:
 
 
 def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: float, *within_m: Floats) -> None:
-    """Draw the body as in its scene, with names of the marks on this side.
+    """Draw the body in its drawn shape, with names of the marks on the visible side.
 
     room_mm: side in print of the square that the axes fill [mm]; within_m: more positions to show [m], (n, 3)
     """
@@ -169,7 +169,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners of names beside positions, (n, 2), placed to cover least of marks and of earlier names.
+    """Lower left corners of names beside positions, (n, 2), that cover marks and earlier names least.
 
     scale: units of the plot per millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
     """

@@ -29,9 +29,9 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    path.png; with truth error.png and sigma.png; without it motion.png, in space part of path.png; consistency.png
-    if marks were used; withheld.png if marks were predicted as if hidden. vector: "pdf" or "svg" for a vector
-    file beside each; advance: called with the completed share
+    Always path.png; with truth also error.png and sigma.png, without truth motion.png (in space it is part of path.png)
+    consistency.png if the filter used marks; withheld.png if it predicted marks as if they were hidden
+    vector: "pdf" or "svg" for a vector file beside each; advance: called with the completed share
     """
     pictures: dict[str, Figure | None] = {"path": path_figure(done)}
     if done.has_truth:

@@ -1,8 +1,8 @@
 """Reliability of the hit probabilities that `softaim advise` predicts: the needle is inserted at each advice.
 
-Like `softaim advise`, the filter of the given scene gives advice, here every second. Each time the needle is inserted
-at once, straight along its direction, to the advised depth, in the true deforming tissue; the needle neither steers nor
-waits.
+The filter of the given scene gives advice every second, in the same way as `softaim advise`. Each time, the needle is
+inserted at once into the true deforming tissue: straight along its direction, to the advised depth. It neither steers
+nor waits.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Interval of advice [s]: insertions of one run are then nearly independent; parameter of the study."""
+"""Interval of advice [s], after which insertions of one run are nearly independent; parameter of the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
     """Advice at a time [s], and the result of its insertion.
 
-    probability: predicted for a hit, None if not stated; hit, miss_m: result, None if no needle was inserted
+    probability: predicted hit probability, or None; hit, miss_m: result and miss [m], None if no needle was inserted
     """
 
     time_s: float
@@ -77,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an immediate insertion; forces are known only in the interval `between_s` [s]."""
+    """Result of an insertion that starts at the first time of between_s [s] and must arrive before the second."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -115,7 +115,7 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with 95 % interval, and their difference with its sd.
+    """Number of insertions, mean predicted probability, hit rate with 95 % interval, their difference with its sd.
 
     The difference's sd is by a jackknife over runs, because the insertions of one run are not independent.
     """

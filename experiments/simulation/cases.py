@@ -1,6 +1,6 @@
 """The case of an insertion: a scenario's tissue, the scene of the filter, the needle and its lesion.
 
-The shipped tissue uses the settings of the study, and a user's scene those of its file: see `docs/insertion.md`.
+The filter has the study's settings for the shipped tissue, and its file's for a user's scene (`docs/insertion.md`).
 """
 
 from __future__ import annotations
@@ -40,22 +40,22 @@ BEYOND_M = 0.035
 """Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""Settings for pokes of one outer mass at a time. In scenario `poked` these are half sines in random directions with
-peaks of 3 to 10 m/s²; on one coordinate their root mean square is 3.4 m/s²."""
+"""Filter settings for pokes of one outer mass at a time. In scenario `poked` these are half sines in random directions
+with peaks of 3 to 10 m/s²; on one coordinate their root mean square is 3.4 m/s²."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
-"""Settings for pushes of all outer masses at once."""
+"""Filter settings for pushes of all outer masses at once."""
 
 FAR_M, N_ALONG = 0.05, 100
-"""Largest distance of a needle's entry from a body of tetrahedra [m], and number of places along it that are tested;
-choice: a probe between robot and skin is shorter."""
+"""Largest distance of a needle's entry from a body of tetrahedra [m]; choice: a probe between robot and skin is short.
+Number of points on the needle's line at which the distance is tested."""
 
 ELSEWHERE = 0.1
-"""Largest distance of a mark in the filter's scene from that in the scenario's, relative to the body [1]; choice:
-sagging, registration or another mesh of the same body move marks less."""
+"""Largest distance of a mark in the filter's scene from the same mark in the scenario's, relative to the body's size
+[1]; choice: sagging, registration or another mesh of the same body move marks less."""
 
 AT_REST_M = 1e-9
-"""Distance from its drawing up to which a network counts as resting as drawn [m]; numerical: rounding."""
+"""Distance between drawn and rest positions up to which a network is drawn at rest [m]; numerical: rounding."""
 
 TIP = Needle(hit=Hit.TIP)
 """The needle in the phantom, and its uncertainty, see `docs/guidance.md`."""
@@ -176,7 +176,7 @@ def settings_for(scenario: Scenario) -> FilterSettings:
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network at its rest, `supported`; contact of a needle and the resting target refer to it."""
+    """The network in its rest shape, to which a needle's contact and the resting target refer; see `supported`."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
@@ -189,7 +189,7 @@ def resting_target(scene: Scene) -> Floats:
 
 
 def way_m(scene: Scene, plan: NeedlePlan) -> float:
-    """Distance from the entry to the tip at a resting target [m]."""
+    """Depth of the tip at which the needle hits a resting target [m]."""
     return float(np.linalg.norm(resting_target(scene) - plan.insertion.entry)) + plan.needle.reach_m
 
 

@@ -1,7 +1,7 @@
 """Closed-loop insertion of a needle into moving tissue by one policy: marks, estimate, command, tissue response.
 
-At every frame the policy gives the target's position, now or predicted, and the robot moves the needle's line towards
-it at a limited speed. COMMIT_S before arrival the line is fixed; the policy then states a probability.
+At every frame the policy gives the target's present or predicted position, and the robot moves the needle's line
+towards it at a limited speed. COMMIT_S before arrival the line is fixed; the policy then states a hit probability.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 """Range of the random lesion radius with which probabilities are tested [m], log-uniform; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Thresholds for the start; they are low, because poked tissue cannot be predicted half a second ahead. At the
-commitment a policy that may retract does so below the probability `go` of the needle's file."""
+"""Hit probabilities for the start; they are low, because poked tissue cannot be predicted half a second ahead. At the
+commitment, a policy that may retract does so below the probability `go` of the needle's file."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
     """Result of one policy in one world.
 
-    probability: of a hit, at the commitment; None if the policy states none or never committed
+    probability: hit probability at the commitment; None if the policy states none or never committed
     drawn_probability, drawn_hit: probability and hit for a lesion with the random radius drawn_radius_m [m]
     miss_m: distance of the tip or the notch's middle from the true target at arrival [m], None if the needle never
     arrived
@@ -84,7 +84,7 @@ def within(ways: Floats, most: float) -> Floats:
 
 
 def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
-    """Whether the lesion is hit; offset: from the target to the tip or the notch's middle [m], (dim,)."""
+    """Whether the lesion is hit; offset: vector from the target to the tip or the notch's middle [m], (dim,)."""
     length, core = needle.sampled
     if core:
         return bool(lesion.core_lengths(offset[None], axis, length)[0] >= core)
@@ -92,7 +92,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle after the warm-up; state: the tissue's state at that time; policy: warmed up."""
+    """Insert the needle after the warm-up; state: the tissue's state then; policy: after its warm-up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -156,7 +156,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """A commitment: start time [s], duration left_s [s], offset [m], and predicted tip and target."""
+    """A commitment: its time [s], time left to arrival [s], sideways motion in it [m], predicted tip and target."""
 
     now_s: float
     left_s: float
@@ -219,7 +219,7 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time at which the needle reaches the target's depth [s], and the target then; or the path's end if it does not.
+    """Time [s] when the needle reaches the target's depth, or of the path's end; position of the target then [m].
 
     axis: None for a needle that is turned towards the target
     """

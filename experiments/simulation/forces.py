@@ -27,7 +27,7 @@ class Force:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """Force by random acceleration with white density, linear between knots, on each free node [N], (n_free, dim)."""
+    """Force of a random white acceleration of each free node [N], (n_free, dim), linear between knots."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -70,7 +70,7 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A wave with a second harmonic on some nodes [N], (n_free, dim); period and phase are drawn once.
+    """A periodic force with a second harmonic on some nodes [N], (n_free, dim); period and phase are drawn once.
 
     Without nodes, forces on the points of a continuum displace them like an acceleration of the whole mass.
     """
@@ -132,7 +132,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Indices of these nodes, whose defaults `completed` has set."""
+    """Indices of these nodes; `completed` has replaced None by a list."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

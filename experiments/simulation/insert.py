@@ -1,6 +1,6 @@
 """Simulated robotic insertion in closed loop: the benefit of the estimate, of prediction and of waiting.
 
-`softaim insert SCENARIO --out DIR`: policies compared on the same truths, seed by seed. `docs/insertion.md` has the
+`softaim insert SCENARIO --out DIR` compares policies, for each seed on the same truth. `docs/insertion.md` has the
 resulting figures.
 """
 
@@ -52,7 +52,7 @@ def insert(
 
 
 def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]]:
-    """Every policy in the world of one case, and insertions by advice in it."""
+    """Results of every policy in the world of a case, and of insertions there that follow advice."""
     world = world_of(case)
     state, paper, warm = warmed(world)
     tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]

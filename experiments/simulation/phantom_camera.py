@@ -19,7 +19,7 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay after which the motion is made up for [s], for example by a compilation; choice: 0.4 s of work."""
+"""Longest delay, such as by a compilation, after which the phantom catches up [s]; choice: this takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
 """Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: errors
@@ -32,7 +32,7 @@ COMES_AGAIN_S = 360.0
 class PhantomCamera:
     """A camera in front of the poked phantom, which SciPy's RK45 moves in real time; pictures are drawn on request.
 
-    State: the phantom's state, (n_state,), at time_s [s] after its start; the clock time of the start; its picture.
+    State: the phantom's state, (n_state,), at time_s [s] after its start; the clock's time at the start; its picture.
     """
 
     def __init__(

@@ -51,7 +51,7 @@ def film(connection: Connection, fps: float | None) -> None:
 class PhantomProcess:
     """Pictures of a `PhantomCamera` in another process, with the interface of cv2.VideoCapture.
 
-    The process starts at once and loads for seconds, in parallel with others. The phantom moves only when it is opened.
+    The process starts at once and loads code for seconds, while the program continues. `opened` starts the phantom.
     fps: frame rate instead of the scenario's [frames/s]. State: the process, and its last message.
     """
 

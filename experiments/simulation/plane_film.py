@@ -18,7 +18,7 @@ from experiments.threads import ahead
 
 
 def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
-    """Frames of the motion by the scenario's camera, (height, width, 3) BGR."""
+    """The scenario's camera's pictures of the motion, (height, width, 3) BGR."""
     camera = scene.cameras[0]
     network = scene.network
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()

@@ -41,7 +41,7 @@ def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> 
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
-    """The measured marks of a scene at each time of a motion, and the target's truth.
+    """Recording with the measured marks of a scene at each time of a motion, and the target's truth.
 
     Reference marks have the same sd, and none is lost. With the same generator, errors have the same directions for
     any sd_mm, and a larger share of losses includes the marks that a smaller share loses.

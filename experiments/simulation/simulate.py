@@ -46,17 +46,17 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Level of the discrepancy, relative to the extent, for a simulated phantom, whose model is exact [1]; choice."""
+"""Level of the discrepancy for a simulated phantom, whose model is exact, relative to its extent [1]; choice."""
 
 TRUTH = 0.2
-"""Share of the progress that computing the truth takes before a film [1]."""
+"""Share of the reported progress that the truth takes if a film follows [1]."""
 
 STIFF_S = 1e-4
-"""Shortest explicit step [s]; if stability needs shorter ones, implicit steps are faster and used; numerical."""
+"""Shortest explicit step [s]; if stability needs shorter ones, implicit steps are used; numerical."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
-    """The scene of the scenario's file, or that of a camera in front of its phantom. Raises InputError."""
+    """The scene that the scenario names, or the phantom's scene with the scenario's camera. Raises InputError."""
     if scenario.scene is not None:
         return read_scene(Path(scenario.scene))
     network = four_mass_phantom()
@@ -194,9 +194,9 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """Copy the scene's file with the step `simulate`; cameras from other files are included.
+    """Copy the scene's file, with contents of the camera files that it names.
 
-    If the truth has other constants than the scene, `simulate` is not among its steps.
+    The copy lists the step `simulate`, unless the truth has other constants than the scene.
     """
     done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)

@@ -40,7 +40,7 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """One frame with the nodes at these positions [m], (n_nodes, 3): the measured marks that face the camera.
+    """A camera's picture of the measured marks that face it, with the nodes at these positions [m], (n_nodes, 3).
 
     covered: nodes whose marks are covered
     """

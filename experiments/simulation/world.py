@@ -30,17 +30,17 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Time over which external forces are linear [s]: a quarter of the tremor's interval."""
+"""Interval in which external forces are linear in time [s]: a quarter of the tremor's interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """The part of a simulated world that all policies share.
 
-    network: of the tissue; assumed: of the filter, drawn at rest; aim: map from the tissue's state to the target
-    knots: external forces; needle: with true constants; start: the tissue's state at time 0, as in
+    network: network of the tissue; assumed: network of the filter, drawn at rest; aim: map from tissue state to target
+    knots: external forces; needle: needle with its true constants; start: the tissue's state at time 0, as in
     `steady_state`: (n_state,), longer for a continuum
-    noise: of the measured marks [m], (n_frames, n_marks, dim); missed: whether each is missing, (n_frames, n_marks)
+    noise: errors of the marks [m], (n_frames, n_marks, dim); missed: whether each mark is missing, (n_frames, n_marks)
     offset_m: vector from the scene's target to the true one [m], (dim,)
     tip_noise: final error of the tip in standard deviations, (dim,), standard normal
     share: random number in (0, 1) for the run's lesion

@@ -1,4 +1,4 @@
-"""One file per published table or figure, which its docstring names.
+"""Studies, one for each published table or figure.
 
 A new study belongs here.
 """

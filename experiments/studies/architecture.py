@@ -43,7 +43,7 @@ class Room:
 
 @cache
 def rooms_of(package: str) -> list[Room]:
-    """The rooms of a package, by name; rooms within a room count as part of it."""
+    """The rooms of a package, sorted by name; a room inside another counts as part of the outer room."""
     found = []
     for folder in sorted(path.parent for path in (ROOT / package).glob("*/__init__.py")):
         text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
@@ -82,7 +82,7 @@ def layers_of(package: str) -> list[list[str]]:
 
 
 def tables() -> str:
-    """The rooms of each package, as Markdown, from the top layer down, and a digest of the imports in the drawing."""
+    """Markdown lists of each package's rooms, from the top layer down, and a checksum of the imports between rooms."""
     parts, imports = [], []
     for package in PACKAGES:
         rooms = {room.name.split(".")[1]: room for room in rooms_of(package)}
@@ -107,7 +107,7 @@ FRAMES: dict[str, tuple[float, tuple[str, ...], float, str]] = {
     "vision": (8.6, ("dynamics",), 8.0, "#e5f2dd"),
     "experiments": (0.0, ("estimators", "vision"), 16.6, "#eee3f3"),
 }
-"""Layout of each package in the drawing: left edge, the packages below it, width, colour. Lower packages come first."""
+"""Layout of each package in the drawing: left edge, names of packages below it, width, colour; from the lowest up."""
 HEIGHT, GAP, BETWEEN = 0.5, 0.36, 0.85
 
 

@@ -1,20 +1,20 @@
-"""Speed of parts of the program and of references, measured in one run on the same work.
+"""Speed of parts of the program and of reference programs, measured in one run on the same input.
 
-filter_step: one frame of the filter with three marks of the phantom. References: filterpy's interacting multiple model
-with a stock unscented filter for each mode, and the same states, noise, rates and marks; sigma points move one after
-the other, in plain NumPy or compiled.
-full_step: the filter with association of interchangeable marks, frame after frame; considered: with ten unknown
+filter_step: one frame of the filter with three marks of the phantom. The references are filterpy's interacting multiple
+models, with its unscented filter for each mode and the same states, noise, switching rates and marks. They move one
+sigma point at a time, in plain NumPy or in compiled code.
+full_step: one frame of the filter that also associates interchangeable marks; `considered_ms`: with ten uncertain
 constants, too.
-bodies: frames of grids in space with springs along edges and diagonals: 18 free nodes with 17 marks, 48 with 40.
-advice: the two parts of `guide`, which are the target's path for one second at 30 times, and advice on 21 starts within
-2 s from such a path, in the plane and in space; a plan of 500 straight paths; a hit probability in space.
-live_frame: advice in a live frame: fit of the breathing model, 1.5 s of path from tables, advice on 4 starts; and the
-path from tables alone.
-recording: advice, noise levels and the smoother on a recording, per frame: `bench_recording`.
+bodies: one frame for grids in space with springs along edges and diagonals: 18 free nodes and 17 marks, or 48 and 40.
+advice: prediction of the target's path at 30 times in one second; advice on 21 starts within 2 s for a known path, in
+the plane and in space; a plan of 500 straight paths; one hit probability in space.
+live_frame: advice in a live frame, which fits the breathing model, computes 1.5 s of the path from tables, and advises
+on 4 starts; quick_path: the path from tables alone.
+recording: times per frame to advise, to tune the discrepancy and to smooth, from `bench_recording`.
 detect: four red marks in pictures of 1280x720, found in the whole picture, near expected positions, and by OpenCV's
-SimpleBlobDetector with its own settings.
-scaling: a row for each mesh of a breast, 1,000 to 14,000 nodes with 40 marks, see `experiments.studies.scaling`.
-loop_640x480: time from a frame in memory to the estimate, at 30 frames/s. film_640x480: times of a run with a film.
+SimpleBlobDetector with its default settings.
+scaling: a row for each mesh of a breast with 1,000 to 14,000 nodes and 40 marks, see `experiments.studies.scaling`.
+loop_640x480: time from a frame in memory to the estimate. film_640x480: times to track, draw and write a film's frame.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ SUB_STEPS = 4
 
 
 def bench(advance: Callable[[float], None] = lambda _share: None) -> Report:
-    """All benchmarks, by name; medians, in ms."""
+    """Figures of all benchmarks, by name: median times [ms], and ratios of them."""
     report: Report = {}
     for name, (done, work) in BENCHMARKS.items():
         report[name] = work()
@@ -97,7 +97,7 @@ def repeated_ms(work: Callable[[], object], repeats: int) -> float:
 
 
 def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callable[[], Moments]]:
-    """Functions that estimate the target after a frame: by our filter, and by filterpy, also with compiled motion."""
+    """Three functions that estimate the target after a frame: our filter, filterpy, filterpy with compiled motion."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     frames = resting_frames(network, OUTER, 0.00414, 31)
@@ -112,7 +112,7 @@ def filter_pair() -> tuple[Callable[[], Moments], Callable[[], Moments], Callabl
     add_noise(noises, found, own.variances)
     points = filterpy.MerweScaledSigmaPoints(process.n, 1.0, 0.0, 0.0)
     velocity, force, n = process.parts["velocity"], process.parts["force"], network.n_state
-    short_s = 1e-6  # within one step a force changes only the speed
+    short_s = 1e-6  # so short that a force changes the speed but not the position
     pushes, fading = process.linearize(own.mean, short_s).matrix[velocity, force] / short_s, found.matrix.diagonal()[n:]
 
     def plain(x: Floats, dt: float) -> Floats:
@@ -203,7 +203,7 @@ def _grid_ms(side: int, n_frames: int) -> float:
 
 
 def advice() -> dict[str, float]:
-    """Times for a second of the target's path [ms], for advice on a needle from a path, and for a hit's probability."""
+    """Times to predict a second of the target's path, to advise on a needle, to plan, and to compute a hit [ms]."""
     network = four_mass_phantom()
     tissue = TissueFilter(network, HIDDEN, OUTER, EXACTLY)
     passed(tissue, resting_frames(network, OUTER, 1e-3, 10))
@@ -287,7 +287,7 @@ def detect(n_frames: int = 60) -> dict[str, float]:
 
 
 def loop_640x480(n_frames: int = 120) -> dict[str, float]:
-    """Time of the paper's loop at 640x480, from the frame in memory to the estimate."""
+    """Times of the paper's loop for a frame of 640x480 in memory [ms]: detection, filter, the rest, and total."""
     scene, times_s, images = _filmed_webcam(n_frames)
     line, seconds = Line(scene, baseline=False), []
     for exposure_s, image in zip(times_s, images, strict=True):

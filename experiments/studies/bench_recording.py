@@ -1,13 +1,13 @@
-"""Speed of work on whole recordings: advice on a needle, the level of the discrepancy, the smoother.
+"""Speed of work on whole recordings: advising on a needle, tuning the discrepancy's level, smoothing, and filming.
 
-One recording of the phantom at rest, three marks accurate to 1 mm, 30 frames/s; row `recording` of `softaim bench`.
-advise: a frame's advice for 21 starts within 2 s, with a path from tables, and from `TissueFilter.predict_path`.
-tune: time of `tune_strain` on 50 frames, per frame, and relative to one pass of the filter.
-smooth: time of `fixed_interval` per frame; ratio: relative to the filter alone on the same frames.
+The recording shows the phantom at rest with three marks accurate to 1 mm; its figures are the row `recording` of
+`softaim bench`. advise: advice of one frame on 21 starts within 2 s, with a path from tables or from the filter.
+tune: time of `tune_strain` on 50 frames, divided by their number or by the time in which the filter passes them.
+smooth: time of `fixed_interval` per frame; smooth_ratio: this time relative to that of the filter alone.
 
-Row `film_640x480`: a film with its overlay. Processor times on a busy machine: tracking 4.1 ms, projecting and drawing
-3.4 ms, compression 3.7 ms, in all 11.2 ms of the 33 ms per frame. With one of four marks missing in every frame the sum
-is 32.5 ms, of which 25 ms are the search for this mark.
+Row `film_640x480`: a film with its overlay. Processor times per frame on a busy machine: 4.1 ms for tracking, 3.4 ms
+for projecting and drawing, 3.7 ms for compression, 11.2 ms in all. If one of the four marks is missing in every frame,
+the sum is 32.5 ms, of which 25 ms are the search for this mark.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ def seconds_of(work: Callable[[], object]) -> float:
 
 
 def median_ms(seconds: Sequence[float]) -> float:
-    """Median [ms] without the first tenth."""
+    """Median [ms] of these durations [s], without the first tenth of them."""
     return 1e3 * float(np.median(seconds[len(seconds) // 10 :]))
 
 
 def resting_frames(network: MassSpringNetwork, nodes: Sequence[str], sd_m: float, n_frames: int) -> Frames:
-    """Marks of a body at rest as drawn, with this standard deviation on each axis [m]."""
+    """Frames with noisy marks of a body that rests in its drawn shape; sd_m: their sd on each axis [m]."""
     at = network.positions[[network.index(node) for node in nodes]]
     places = at + np.random.default_rng(0).normal(0.0, sd_m, (n_frames, *at.shape))
     return frames_of(FRAME_S * np.arange(n_frames), places, nodes, sd_m)
@@ -78,7 +78,7 @@ def _pass_s(frames: Frames) -> float:
 
 
 def advised(frames: Frames) -> dict[str, float]:
-    """Times of advice at each frame, by tables and by the filter."""
+    """Median times of advice in a frame [ms], with a path from tables and with a path from the filter."""
     tissue, network = _filter(), four_mass_phantom()
     place = network.positions[network.index(HIDDEN)]
     towards = Insertion(place + np.array([0.0, 0.03]), np.array([0.0, -1.0]), 0.1)
@@ -97,21 +97,21 @@ def advised(frames: Frames) -> dict[str, float]:
 
 
 def tuned(frames: Frames) -> dict[str, float]:
-    """Time to tune the discrepancy level on the frames, and of a pass of the filter through them in the same run."""
+    """Time to tune the discrepancy level on the frames: per frame [ms], and relative to one pass of the filter [1]."""
     pass_s = min(_pass_s(frames), _pass_s(frames))
     took_s = seconds_of(partial(tune_strain, four_mass_phantom(), frames, OUTER, HIDDEN))
     return {"tune_ms": 1e3 * took_s / len(frames), "tune_passes": took_s / pass_s}
 
 
 def smoothed(frames: Frames) -> dict[str, float]:
-    """Times of the smoother, which passes the frames forward and back, and of the filter alone."""
+    """Time of the smoother, which passes the frames forward and back: per frame [ms], relative to the filter [1]."""
     fixed_interval(_filter(), frames[:3])
     pass_s, took_s = _pass_s(frames), seconds_of(partial(fixed_interval, _filter(), frames))
     return {"smooth_ms": 1e3 * took_s / len(frames), "smooth_ratio": took_s / pass_s}
 
 
 def film_640x480(scene: Scene, times_s: Sequence[float], images: Sequence[Image]) -> dict[str, float]:
-    """Medians over frames [ms] of the times for tracking with reasons, projecting and drawing, compression, and all."""
+    """Median times per frame [ms]: tracking with reasons for lost marks, projecting and drawing, compression, total."""
     line, camera, seconds = Line(scene, explain=True), scene.cameras[0], []
     with TemporaryDirectory() as folder, VideoWriter(Path(folder) / "film.avi", camera.size_px, 30.0) as writer:
         for time_s, image in zip(times_s, images, strict=True):

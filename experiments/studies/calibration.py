@@ -1,9 +1,9 @@
 """Study of a camera whose calibration error is constant in a run: bias and covariance of the target.
 
-Truth is by `experiments.simulation.simulate`. Runs have 30 frames/s and last 5 s; the first 0.5 s is omitted. The
-camera stands 1.2 m before the plane. Errors of its lens and pose are drawn once for each run and scaled to a given
-error of marks (rms, both axes); marks also have 0.5 mm of noise. Two filters get the same marks: one assumes errors
-that are independent in each frame (n_calibration 0), one considers constant errors.
+`experiments.simulation.simulate` computes the truth. Runs have 30 frames/s and last 5 s; the first 0.5 s is omitted.
+The camera stands 1.2 m in front of the plane. Errors of its lens and pose are drawn once for each run, and scaled to
+give the marks a stated rms error; marks also have 0.5 mm of noise. Two filters get the same marks: one assumes errors
+that are independent in each frame (n_calibration 0), the other considers constant errors.
 
 `python -m experiments.studies.calibration` prints, with 100 runs of each case (latest figures in docs/calibration.md):
 
@@ -35,14 +35,14 @@ SETTLED = 15
 FILTERS = (INDEPENDENT, CONSIDERED) = "independent", "considered"
 
 DIRECTIONS = np.diag([3.0, 3.0, 3.0, 3.0, 0.01, 0.02, 1e-3, 1e-3, 0.02, *[2e-3] * 3, *[2e-3] * 3])
-"""Errors of lens and pose before scaling, as after a calibration with a dozen pictures; choice."""
+"""Standard deviations of errors of lens and pose before scaling, typical for a calibration with 12 pictures; choice."""
 
 Run = dict[str, tuple[Floats, Floats]]
-"""One run, by filter: errors of the target [m], (n_frames, 2), and their covariances [m²], (n_frames, 2, 2)."""
+"""Result of a run, by filter: errors of the target [m], (n_frames, 2), and their covariances [m²], (n_frames, 2, 2)."""
 
 
 def miscalibrated_camera(error_m: float) -> PlaneCamera:
-    """A camera in front of the phantom whose calibration moves marks at rest by this much on average [m]."""
+    """A camera in front of the phantom whose calibration error moves marks at rest by this rms distance [m]."""
     lens = Lens(np.array([[900.0, 0.0, 639.5], [0.0, 900.0, 359.5], [0.0, 0.0, 1.0]]), np.zeros(5))
     camera = posed_camera(
         "front",
@@ -58,7 +58,7 @@ def miscalibrated_camera(error_m: float) -> PlaneCamera:
 
 
 def run(seed: int, error_m: float, cache: Path, duration_s: float = 5.0) -> Run:
-    """Both filters on the same marks of a camera with random errors along its directions."""
+    """Run both filters on the same marks, from a camera with random calibration errors of rms size error_m [m]."""
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial("quiet", seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)
     given, hidden = seen(trial, cache, rng)

@@ -1,6 +1,6 @@
 """Simulation, film and track of the paper's two scenarios: what `softaim demo` does.
 
-Its table has the form of [paper] section IV: mean absolute error ± SD of the hidden mass, quiet and poked.
+Its table has the form of [paper] section IV: mean absolute error ± SD of the hidden mass in each scenario.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def tracked(
 
 
 def heads() -> tuple[str, ...]:
-    """The scenarios with their seeds, for tables of the demo."""
+    """Column headings of the demo's tables: the scenarios with their seeds."""
     return tuple(f"{name}, seed {read_scenario(name).seed}" for name in SCENARIOS)
 
 
@@ -46,10 +46,10 @@ Figures = dict[str, dict[str, dict[str, float | int | None]]]
 def demo(
     out: Path, *, vector: str | None = None, force: bool = False, stage: Callable[[str], Callable[[float], None]]
 ) -> Figures:
-    """Write recordings and tracks of both scenarios to the folder `out`; figures by scenario and method.
+    """Write recordings and tracks of both scenarios to the folder `out`; returns figures by scenario and method.
 
     vector: "pdf" or "svg" for a vector file beside each plot; stage(name) is called at the start of each part and
-    returns a function of the completed share
+    returns a function, which then gets the completed share
     """
     from experiments.plots.track import write_track_plots  # imported here, because matplotlib is slow to load
 

@@ -49,7 +49,7 @@ def study_options(doc: str | None, *, out: bool = True, page: str = "") -> argpa
 
 
 def add_seeds(parser: argparse.ArgumentParser, n: int, first: int, *, runs: str = "--seeds") -> None:
-    """Add `--seeds`, or another name, and `--first-seed`, for `seeds_of`."""
+    """Add the options that `seeds_of` reads: the number of seeds, named `runs`, and `--first-seed`."""
     parser.add_argument(
         runs, dest="n_seeds", type=one_or_more, default=n, help="runs of each case; default: %(default)s"
     )
@@ -62,7 +62,7 @@ def seeds_of(given: argparse.Namespace) -> range:
 
 
 def chosen(option: str, names: Sequence[str], known: Iterable[str]) -> list[str]:
-    """The names in an option's text; all known names by default. Raises InputError for an unknown name."""
+    """The names that an option states; all known names if it states none. Raises InputError for an unknown name."""
     every = list(known)
     for name in names:
         if name not in every:
@@ -104,7 +104,7 @@ def publish(given: argparse.Namespace, text: str, parts: Mapping[str, str]) -> N
 
 
 def print_figures(label: str, figures: Mapping[str, float], digits: int = 3) -> None:
-    """One line: a label, and all figures with their names."""
+    """Print one line: a label, and all figures with their names."""
     columns = "  ".join(f"{name} {value:.{digits}g}" for name, value in figures.items() if not isinstance(value, str))
     sys.stdout.write(f"{label}{columns}\n")
     sys.stdout.flush()

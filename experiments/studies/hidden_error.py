@@ -1,4 +1,4 @@
-"""Error of the hidden mass by both methods, at 30 frames/s and 4.14 mm of mark noise, with true parameters.
+"""Error of the hidden mass by the paper's method and the filter: 30 frames/s, mark noise 4.14 mm, true parameters.
 
 Reproduces the comparison in [paper] section IV with the paper's mark noise ("4.14 ± 1.47 mm", assumed to be the
 standard deviation on each axis) at a camera's frame rate. Truth is by SciPy's RK45.
@@ -23,7 +23,7 @@ SEEDS = range(100, 100 + N_RUNS)
 
 
 def study(scenario: str, seeds: range, workers: Workers = ALL_CORES) -> dict[str, float]:
-    """Figures of all runs by `experiments.studies.estimation.study`."""
+    """Figures of a scenario over all runs, see `experiments.studies.estimation.study`."""
     with tempfile.TemporaryDirectory() as cache:
         done = runs_of(partial(run, model=Model(), cache=Path(cache)), [Trial(scenario, k) for k in seeds], workers)
     return figures(pd.DataFrame([row_of(one) for one in done]))

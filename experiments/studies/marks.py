@@ -4,8 +4,8 @@
     python -m experiments.studies.marks --runs 4 --frames 20 --out study
 
 Each run has its own camera, lamps, surface and motion (`vision.drawn_run`); hues are learned from one click; expected
-positions have an error of 3 px on each axis. A mark is visible if more than half of it is; a detection with its name is
-false if it is farther from the mark's centre than the mark's radius. Latest figures: docs/marks-study.md.
+positions have an error of 3 px on each axis. A mark counts as visible if more than half of its area is; a detection is
+false if it is farther from its mark's centre than the mark's radius. Latest figures: docs/marks-study.md.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ FIRST_SEED = 10_000
 VISIBLE = 0.5
 """Least visible share of a mark with which it counts as visible."""
 FAR_PX = 4.0
-"""Distance from the true position above which a mark counts as far [px]; its error is not excluded."""
+"""Distance from the true position above which a detection counts as far [px]; it also counts for the errors."""
 PREDICTED_SD_PX = 3.0
 """Error of a mark's predicted position on each axis [px]; that of the tissue filter is smaller at 1 mm per pixel."""
 
@@ -88,7 +88,7 @@ def run(case: Case) -> list[dict[str, object]]:
 
 
 def figures(rows: pd.DataFrame) -> dict[str, float]:
-    """Figures of the rows of one level."""
+    """Figures of all rows with the same level, one of `LEVELS`."""
     visible = rows[rows.visible > VISIBLE]
     seen = visible[visible.found.astype(bool)]
     right = seen[~seen.false.astype(bool)]

@@ -4,8 +4,8 @@
 
 The films are `ball.mp4` of github necrosskull/opencv_pendulum at 92aaf6f and `ball.mp4`, `ball3.mp4` of github
 trflorian/ball-tracking-live-plot at 2c6270a (both MIT): a striped red ball on a cord, a green ball tossed and caught,
-and one half covered by a hand. Hues are learned from one position in one frame. DIR gets a table for each film, with a
-row per frame, and real-balls.json. Latest figures: docs/real-film.md.
+and a ball half covered by a hand. Hues are learned from one position in one frame. DIR gets real-balls.json, and a
+table for each film with a row for each frame. Latest figures: docs/real-film.md.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ def against_labels(rows: pd.DataFrame, labels: pd.DataFrame) -> dict[str, float]
 
 
 def tracked_against_labels(seen: Track, film: str) -> dict[str, float]:
-    """As `against_labels`, for the only mark of `softaim track` in a recording of a labelled film."""
+    """The figures of `against_labels` for the only mark in a track of a labelled film."""
     camera = seen.recording.scene.cameras[0]
     rows: list[dict[str, float | bool]] = []
     for k, step in enumerate(seen.steps):

@@ -6,13 +6,13 @@ anchor, one mass and one stiff spring; the wall is not in it and acts as an unkn
 
     python -m experiments.studies.red_pendulum ball.mp4 --out DIR
 
-makes DIR/recording for `softaim track`, tracks it, then withholds the mark for 0.3 s at a time and compares the
-filter's prediction with the measurement: DIR/report.json, DIR/withheld.png. Latest figures: docs/real-film.md.
+The command makes DIR/recording for `softaim track`, and tracks it. Then it withholds the mark for 0.3 s at a time, and
+compares prediction and measurement: DIR/report.json, DIR/withheld.png. Latest figures: docs/real-film.md.
 
 The plane of the swing is turned about the vertical from the picture's plane, so that the ball's circle looks like an
 oval; the turn is the only unknown in that plane's homography. The scale follows from gravity and the period: between
-two strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 g theta', and the w that fits all flights
-gives the cord's length 9.81 / w².
+two strikes the ball swings freely, theta'' = -w² sin(theta - theta_0) - 2 c theta' with damping c; the w that fits all
+flights gives the cord's length 9.81 / w².
 """
 
 from __future__ import annotations

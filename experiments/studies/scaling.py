@@ -1,7 +1,7 @@
 """Cost of an estimate for meshes of different size: breasts of 1,000 to 14,000 nodes with 40 marks.
 
-One row per mesh: `nodes`, `elements`, `marks`; `prepare_s`: time from the mesh to the first frame; `cached_s`: that
-time if the continuum is on disk; `ms_per_estimate`: median of frames in which the body bends, at 30 frames/s;
+One row per mesh: `nodes`, `elements`, `marks`; `prepare_s`: time from the mesh to the first frame; `cached_s`: the same
+time if the continuum is read from disk; `ms_per_estimate`: median time of an estimate while the body bends;
 `memory_mb`: peak memory of the process. Each mesh has a separate process.
 
     python -m experiments.studies.scaling      # writes the table of docs/meshes.md and docs/images/scaling.png
@@ -98,7 +98,7 @@ def _frame(tissue: TissueFilter, k: int) -> Callable[[], None]:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """The table of the page."""
+    """The table of docs/meshes.md."""
     cells = [
         (f"{one['nodes']:,}", f"{one['ms_per_estimate']:.0f}", f"{one['prepare_s']:.1f}", f"{one['memory_mb']:.0f}")
         for one in rows

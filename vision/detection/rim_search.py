@@ -15,7 +15,7 @@ from vision.detection.settings import DETECTION, DetectionSettings
 def detect_by_rim(frame_bgr: Image, expected: Expected, settings: DetectionSettings = DETECTION) -> Detection | None:
     """The mark whose rim is visible near its expected position; None if there is none.
 
-    It is also None if the standard deviation of that position exceeds the mark's radius.
+    Also None if the standard deviation of the expected position exceeds the mark's radius.
     The caller must check the mark's colour.
     """
     outline = expected.outline

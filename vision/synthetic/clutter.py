@@ -18,7 +18,7 @@ from vision.synthetic.sensor import light_of
 Size = tuple[int, int]
 
 ROWS_PER_BAND = 32
-"""Number of rows in a band of a needle; a box around a whole slanted needle would cover most of the picture."""
+"""Number of picture rows in each band in which a needle is drawn; a box around a whole slanted needle is too large."""
 
 
 @dataclass(frozen=True, slots=True)

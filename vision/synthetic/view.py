@@ -136,7 +136,7 @@ def disc_coverage(view: SyntheticView, box: Box, path_m: Floats, radius_m: float
     """The share of each pixel in the box that a disc covers, averaged over the moments of its path.
 
     path_m: the disc's centre at evenly spaced moments of the exposure [m], shape (n_moments, 2)
-    Returns shape (bottom - top, right - left), 0 to 1. It errs by up to 1e-3 of the disc's area from a radius of 2 px.
+    Returns shape (bottom - top, right - left), 0 to 1. Error: at most 1e-3 of the disc's area, for radii from 2 px on.
     """
     n_samples = SAMPLES_PER_PIXEL if len(path_m) == 1 else MOVING_SAMPLES_PER_PIXEL
     middle = path_m.mean(axis=0)

@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of its kind; unseen: number of frames since the last such frame, counted by the owner
+    hue_deg: hue of the mark; unseen: number of frames since the last complete one, which the caller counts
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:

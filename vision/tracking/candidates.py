@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark: with an unlike ring, and a higher score than for a known colour.
+    """Whether a match with a fitted colour is a mark: the ring is unlike it, and the score higher than usually needed.
 
     color_distance: as in `is_mark`, for the fitted colour
     """

@@ -80,8 +80,8 @@ def _squared_distance(frame, y, x, color, weight):  # type: ignore[no-untyped-de
 def likeness(frame, box, inside, ring, colors, core, behind, settings):  # type: ignore[no-untyped-def]
     """At each position: evidence inside, share of similar pixels, evidence around, core colour, (6, height, width).
 
-    The evidence of a pixel beside or behind the mark does not depend on the mark's position, so that it is computed
-    once, then summed.
+    The evidence of a pixel beside or behind the mark does not depend on the mark's position. It is computed once for
+    each pixel, then summed for each position.
     """
     shade, noise, _, hidden = settings
     u0, v0, u1, v1 = box

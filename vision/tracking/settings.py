@@ -79,7 +79,7 @@ class CandidateSettings:
     """Settings of detections by appearance: acceptance of a match, and accuracy of its centre.
 
     score, share: least score of a match, and least share of the mark's pixels that are similar [1]; choice
-    free, free_share: similarity below which the ring is unlike the mark, and the share that then suffices [1]; choice
+    free, free_share: similarity below which the ring is unlike the mark, and least share in this case [1]; choice
     other_margin: additional similarity to the mark and dissimilarity of the ring that a fitted colour needs [1]; choice
     min_sd_px, max_sd_px: least and largest standard deviation of a match [px]; choice
     best_score, growth: score above which this deviation is min_sd_px, and its exponential growth below that [1]; choice

@@ -241,7 +241,7 @@ def _is_like_it(_search: Search, _candidate: Candidate, _seen: Detection) -> boo
 
 
 def _by_appearance(search: Search) -> Iterator[Candidate]:
-    """Missing marks at positions where the picture matches their appearance."""
+    """Candidates for missing marks, at positions where the picture matches a mark's appearance."""
     for one in search.missing:
         match = search.templates.match(search.frame_bgr, one) if search.templates.can_compare(one) else None
         if match is not None:

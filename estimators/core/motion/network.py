@@ -97,7 +97,7 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """All coordinates, or those of a few shapes; pushes: accelerations of the nodes by source, (n_free, any)."""
+        """Span of all coordinates or, for many nodes, of few shapes; pushes: accelerations by source, (n_free, any)."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:

@@ -58,12 +58,12 @@ class Body:
     """A moving body: a user's network of it, and its true motion.
 
     network: the user's network with the best-known constants, in the shape that a user would draw
-    times_s: times of the frames [s], (n_frames,); positions: those of all nodes [m], (n_frames, n_nodes, dim)
+    times_s: times of the frames [s], (n_frames,); positions: true positions of nodes [m], (n_frames, n_nodes, dim)
     marked: names of the visible nodes; mark_sd_m: standard deviation of their marks on each axis [m]
     at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
     in_line: whether the nodes form a line, in their order
-    led: marked nodes that something else moves
-    kinds: the kind of each spring; springs of one kind share an identified factor; empty: each spring has its own
+    led: marked nodes that are moved along a path
+    kinds: the kind of each spring; springs of one kind share one identified factor; if empty, each spring has its own
     """
 
     network: MassSpringNetwork

@@ -1,4 +1,4 @@
-"""Chains of rigid links that start in motion, and cables with one fixed end and one led end."""
+"""Chains of rigid links that start in motion, and cables with one fixed end and one end moved along a path."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.simulation.bodies.simulate import compiled, motion
 LINKS_M = (0.0917, 0.0693, 0.080)
 MASSES_KG = (0.030, 0.012, 0.020)
 LINK_N_M, LINK_N_S_M = 2000.0, 0.5
-"""Stiffness and damping that a user would choose for a link that does not stretch."""
+"""Stiffness [N/m] and damping [N s/m] that a user would choose for a link that does not stretch."""
 
 HINGE_N_M_S = 1e-5
 SPEED_RAD_S = 3.0
@@ -26,12 +26,12 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend at which a spring over two segments has the joint's energy, since such springs have no energy at small bends
-[rad]: the root mean square of these cables' bends, at either speed."""
+"""Bend at which a spring over two segments has the same energy as the joint [rad]; at smaller bends it has less. Value:
+root mean square of the bends of these cables, at both speeds."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
-"""Indices of the hidden nodes: adjacent, as if something covers the middle."""
+"""Indices of the hidden nodes: adjacent, as if something covered the middle."""
 
 
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
@@ -92,9 +92,9 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
 def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
     """A cable of twelve segments in space; one end is fixed, the other is led, and the middle is hidden.
 
-    speed: factor on the led end's speed; at 1 it moves at up to 1 m/s
-    A user's springs against bending also resist stretching: if true links stretch, they have the stiffness of both
-    kinds of springs.
+    speed: factor on the led end's speed; with the factor 1 this end moves at up to 1 m/s
+    A user's springs against bending also resist stretching. True links that stretch therefore have the stiffness of
+    both kinds of springs.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m

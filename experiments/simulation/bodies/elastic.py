@@ -27,7 +27,7 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest pressure on a block's lower face, relative to Young's modulus; radius of a finger, relative to the side."""
+"""Largest pressure on a block's lower face, relative to Young's modulus; radius of the pressed area, per side."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
@@ -232,7 +232,7 @@ def _on_hull(grid: Floats) -> NDArray[np.bool_]:
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Edges and face diagonals of a grid, (n_springs, 2), and the share of each within the body, (n_springs,)."""
+    """Edges and face diagonals of a grid, (n_springs, 2); share of each spring's section in the body, (n_springs,)."""
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

@@ -15,7 +15,7 @@ Act = Callable[[float, Any], None]
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model and data from this text, with positions computed."""
+    """MuJoCo's model from this XML, and its data, with positions computed."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

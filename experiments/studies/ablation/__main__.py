@@ -3,8 +3,8 @@
     python -m experiments.studies.ablation --out FOLDER --lungs LUNGS      # --page writes docs/ablation.md
     python -m experiments.studies.ablation --out FOLDER --only outliers --bodies phantom
 
-LUNGS is a folder as for `experiments.studies.lungs`. An interrupted study continues in its folder, seed by seed. Latest
-figures: docs/ablation.md.
+LUNGS is a folder of landmark tables, see `experiments.studies.lungs`. An interrupted study continues in its folder, and
+does only the missing runs. Latest figures: docs/ablation.md.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ from experiments.studies.grid import add_seeds, chosen, command, grid, kept_runs
 from experiments.studies.zoo.scores import followed, hidden_scores
 
 FIRST_SEED = 830
-"""First seed of the study; no prior was chosen with this seed or later ones."""
+"""First seed of the study; no prior of the filter was chosen with this seed or a larger one."""
 
 HEAD = ("without", "error ratio (largest)", "coverage (lowest) [points]", "bodies", "lines")
 WHOLE_HEAD = (WHOLE, "error [mm]", "coverage")
 
 FIGURES = ["error_m", "covered", "nees", "lost", "failed"]
-"""Figures that show whether a mechanism has an effect."""
+"""Figures of a run; a mechanism has an effect on a run if any of them changes without it."""
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """The figures of a body by the filter without the mechanism `off`.
+    """Figures of the filter without the mechanism `off` on the recording of a case.
 
-    error_m: mean over hidden points and frames; covered: share in the 95 % region; nees: NEES divided by the dimension
-    lost: number of frames that are not TRACKING; failed: why the run ended early; other figures then end there, too
+    error_m: mean over hidden points and frames; covered: share of truths in the 95 % region; nees: NEES per dimension
+    lost: number of frames that are not TRACKING; failed: why the run ended early; figures are of the frames done
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
     with switch.patched():
@@ -53,12 +53,12 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def compared(runs: pd.DataFrame) -> pd.DataFrame:
-    """A row for each mechanism: geometric mean of errors relative to the whole filter's [1], and change of coverage.
+    """A row for each mechanism: the change of errors and coverage when the mechanism is turned off.
 
-    The means are over the bodies on which anything changed, `changed` of all `bodies`; coverage in percentage points.
-
-    most, least: largest ratio, and least change of coverage, each with the name of its body
-    failed: runs that ended early
+    error: mean error relative to that of the whole filter, geometric mean over bodies [1]
+    covered: change of coverage in percentage points, mean over bodies; only bodies with a change count for both means
+    changed, bodies: numbers of bodies with a change, and of all; failed: number of runs that ended early
+    most, least: largest error ratio of a body, and least change of coverage, each with the body's name
     """
     keyed = runs.set_index(["body", "seed"])
     whole, rows = keyed[keyed["off"] == WHOLE], []
@@ -76,14 +76,14 @@ def compared(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def whole_filter(runs: pd.DataFrame) -> str:
-    """The table of the whole filter's figures, body by body."""
+    """Table in Markdown of the filter with all mechanisms: a row for each body."""
     whole = runs[runs["off"] == WHOLE].groupby("body", sort=False)[["error_m", "covered"]].mean()
     rows = [(str(body), f"{1e3 * m.error_m:.3g}", f"{100 * m.covered:.1f}%") for body, m in whole.iterrows()]
     return markdown_table(WHOLE_HEAD, rows)
 
 
 def markdown(runs: pd.DataFrame) -> str:
-    """The table of mechanisms, the most valuable first."""
+    """The table of mechanisms in Markdown, in descending order of the error ratio."""
     rows = compared(runs).sort_values("error", ascending=False)
     return markdown_table(HEAD, [_shown(row) for row in rows.itertuples()])
 
@@ -97,7 +97,7 @@ def _shown(row: Any) -> tuple[str, ...]:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do the missing runs of the folder, and write the table."""
+    """Do the runs that the folder lacks, and write the table."""
     parser = study_options(__doc__, page="ablation.md")
     parser.add_argument("--only", action="append", default=[], help="a mechanism; repeat for several; default: all")
     parser.add_argument("--bodies", action="append", default=[], help="a body; repeat for several; default: all")

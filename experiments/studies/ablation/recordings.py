@@ -26,7 +26,7 @@ from experiments.studies.zoo.constants import assumed, measured
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """Input of a filter, with the truth.
+    """Input of a filter, and the true positions of its targets.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Recording:
     truth : (n_frames, n_targets, dim)
         Positions of the targets [m].
     read_sd_m : float
-        Standard deviation of the truth itself for each axis [m].
+        Standard deviation of the error of `truth` on each axis [m].
     """
 
     network: MassSpringNetwork
@@ -51,7 +51,7 @@ class Recording:
 
 
 def _zoo(name: str, constants: str, seconds: float, first: int = 0) -> Callable[[int], Recording]:
-    """A body of the zoo; first: number of the first frame that the filter gets."""
+    """Function from a seed to a recording of a body of the zoo, from the frame with the number `first` on."""
 
     def made(seed: int) -> Recording:
         case = Case(name, seed, constants, length_s=seconds)
@@ -84,7 +84,7 @@ def _four_masses(outliers: float, model: Callable[[int], Model], seconds: float)
 
 
 def lung(folder: Path) -> Recording:
-    """The first lung of the folder, with ten visible landmarks of its hull."""
+    """Recording of the first lung of the folder, whose marks are ten landmarks on its hull."""
     one, constants = read_lungs(folder)[0], LungConstants()
     marked, sd_m = one.seen(10), constants.reading_sd_m
     seen, hidden = ([node_name(i) for i in landmarks] for landmarks in (marked, one.inner))
@@ -107,13 +107,13 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "cloth": _zoo("sheet", "true", 1.5),
     "floating block": _zoo("floating", "true", 1.5),
 }
-"""Functions that create a recording from a seed, by name."""
+"""Functions that create a recording from a seed, by the name of the body."""
 
 LUNG = "lung"
-"""Name of the run for a folder of landmarks, which has no seed."""
+"""Name of the body from the folder of landmarks; its recording does not depend on the seed."""
 
 
 @lru_cache(maxsize=1)
 def recording(body: str, seed: int, lungs: str) -> Recording:
-    """The recording of a body, `LUNG` or one of `BODIES`; consecutive runs share it."""
+    """The recording of a body; consecutive runs share it; body: `LUNG` or one of `BODIES`."""
     return lung(Path(lungs)) if body == LUNG else BODIES[body](seed)

@@ -1,4 +1,4 @@
-"""Mechanisms of the filter that can be turned off, if possible by arguments, and the code of each."""
+"""Mechanisms of the filter, the code of each, and arguments or replacements that turn each off."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ class Switch:
     Attributes
     ----------
     code : str
-        Code that would be removed: names in `estimators.core`, and numbers of lines elsewhere.
+        Code of the mechanism: names of functions and classes in `estimators.core`, and number of its other lines.
     disturbances, discrepancy, settings : mapping
-        Fields of the filter's arguments that turn it off.
+        Fields of these arguments of the filter that turn the mechanism off.
     knows_constants : bool
-        Whether the uncertainty of constants is still considered.
+        Whether the filter considers the uncertainty of constants.
     patches : mapping
-        Replacements of attributes where no argument turns it off.
+        Replacements of attributes in `estimators.core`, for mechanisms that no argument turns off.
     """
 
     code: str
@@ -49,11 +49,11 @@ class Switch:
 
     @property
     def lines(self) -> int:
-        """Number of lines that would be removed."""
+        """Number of lines of the mechanism's code."""
         return sum(int(part) if part.isdecimal() else _length(part) for part in self.code.split())
 
     def filter(self, given: Recording) -> TissueFilter:
-        """The filter of a recording without the mechanism; call it and its methods within `patched`."""
+        """The filter for a recording, without the mechanism; call this and the filter's methods within `patched`."""
         settings = replace(given.settings, **self.settings)
         return TissueFilter(
             given.network,
@@ -103,7 +103,7 @@ SWITCHES: Mapping[str, Switch] = {
         "8",
         disturbances={
             "poke_m_s2": FORCES.calm_m_s2,
-            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # other errors are raised as before
+            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # stiff bodies still raise other strengths
         },
     ),
     "led mode": Switch("14", disturbances={"led_m_s2": FORCES.poke_m_s2}),
@@ -136,4 +136,4 @@ SWITCHES: Mapping[str, Switch] = {
         knows_constants=False,
     ),
 }
-"""Mechanisms by name; the first is the whole filter."""
+"""Switches by the name of the mechanism; the first turns nothing off."""

@@ -2,9 +2,9 @@
 
     python -m experiments.studies.dense_lungs FOLDER --out DIR    # --page writes the table to docs/zoo.md
 
-FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling and
-of exhaling, such as those of [fu2019]; they are not part of the repository. DIR gets summary.json, rows.csv and
-table.md, all or none. Latest figures: docs/zoo.md.
+FOLDER has a table for each person, `landmark,x0_mm,y0_mm,z0_mm,x1_mm,y1_mm,z1_mm`: positions at the end of inhaling (0)
+and of exhaling (1). The page uses data of [fu2019], which are not part of the repository. DIR gets summary.json,
+rows.csv and table.md. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from experiments.studies.grid import command, grid, publish, runs_of, study_opti
 
 
 def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
-    """All methods on one lung with this number of marks."""
+    """Result of all methods; job: the lung, the place of its marks (see `WHERE`), their number, the constants."""
     lung, where, n, constants = job
     task = Task(lung, lung.marks(n, where), constants)
     truth = lung.exhaled[lung.hidden]
@@ -41,7 +41,7 @@ def run(job: tuple[Lung, str, int, DenseConstants]) -> Run:
             failures[name] = f"{type(error).__name__}: {error}"
             continue
         errors[name] = np.linalg.norm(found.means - truth, axis=1)
-        if found.covs is not None:  # the true position of the hidden landmark has an error, too
+        if found.covs is not None:  # the position with which it is compared has an error, too
             read = found.covs + constants.scatter_m**2 * np.eye(3)
             nees[name] = normalised_error_squared(found.means - truth, read)
     return Run(lung.name, where, n, errors, nees, failures)

@@ -18,7 +18,7 @@ AXES = ("x", "y", "z")
 COLUMNS = ("landmark", *(f"{axis}{time}_mm" for time in (0, 1) for axis in AXES))
 
 WHERE = ("all", "front")
-"""Positions of the marks: all around the lung, or only where y is above the median."""
+"""Places of marks: all around the lung, or only where y is above the median."""
 
 NEAR, DEEP = 0.03, 0.075
 """Largest depth of marks below the hull, and least depth of hidden landmarks, relative to the lung's longest extent
@@ -43,7 +43,7 @@ class Lung:
         return np.flatnonzero(self.depth > DEEP)
 
     def marks(self, n: int, where: str) -> NDArray[np.int64]:
-        """Indices of the first and up to n - 1 more landmarks near the hull, far from each other; where: in `WHERE`."""
+        """Indices of at most n landmarks near the hull that are far from each other; where: a place in `WHERE`."""
         near = self.depth <= NEAR
         if where == "front":
             near &= self.inhaled[:, 1] > np.median(self.inhaled[:, 1])

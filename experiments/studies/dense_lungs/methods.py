@@ -1,4 +1,4 @@
-"""Hidden landmarks of a lung from its marks, by each method: the filter, interpolating fields, the open loop."""
+"""Methods that estimate a lung's hidden landmarks from its marks: the filter, interpolating fields, the open loop."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ from experiments.studies.lungs.model import LungConstants, lung_network, node_na
 from experiments.studies.zoo.references import thin_plate_weights
 
 OTHERS = 60
-"""Number of a network's nodes besides the marks: landmarks far from marks and from each other; numerical."""
+"""Number of other nodes of a network: landmarks that are far from the marks and from each other; numerical."""
 
 BREATH = Disturbances(poke_m_s2=0.01, led_m_s2=0.01, slow_m_s2=(0.0, 0.1), bent=0.0)
 """Forces of a breath: smooth over the lung, without pokes of single marks; choice: a strength of 1 % of gravity."""
 
 SMOOTH = Discrepancy(levels=(0.01,), short=0.4, rank=80, least=1e-4)
-"""Discrepancy of a lung; choice. Its level is fixed, because only more frames could determine it."""
+"""Model discrepancy of a lung; choice. Its level is fixed, because two frames cannot determine it."""
 
 FRAMES_S = (0.0, 2.0)
-"""Times of the end of inhaling and of exhaling [s]: half a breath."""
+"""Times of the end of inhaling and of exhaling [s], half a breath apart."""
 
 FIELD_M = 0.06
 """Correlation length of the Matern field [m]; choice."""
@@ -46,10 +46,10 @@ LARGE_M = 1.0
 
 @dataclass(frozen=True, slots=True)
 class DenseConstants:
-    """Constants that all lungs, rows and numbers of marks share; chosen once.
+    """Constants of the study, chosen once for all lungs, places and numbers of marks.
 
     body: constants of the spring network
-    scatter_m: sd of a landmark's position on each axis [m]; a mean distance of 1 mm between readings, divided by 1.6
+    scatter_m: sd of a landmark's position on each axis [m]: a mean distance of 1 mm between readers, divided by 1.6
     disturbances, discrepancy: priors of the filter
     """
 
@@ -61,7 +61,7 @@ class DenseConstants:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Input of all methods: a lung, its marks and its hidden landmarks, with positions [m], (n, 3) each."""
+    """Input of all methods: a lung, the indices of its marks, (n_marks,), and constants. Positions are (n, 3) [m]."""
 
     lung: Lung
     marks: NDArray[np.int64]
@@ -69,28 +69,28 @@ class Task:
 
     @property
     def before(self) -> Floats:
-        """Marks at the end of inhaling."""
+        """Positions of the marks at the end of inhaling [m]."""
         return self.lung.inhaled[self.marks]
 
     @property
     def after(self) -> Floats:
-        """Marks at the end of exhaling."""
+        """Positions of the marks at the end of exhaling [m]."""
         return self.lung.exhaled[self.marks]
 
     @property
     def wanted(self) -> Floats:
-        """Hidden landmarks at the end of inhaling [m]."""
+        """Positions of the hidden landmarks at the end of inhaling [m]."""
         return self.lung.inhaled[self.lung.hidden]
 
     def frames(self) -> Frames:
-        """Marks on the first nodes of the network, in both frames."""
+        """Both frames, with marks on the first nodes of the network."""
         names = [node_name(k) for k in range(len(self.marks))]
         return frames_of(FRAMES_S, [self.before, self.after], names, self.constants.scatter_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Found:
-    """Hidden landmarks at the end of exhaling [m], (n, 3), and their covariances [m²], (n, 3, 3), if stated."""
+    """Estimates of hidden landmarks at the end of exhaling [m], (n, 3); covariances [m²], (n, 3, 3), or None."""
 
     means: Floats
     covs: Floats | None = None
@@ -98,9 +98,9 @@ class Found:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A coarse network of a lung, whose first nodes are the marks; each hidden landmark is interpolated in four nodes.
+    """A coarse network of a lung, whose first nodes are the marks; four nodes interpolate each hidden landmark.
 
-    corners, weights: nodes of each hidden landmark and their weights, (n, 4)
+    corners, weights: the four nodes of each hidden landmark and their weights, (n, 4)
     """
 
     network: MassSpringNetwork
@@ -124,11 +124,11 @@ class Body:
         return cls(lung_network(nodes, task.constants.body), mesh.simplices[cells], weights)
 
     def point(self, k: int) -> TargetPoint:
-        """A hidden landmark as a point between its nodes."""
+        """A hidden landmark as a point between its four nodes."""
         return TargetPoint(tuple(node_name(int(i)) for i in self.corners[k]), tuple(self.weights[k]))
 
     def rows(self) -> Floats:
-        """Map from the positions of the nodes to those of all hidden landmarks, (n, n_nodes)."""
+        """Matrix from the positions of the nodes to those of all hidden landmarks, (n, n_nodes)."""
         found = np.zeros((len(self.corners), self.network.n_nodes))
         np.put_along_axis(found, self.corners, self.weights, axis=1)
         return found
@@ -175,7 +175,7 @@ def by_linear(task: Task) -> Found:
 
 
 def by_field(task: Task) -> Found:
-    """Estimate by a Matern field with affine trend, whose level has the largest marginal likelihood."""
+    """Estimate by a Matern field with affine trend, whose sd has the largest marginal likelihood."""
     center = task.before.mean(axis=0)
     known, wanted = ((places - center) / 0.1 for places in (task.before, task.wanted))
     moved = task.after - task.before

@@ -1,4 +1,4 @@
-"""The table of dense lungs: mean errors and coverage of each method in each row."""
+"""Table of the dense lungs: mean error and coverage of each method; a row for each place and number of marks."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ WORDS = {
     "open_loop": "open loop",
     "none": "no motion",
 }
-"""Methods in words, by name."""
+"""Descriptions of the methods, by name."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """One lung with this number of marks: errors [m], (n_hidden,), by method, and NEES if it states a covariance."""
+    """Results for a lung with some marks, by method: errors [m], (n_hidden,), NEES if it has a covariance, failures."""
 
     lung: str
     where: str
@@ -41,7 +41,7 @@ class Run:
 
 
 def summary(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """A mapping for each row of marks: by method `mae_mm`, `coverage95` or None, `n`; None for a method that failed."""
+    """The rows of the table; by method: mean error `mae_mm`, `coverage95`, number of errors `n`; None: no value."""
     rows = []
     for where in WHERE:
         for marks in COUNTS:
@@ -72,7 +72,7 @@ def flat(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table of a page."""
+    """The table of docs/zoo.md."""
     heads = ("marks per lung", *(f"{word} [mm]" for word in WORDS.values()), "filter covered", "field covered")
     entries = []
     for row in rows:

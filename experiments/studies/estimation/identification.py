@@ -1,16 +1,16 @@
 """Validity of the standard errors of identified constants: the table "Standard errors" of docs/identification.md.
 
-    python -m experiments.studies.estimation.identification --out study             # 20 fits of either phantom
+    python -m experiments.studies.estimation.identification --out study             # 20 fits of each phantom
     python -m experiments.studies.estimation.identification --out study --runs 4 --first-seed 0
     python -m experiments.studies.estimation.identification --out study --page      # rewrites the page's table, too
 
-A fit takes about 15 s of one core.
+A fit takes about 15 s on one core. Pull: error of a constant's logarithm divided by its standard error.
 
-Recordings of 12 s at 30 frames/s, every mark accurate to 1 mm per axis: the built-in phantom, and another with five
-masses and fourteen springs. Truth is by an adaptive Runge-Kutta method, with a tremor of 0.05 m/s²/√Hz on every mass,
-Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The scene's
-constants have random errors of `PRIOR_SD`, the prior of `identify_constants`. Fits have one start. Pull: error of a
-constant's logarithm divided by its standard error. Development seeds are 0 to 39, those of the page 1000 to 1019.
+Recordings last 12 s at 30 frames/s, with marks accurate to 1 mm per axis. They show the built-in phantom, or one with
+five masses and fourteen springs. An adaptive Runge-Kutta method computes the truth, with a tremor of 0.05 m/s²/√Hz on
+every mass, Coulomb friction, and half-sine pokes of one marked mass at a time (`experiments/scenarios/poked.toml`). The
+scene's constants have random errors with the standard deviations `PRIOR_SD`, which are also those of the prior. Each
+fit starts at the scene's constants only. Development seeds are 0 to 39, those of the page 1000 to 1019.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ _SPRINGS = [
 
 
 def five_mass_phantom() -> MassSpringNetwork:
-    """A user's phantom at rest under gravity: P1 to P4 around the hidden T, on anchors A1 to A3."""
+    """A phantom at rest under gravity: masses P1 to P4 around the hidden target T, on anchors A1 to A3."""
     anchors = [name for name in _PLACES_MM if name not in _MASSES_KG]
     drawn = build_network(
         list(_PLACES_MM),
@@ -121,7 +121,7 @@ def recorded(network: MassSpringNetwork, poked: Sequence[str], seed: int, durati
 
 
 def identified(case: Case) -> list[dict[str, float | str]]:
-    """One fit: a row for each constant, its error and its standard error, in logarithms."""
+    """Do one fit; a row for each constant has the error and the standard error of its logarithm."""
     network, marked, target = phantom(case["phantom"])
     frames = recorded(network, marked, case["seed"], case["duration_s"])
     which = parameters(network, tuple(PRIOR_SD))
@@ -138,7 +138,7 @@ def identified(case: Case) -> list[dict[str, float | str]]:
 
 
 def pulls(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, float]]:
-    """By phantom and kind: mean and spread of pulls, errors before and after identification, standard errors (rms)."""
+    """By phantom and kind of constant: mean and sd of pulls; rms of errors before and after, and of standard errors."""
     found: dict[tuple[str, str], dict[str, float]] = {}
     for (name, kind), rows in table.groupby(["phantom", "kind"], sort=False):
         pull = (rows["error"] / rows["sd"]).to_numpy()

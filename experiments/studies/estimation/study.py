@@ -5,9 +5,9 @@
     python -m experiments.studies.estimation.study --out study --page      # rewrite the tables of the page, too
 
 The folder has the runs of each part in `runs` and the truths in `truth`; an interrupted study continues there. SciPy's
-RK45 computes the truth with friction and tremor. Pokes are half sines (`poked`: one mass at a time; `shoved`: all outer
-masses at once, 10 m/s², the target swings by 70 to 140 mm). The true tissue is always the phantom: errors of constants
-are in the model.
+RK45 computes the truth with friction and tremor. Pokes are half sines on one mass at a time (`poked`) or on all outer
+masses at once (`shoved`: 10 m/s², so that the target swings by 70 to 140 mm). The true tissue is always the phantom;
+only the model has wrong constants.
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ from experiments.studies.grid import command, kept_runs, publish, study_options
 from experiments.studies.grid import grid as cases_of
 
 CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
-"""Relative standard deviations of the errors of constants, by kind: 10 %, rest lengths 1 % (2 mm)."""
+"""Relative standard deviations of the errors of constants, by kind: 1 % (2 mm) for rest lengths, 10 % for others."""
 
 SCENARIOS = ("quiet", "poked", "shoved")
 FAR_M = 0.04
 """Error of the hidden mass above which it counts as large [m]."""
 
 UNREPORTED_S = 0.5
-"""Time within which a filter must report such an error [s]."""
+"""Time within which a filter must report a large error [s]."""
 
 TREMOR = 0.05
-"""White acceleration of the shipped scenarios on each free node [m/s²/sqrt(Hz)]."""
+"""Amplitude density of the white acceleration of each free node in the shipped scenarios [m/s²/sqrt(Hz)]."""
 
 SECTIONS = {"from the first frame": 0, "after 2 s": 60}
-"""First counted frame of a run, for each section."""
+"""Number of a run's first counted frame, by section: each section of a run lasts to the run's end."""
 
 Row = dict[str, float | int]
 
@@ -64,8 +64,8 @@ Row = dict[str, float | int]
 def row_of(outcome: Outcome) -> dict[str, Any]:
     """The figures of one run: mean errors [mm], coverage, NEES, and whether the error was ever large.
 
-    diverged: an error above FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame; ever_far: such an
-    error at any time
+    diverged: whether the error was above FAR_M while TRACKING, for at least UNREPORTED_S or in the last frame
+    ever_far: whether it was above FAR_M in any frame
     """
     is_far = outcome.filtered > FAR_M
     unreported = is_far & (np.array(outcome.status) == "TRACKING")
@@ -91,7 +91,7 @@ def longest(times_s: Floats, wrong: NDArray[np.bool_]) -> float:
 
 
 def figures(runs: pd.DataFrame) -> Row:
-    """Number of runs, mean error [mm], its ratio to the open loop's, coverage, mean NEES, numbers of large errors."""
+    """Number of runs, mean error [mm], its ratio to the open loop's, coverage, NEES, runs with a large error."""
 
     def mean(column: str) -> float:
         return float(np.average(runs[column], weights=runs["frames"]))
@@ -108,7 +108,7 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def perturbed(seed: int, *, known: bool = False) -> Model:
-    """The phantom with errors of its constants by `CONSTANT_SDS`; known: whether their uncertainty is considered."""
+    """A model with random errors of constants by `CONSTANT_SDS`; known: whether it states their uncertainty."""
     network = four_mass_phantom()
     which = parameters(network)
     sds = np.array([CONSTANT_SDS[one.kind] for one in which])
@@ -118,13 +118,13 @@ def perturbed(seed: int, *, known: bool = False) -> Model:
 
 
 def calibration(seed: int, cache: Path) -> Frames:
-    """Calibration recording: 30 s of the poked phantom, all four marks with 4.14 mm of noise, 30 frames/s."""
+    """Frames for identification: 30 s of the poked phantom at 30 frames/s, with 4.14 mm of noise on all four marks."""
     trial = Trial("poked", seed + 500, duration_s=30.0)
     return seen(trial, cache, np.random.default_rng([seed, 2]), (*OUTER, HIDDEN))[0]
 
 
 def identified_rows(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Rows of one phantom: its wrong constants are identified from a calibration, then all scenarios are tracked."""
+    """Identify the constants of one wrong model from a recording, then track all scenarios; a row for each scenario."""
     seed = case["seed"]
     model = perturbed(seed)
     found = identify_constants(model.network, calibration(seed, cache), OUTER, HIDDEN, prior_sd=CONSTANT_SDS)
@@ -149,7 +149,7 @@ def by_uncertainty(runs: pd.DataFrame) -> dict[str, Row]:
 
 
 def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
-    """Mean square error of the filter in a quiet run, and the posterior Cramér-Rao bound, by section."""
+    """Mean square error of the filter in a quiet run, and its posterior Cramér-Rao bound; a row for each section."""
     network, trial = four_mass_phantom(), Trial("quiet", case["seed"])
     positions = truth(trial, cache)
     dt, every = 1.0 / KNOTS_PER_S, KNOTS_PER_S // trial.frames_per_s
@@ -170,7 +170,7 @@ def bound_row(case: Case, cache: Path) -> list[dict[str, Any]]:
 
 
 def by_start(runs: pd.DataFrame) -> dict[str, Row]:
-    """RMSE relative to the posterior Cramér-Rao bound, from different frames on."""
+    """RMSE over all runs, and its ratio to the posterior Cramér-Rao bound, by section."""
     rows: dict[str, Row] = {}
     for label, own in runs.groupby("from", sort=False):
         rmse_mm, bound_mm = (1e3 * float(np.sqrt(own[key].mean())) for key in ("square_m2", "bound_m2"))
@@ -219,15 +219,15 @@ HARD = {
     "over 40 mm": "{runs_ever_far}/{runs}",
     "coverage": "{coverage95:.1%}",
 }
-"""Columns of the tables: heading, and format of an entry from a row."""
+"""Columns of the tables: the heading, and a format string for a row's figures."""
 
 
 @dataclass(frozen=True, slots=True)
 class Part:
     """One table of the page.
 
-    work: function of a run; rows: function from all runs to the table's rows, by label; columns: of the table
-    axes: values of the cases' other keys than the seed; more: factor on the number of runs; first: first seed
+    work: function that does a run; rows: function from all runs to rows by label; columns: the table's columns
+    axes: values of each key of the cases, except the seed; more: factor on the number of runs; first: first seed
     """
 
     work: Callable[..., Any]
@@ -238,7 +238,7 @@ class Part:
     first: int = 100
 
     def table(self, runs: pd.DataFrame) -> str:
-        """The table of these runs."""
+        """The table in Markdown from these runs."""
         cells = [
             [label, *(cell.format(**row) for cell in self.columns.values())] for label, row in self.rows(runs).items()
         ]

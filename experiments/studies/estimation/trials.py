@@ -31,7 +31,7 @@ KNOTS_PER_S = 120
 """Sampling rate of the truth [1/s]; frame rates must divide it."""
 
 EXACTLY = FilterSettings(discrepancy=EXACT)
-"""Filter settings for the true model, with the discrepancy level of scenes of simulated phantoms."""
+"""Filter settings for a model that equals the true phantom, with the small discrepancy level of such models."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class Outcome:
 
 
 def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequence[str], sd_m: float) -> Frames:
-    """Marks of these names at these positions [m], (n_frames, n_names, dim), with this sd on each axis [m]."""
+    """Frames of marks with these names and positions [m], (n_frames, n_names, dim); sd_m: their sd on each axis [m]."""
     return [
         (float(time_s), [MarkMeasurement(name, z, sd_m**2 * np.eye(len(z))) for name, z in zip(names, at, strict=True)])
         for time_s, at in zip(times_s, places, strict=True)
@@ -85,7 +85,7 @@ def frames_of(times_s: Iterable[float], places: Iterable[Floats], names: Sequenc
 
 
 def truth(trial: Trial, cache: Path) -> Floats:
-    """Positions of the free nodes at KNOTS_PER_S [m], (n, n_free, dim), computed once and kept in the cache."""
+    """True positions of the free nodes at KNOTS_PER_S [m], (n, n_free, dim), stored in the folder `cache`."""
     change: dict[str, object] = {
         "seed": trial.seed,
         "duration_s": trial.duration_s,
@@ -101,7 +101,7 @@ def truth(trial: Trial, cache: Path) -> Floats:
 
 
 def seen(trial: Trial, cache: Path, rng: np.random.Generator, nodes: Sequence[str] = OUTER) -> tuple[Frames, Floats]:
-    """Frames with the marks of these nodes, and the hidden mass in each frame [m], (n_frames, dim)."""
+    """Frames with marks of these nodes, and the hidden mass's true positions [m], (n_frames, dim)."""
     positions = truth(trial, cache)
     step = KNOTS_PER_S // trial.frames_per_s
     network = four_mass_phantom()
@@ -149,7 +149,7 @@ def run(trial: Trial, model: Model, cache: Path) -> Outcome:
 
 
 def turned(positions: Floats) -> bool:
-    """Whether a spring between free nodes at these positions [m], (n, n_free, dim), ever opposes its rest direction."""
+    """Whether a spring between free nodes is ever turned by over 90 degrees; positions: [m], (n, n_free, dim)."""
     network = four_mass_phantom()
     everywhere = np.broadcast_to(network.positions, (len(positions), *network.positions.shape)).copy()
     everywhere[:, network.free] = positions

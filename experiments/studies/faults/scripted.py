@@ -57,9 +57,9 @@ Arrives = Callable[[list[Arrival], np.random.Generator, float], list[Arrival]]
 class TrackedNeedle:
     """A tracked needle.
 
-    pose: function of the time since the onset [s] and the plan's needle that gives the true pose
-    push_N: its force on the tissue along its axis while part of it is inside [N]
-    seen: whether the tracker sees it
+    pose: function from the time since the onset [s] and the planned insertion to the needle's true pose
+    push_N: force of the needle on the tissue along its axis while part of it is inside [N]
+    seen: function from the time since the onset [s] to whether the tracker measures the needle
     """
 
     pose: Callable[[float, Insertion], NeedlePose]
@@ -68,7 +68,7 @@ class TrackedNeedle:
 
 
 def as_is(thing: Thing) -> Thing:
-    """Return the argument itself."""
+    """Return the argument unchanged."""
     return thing
 
 
@@ -76,11 +76,11 @@ def as_is(thing: Thing) -> Thing:
 class ScriptedFault(Fault):
     """A `Fault` that a script simulates.
 
-    picture: changes a picture, since_s [s] after the onset; covered: nodes whose marks are hidden
-    places: displaces the nodes in the picture [m]; arrivals: changes the reads
-    becomes: changes the true network at the onset; assumed: changes the scene of the filter
+    picture: function that changes a picture; covered: nodes whose marks are hidden in pictures
+    places: function that displaces the nodes in pictures [m]; arrivals: function that changes the camera's reads
+    becomes: function that changes the true network at the onset; assumed: function that changes the filter's scene
     needle: a tracked needle, None for the plan's fixed needle
-    upsets: changes the run itself once, at the onset
+    upsets: function that changes the live session, called once at the onset
     """
 
     picture: Alters = lambda image, _since_s, _rng: image
@@ -111,7 +111,7 @@ class Watching(Publisher):
         self._used_s = -np.inf
 
     def publish(self, shown: Shown, line: Line) -> None:
-        """Store the present state."""
+        """Store the displayed moment."""
         if shown.step is not None:
             self._used_s = shown.at_s
         now_s = self._frames.now_s

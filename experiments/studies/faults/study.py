@@ -51,7 +51,7 @@ def faults_study(
     """A row for each fault over all seeds; runs are stored in the folder, where a study continues. Raises InputError.
 
     Runs in real time are done first, one at a time.
-    force: whether the folder may have other files
+    force: whether the folder may also contain files that are not of this study
     """
     if not force and folder.is_dir() and any(folder.iterdir()) and not (folder / KEPT).is_dir():
         raise InputError.at(folder, "an empty or new folder, or one of this study", "files in it")
@@ -70,7 +70,7 @@ def summary(runs: pd.DataFrame) -> pd.DataFrame:
 
     covered: number of runs without a wrong estimate after the time limit for detection
     go_shown_while_faulty, go: sums over seeds; sigma_ratio: largest sigma divided by that before the fault
-    ended: how separate programs ended; lacks_s: largest missing time of tables or recording [s]
+    ended: how runs in separate processes ended; lacks_s: largest missing time of tables or recording [s]
     """
     rows = []
     for fault in FAULTS.values():

@@ -23,7 +23,7 @@ GOES_IN_S = 0.5
 INSIDE_M = 0.005
 """Depth at which the inserted needle stops [m]."""
 BEND_RAD = np.deg2rad(90.0)
-"""Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, at any breath."""
+"""Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, in any breath."""
 BESIDE_M = 0.025
 """Distance of a needle's line from the line on which it would get GO [m]."""
 DENT_M, DENT_N = 0.005, 2.0
@@ -95,7 +95,7 @@ def _another(scene: Scene) -> Scene:
 
 
 def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """A needle at rest at this depth, shifted sideways, with its direction rotated about its tip."""
+    """A needle at rest at this depth [m], shifted sideways [m], with its direction rotated about its tip [rad]."""
     along = plan.axis
     across = np.array([-along[1], along[0]])
     direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
@@ -119,7 +119,7 @@ def _touches(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _thrown(by_m: float) -> Callable[[Session], None]:
-    """A function that displaces all nodes in the mean of each of the filter's modes [m], but not its covariance."""
+    """A function that displaces all nodes by by_m [m] in the mean of each filter mode; covariances do not change."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

@@ -23,12 +23,12 @@ STREAM = "ws://127.0.0.1:{port}/stream?pace=1"
 class Viewer:
     """A client that requests the newest state whenever it has shown the last one.
 
-    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if states took STALE_S longer than
-    the fastest state.
+    Like the page, it shows STALE if nothing came for STALE_S by its own clock, or if a state's delay exceeds the least
+    delay by STALE_S.
 
-    motion, target: the truth; n_measured: number of marks that the filter may use; pause_s: time to show a state [s]
-    State: the moments, by the film's own time; the conversion from the clock's time; arrival and exposure time of
-    states from frames [s]; the least delay [s]; the events that it received.
+    motion, target: the truth, and the target's index; n_measured: number of marks that the filter may use
+    pause_s: time to show a state [s]. State: the displayed moments, by the film's time; the clock's time at the film's
+    start; arrival and exposure times of states from frames [s]; the least delay [s]; the received events.
     """
 
     def __init__(self, port: int, motion: Motion, target: int, n_measured: int, *, pause_s: float = 0.0) -> None:
@@ -45,7 +45,7 @@ class Viewer:
 
     @property
     def now_s(self) -> float:
-        """The film's present time [s], before its start if no state came yet."""
+        """The film's present time [s], -inf before the first state."""
         return -np.inf if self._origin_s is None else time.time() - self._origin_s
 
     def tell(self, text: str) -> None:

@@ -37,7 +37,7 @@ from vision.sources.frames import Frame
 from vision.sources.live import LiveFrames, Reader
 
 BEGAN_S = 100.0
-"""Time on the clock at the first exposure [s]."""
+"""Time on the script's clock at the first exposure [s]."""
 INTERVAL_S = 1.0 / 30.0
 FINE = 4
 """Number of samples of the truth per frame interval."""
@@ -85,9 +85,9 @@ def moved(
     at_s: float,
     pushed: Force | None = None,
 ) -> Motion:
-    """The phantom's motion, with a change of its network at this time [s].
+    """The phantom's motion; its network changes by the function `becomes` at the time at_s [s].
 
-    pushed: a force besides those of the scenario
+    pushed: an additional force, besides those of the scenario
     """
     rng = np.random.default_rng(scenario.seed)
     start, forces = start_and_forces(network, scenario, rng)
@@ -125,7 +125,7 @@ def undisturbed(seed: int, duration_s: float) -> Motion:
 
 
 def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float], bool], push_N: float) -> Force:
-    """Forces of a needle on the free nodes over time: it pushes at its entry with push_N [N] while `inside`."""
+    """Forces of a needle on the free nodes: when inside(time) is true, it pushes at its entry with push_N [N]."""
     shares = node_weights(network, plan.entry, force_reach_m(network))[network.free]
     push = push_N * shares[:, None] * plan.axis
     return Force(lambda time_s: push if inside(time_s) else np.zeros_like(push), np.empty(0))
@@ -135,7 +135,7 @@ def pressed(network: MassSpringNetwork, plan: Insertion, inside: Callable[[float
 class Arrival:
     """A read of the camera, and the time at which it returned [s].
 
-    image: None if it failed; stated_s: the camera's own time [s], None if it reports none
+    image: None if the read failed; stated_s: exposure time by the camera's clock [s], None if it reports none
     """
 
     at_s: float

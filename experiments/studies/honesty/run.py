@@ -26,7 +26,7 @@ PUSHES = {
     "pokes": Pushes(5.0, 0.0),
     "both": Pushes(5.0, 2.0),
 }
-"""Forces on the body, by name: pokes and a breath of 3 to 6 s [m/s²]."""
+"""Forces on the body, by name: accelerations by pokes, and by a breath with a period of 3 to 6 s [m/s²]."""
 
 AFTER_S = 1.0
 """Time from which frames count [s]: the start has its own tests."""
@@ -35,8 +35,8 @@ AFTER_S = 1.0
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Do a run, and return its row; the case has body, forces, seed, and true and stated noise (`sd_m`, `stated`).
 
-    frames, lost: numbers of all frames, and of those whose status permits no guidance. Among the other frames: covered,
-    number in the 95 % region; wrong, number with a wrong estimate; nees, mean NEES per dimension
+    frames, lost: numbers of all frames, and of those whose status permits no guidance. covered, wrong, nees of others:
+    number with the truth in the 95 % region, number with a wrong estimate, mean NEES per dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
     """
     scene, frames, truth = recorded(case)

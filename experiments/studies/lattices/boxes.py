@@ -42,7 +42,7 @@ WORDS = {
     "lloyd": "Lloyd",
     "fitted": "fitted to other boxes",
 }
-"""Methods in words, by name."""
+"""Descriptions of the methods, by name."""
 
 YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
 """Columns of Young's moduli along axes and diagonals."""
@@ -58,7 +58,7 @@ def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tis
 
 
 def fit(case: Case) -> Row:
-    """The row of a structure: `factors`, (6,), fitted to its boxes of some seeds."""
+    """The row of a structure: `factors`, (6,), fitted to its boxes with the case's seeds."""
     samples = []
     for seed in case["seeds"]:
         lattice, tissues = lattice_by_seed(case["structure"], seed, case["cells"])
@@ -69,9 +69,9 @@ def fit(case: Case) -> Row:
 
 
 def tested(case: Case) -> list[Row]:
-    """Rows of one box, with the `factors` of its structure: one for the material, and one for springs by each method.
+    """Rows of one box, with the `factors` of its structure: one for finite elements, one for springs by each method.
 
-    alignment: mean over the structure's springs; share: volume share of the structure's tissues
+    alignment: mean over the springs in the structure; share: volume share of the structure's tissues
     """
     lattice, tissues = lattice_by_seed(case["structure"], case["seed"], case["cells"])
     elements, inside = lattice.element_stiffness(tissues), lattice.mesh.regions > 0

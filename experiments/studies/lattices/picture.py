@@ -31,7 +31,7 @@ COLORS = ("0.75", OURS, VERMILLION)
 """Colours of springs by tissue: first the surrounding tissue."""
 
 PLACES = {"lobules": 0.35, "fibres": 0.375}
-"""Position of the drawn plane along y, relative to the side; 0.5 for other structures."""
+"""Position of the drawn plane along y by structure, relative to the side; 0.5 for others."""
 
 STYLES: dict[str, dict[str, Any]] = {
     "van_gelder": {"color": PAPERS, "marker": "s"},

@@ -1,10 +1,10 @@
-"""Real breathing lungs: inner landmarks are estimated from those on the hull, and by a thin-plate spline.
+"""Real breathing lungs: the filter and a thin-plate spline estimate inner landmarks from those on the hull.
 
     python -m experiments.studies.lungs FOLDER              # prints the table; --page writes it to docs/zoo.md
 
-FOLDER has `case1.csv` and others, `landmark,phase,x_mm,y_mm,z_mm`, phase 0 at the end of inhaling and the last one at
-the end of exhaling, such as the landmarks of DIR-Lab [castillo2009]; they are not part of the repository. Each lung is
-a body without anchors. Last figures: docs/zoo.md.
+FOLDER has `case1.csv` and so on with `landmark,phase,x_mm,y_mm,z_mm`; phase 0 is the end of inhaling, the last phase is
+the end of exhaling. The page uses landmarks of DIR-Lab [castillo2009], which are not part of the repository. Each lung
+is a body without anchors. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HEAD = (
 
 
 def run(job: tuple[Lung, str]) -> pd.DataFrame:
-    """Errors in one lung with a number of visible landmarks, which is named in `SEEN`."""
+    """Errors in one lung; job: the lung, and a name in `SEEN` for the number of visible landmarks."""
     return inner_errors(*job, LungConstants())
 
 

@@ -1,4 +1,4 @@
-"""Inner landmarks of a lung from visible landmarks on its hull: without motion, by a spline, by the filter."""
+"""Inner landmarks of a lung, estimated from visible landmarks on its hull by the filter, a spline, or no motion."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def inner_errors(lung: Lung, seen: str, constants: LungConstants) -> pd.DataFram
         "spline": start[lung.inner] + thin_plate_weights(start[marked], start[lung.inner]) @ moved,
         "filter": found.means[1:],
     }
-    # the true position of a landmark, read by a person, has an error, too
+    # the position with which it is compared, read by a person, has an error, too
     read = found.covs[1:] + constants.reading_sd_m**2 * np.eye(3)
     nees = normalised_error_squared((found.means[1:] - truth).reshape(-1, 3), read.reshape(-1, 3, 3))
     phases = np.repeat(np.arange(1, len(truth) + 1), len(lung.inner))
@@ -45,12 +45,12 @@ def inner_errors(lung: Lung, seen: str, constants: LungConstants) -> pd.DataFram
 
 
 def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
-    """Times [s] of a lung's phases, and the marks of these landmarks."""
+    """Frames at the times of a lung's phases [s], each with the marks of these landmarks."""
     return frames_of(lung.times_s, lung.positions[:, marked], [node_name(i) for i in marked], sd_m)
 
 
 def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
-    """The inner landmarks of a lung by the filter, all in one run."""
+    """Estimates of all inner landmarks of a lung, from one run of the filter."""
     network = lung_network(lung.positions[0], constants)
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])

@@ -38,7 +38,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of the first and n - 1 more landmarks of the hull, far from each other; None: all."""
+        """Indices of n landmarks of the hull that are far from each other; None: of all."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]
@@ -60,7 +60,7 @@ def read_person(path: Path) -> list[Lung]:
 
 
 def sides(places: Floats) -> dict[str, NDArray[np.bool_]]:
-    """Whether each landmark, (n, 3), belongs to the right and to the left lung, (n,) each."""
+    """Whether landmarks at these positions, (n, 3), belong to the right and to the left lung, (n,) each."""
     x = np.sort(places[:, 0])
     gap = int(np.diff(x).argmax())
     right = places[:, 0] <= 0.5 * (x[gap] + x[gap + 1])

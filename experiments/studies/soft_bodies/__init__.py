@@ -1,1 +1,1 @@
-"""Study of the filter for a continuum; truths are soft bodies of finite elements."""
+"""Study of the filter for a continuum; the truths are simulated soft bodies of finite elements."""

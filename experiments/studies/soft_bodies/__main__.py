@@ -1,8 +1,8 @@
-"""Soft bodies of finite elements: the filter for a continuum on truths with other meshes, laws and integrators.
+"""Soft bodies of finite elements: the filter for a continuum, and truths with other meshes, laws and integrators.
 
     python -m experiments.studies.soft_bodies --out DIR    # --page writes the table to docs/meshes.md
 
-Blocks have MuJoCo's elements, a breast neo-Hookean elements; marks on the skin are accurate to 0.5 mm, the target is
+True blocks have MuJoCo's elements, breasts neo-Hookean ones; marks on the skin are accurate to 0.5 mm, the target is
 hidden, and the stiffness is known to a factor of two. Constants of the filter were chosen on seeds 0 to 3. DIR gets
 runs.csv, summary.json and table.md; an interrupted study continues.
 """
@@ -43,7 +43,7 @@ def summary(rows: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def markdown(found: Sequence[dict[str, Any]]) -> str:
-    """The table of a page."""
+    """The table of docs/meshes.md."""
     rows = []
     for one in found:
         figures = [f"{100 * one[key]:.0f} %" if key == "covered" else f"{one[key]:.2f}" for key in FIGURES]

@@ -33,10 +33,10 @@ TRUTH, GIVEN = (11, 8), (10, 7)
 """Numbers of cells of the breast, across and in depth, in the truth and in the filter's mesh."""
 
 WALL_BREATH_M, WALL_TURN_RAD, WALL_SHIFT_M = 0.01, (0.035, 0.09), 0.005
-"""Motion of a moving wall: shift [m] and range of rotation [rad] with each breath; one shift within a second [m]."""
+"""Motion of a moving wall: shift [m] and range of rotation [rad] in each breath; lasting shift within a second [m]."""
 
 GRAVITY_M_S2, INSTANT_S = np.array([0.0, 0.0, -9.81]), 0.02
-"""Gravity on a moving wall, and the step of differences in time [s]; numerical."""
+"""Gravity, and the time step [s] of the differences that give a moving wall's acceleration; numerical."""
 
 BREATH_M_S2, BREATH_HZ = (3.0, 10.0), (0.2, 0.35)
 PRESSED, PRESSED_S = (0.015, 0.06), (0.2, 2.0)
@@ -50,7 +50,7 @@ PRESSURE_PA = (300.0, 1500.0)
 class Recording:
     """A moving body.
 
-    network: input of the methods; its nodes are the free nodes `marked` and `target`, then those of the wall
+    network: network for the methods; its nodes are the free nodes `marked` and `target`, then the wall's nodes
     positions: true positions of marks and target [m], (n_frames, n_marks + 1, 3)
     """
 
@@ -126,7 +126,7 @@ def _breast(seed: int, moves: bool, times_s: tuple[float, ...]) -> tuple[tuple[s
 
 
 def _pose(rng: np.random.Generator) -> Callable[[float], tuple[Floats, Floats]]:
-    """Rotation, (3, 3), and shift [m], (3,), of a wall at a time [s]: breaths, and one shift within a second."""
+    """Rotation, (3, 3), and shift [m], (3,), of a wall at a time [s]: breaths, and a lasting shift."""
     along, axis, aside = rng.normal(size=(3, 3))
     along = 0.3 * along + [0.0, 0.0, 1.0]
     breath, shift = WALL_BREATH_M * along / np.linalg.norm(along), WALL_SHIFT_M * aside / np.linalg.norm(aside)

@@ -4,8 +4,8 @@
     python -m experiments.studies.zoo --seeds 2 --first-seed 0 --bodies chain2,sheet --out FOLDER
     python -m experiments.studies.zoo --quick --out FOLDER               # a few seconds of three bodies
 
-writes runs/runs.parquet, runs.csv, cells.csv and table.md, on all cores or with `--scheduler ADDRESS`. Truths
-are by MuJoCo, in the extra `dev`. Latest figures: docs/zoo.md.
+Runs use all cores or `--scheduler ADDRESS`. FOLDER gets runs/runs.parquet, runs.csv, cells.csv and table.md. MuJoCo,
+which the extra `dev` installs, computes the truths. Latest figures: docs/zoo.md.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from experiments.simulation.bodies.body import Body, Scale
 from experiments.simulation.bodies.zoo import BODIES, make_body
 
 CONSTANTS = ("true", "wrong", "identified")
-"""Kinds of constants: best-known; each wrong by 20 % (1 sd); fitted to another recording of the body."""
+"""Kinds of constants: best-known; each with a random error of 20 % (1 sd); fitted to another recording of the body."""
 
 SCALES = tuple(Scale(**{name: factor}) for name in ("size", "stiffness", "mass") for factor in (0.1, 10.0))
 
@@ -40,7 +40,7 @@ class Case:
 
     @property
     def scale(self) -> Scale:
-        """Factors on the body."""
+        """Factors on the body's size, stiffness and mass."""
         return Scale(self.size, self.stiffness, self.mass)
 
     @property

@@ -39,7 +39,7 @@ def assumed(body: Body, case: Case) -> Model:
 
 
 def wrong_network(body: Body, rng: np.random.Generator) -> MassSpringNetwork:
-    """The network with log-normal factors on each stiffness, dashpot and mass, whose standard deviation is 20 %.
+    """The network with random log-normal factors, of 20 % standard deviation, on each stiffness, dashpot and mass.
 
     If the body is drawn at rest, rest lengths are fitted to the drawing, as a user would do.
     """
@@ -62,7 +62,7 @@ def identified(body: Body, case: Case, rng: np.random.Generator, *, seconds: flo
     """Constants fitted to another recording of the same body that shows every node; raises NotIdentifiedError.
 
     seconds: limit of its processor time [s]
-    It starts from exact masses, and from stiffnesses and dashpots with a common wrong factor for each kind. Rest
+    The fit starts from exact masses, and from stiffnesses and dashpots with a common wrong factor for each kind. Rest
     lengths are also fitted, because those from a drawing at rest depend on the wrong stiffnesses.
     """
     factors = {kind: np.exp(WRONG * rng.normal(size=2)) for kind in dict.fromkeys(_kinds(body))}
@@ -97,7 +97,7 @@ def _kinds(body: Body) -> tuple[str, ...]:
 
 
 def measured(body: Body, names: tuple[str, ...], seed: int) -> Frames:
-    """Times [s] and noisy marks of these nodes."""
+    """Frames: times [s], each with noisy marks of these nodes."""
     rng = np.random.default_rng([seed, 1])
     places = body.positions[:, [body.network.index(name) for name in names]]
     return frames_of(body.times_s, places + rng.normal(0.0, body.mark_sd_m, places.shape), names, body.mark_sd_m)

@@ -1,4 +1,4 @@
-"""References for the filter: the paper's open loop, and a spline through the visible marks."""
+"""Methods with which the filter is compared: the paper's open loop, and a spline through the visible marks."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
         return None
     nodes = [network.index(name) for name in body.hidden]
     places = []
-    with np.errstate(all="ignore"):  # if it diverges, that counts as its error
+    with np.errstate(all="ignore"):  # overflow on divergence counts as its error
         for time_s, seen in frames:
             method.update(time_s, seen)
             places.append(method.positions[nodes].copy())
@@ -31,7 +31,7 @@ def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats 
 
 
 def spline(body: Body, frames: Frames) -> Floats:
-    """Hidden nodes by a spline through visible nodes and anchors [m], (n_frames, n_hidden, dim).
+    """Hidden nodes' positions by a spline through visible nodes and anchors [m], (n_frames, n_hidden, dim).
 
     For nodes in a line it is a cubic spline along the length, else a thin-plate spline of the displacement from the
     drawn shape.

@@ -1,4 +1,4 @@
-"""One run of the zoo: the filter and its references on a body, as a record of numbers."""
+"""One run of the zoo: figures of the filter and of the reference methods on one body, as a record."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def run(case: Case) -> Record:
 
 
 def record_of(case: Mapping[str, Any]) -> Record:
-    """As `run`, for a case in JSON types, as `run_study` needs it."""
+    """The result of `run` for a case in JSON types, which `run_study` passes."""
     return run(Case.from_json(case))
 
 

@@ -44,7 +44,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Required bounds for a kind of constants: geometric mean and largest ratio, least and largest coverage."""
+    """Required bounds for a kind of constants: geometric mean and maximum of ratios, least and largest coverage."""
 
     mean_ratio: float
     worst_ratio: float

@@ -1,12 +1,12 @@
-"""Worlds that differ from the stated scene: frequency of GO on a wrong estimate.
+"""Frequency of GO on a wrong estimate, in worlds that differ from the stated scene.
 
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-Truth, a poked and breathing body, is by SciPy's DOP853; a tracker sends its marks, and a live session
-estimates the target and advises a needle at every frame, with a scripted clock. One property differs from the scene;
-for anything not stated, the scene has defaults. The study counts moments of GO, and those on a wrong estimate: the
-truth is outside the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
+SciPy's DOP853 moves a poked and breathing body, and a tracker sends its marks. A live session with a scripted clock
+estimates the target and advises on a needle in every frame. In each world one property differs from the scene, which
+otherwise uses defaults. The study counts moments with GO, and those among them with a wrong estimate: the truth is
+outside the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ MOST = 0.005
 """Largest permitted share of the moments of GO with a wrong estimate; a requirement."""
 
 HARMLESS = (1.0, 99.0)
-"""Largest median error [mm] and least coverage [%] of a world without a wrong GO that gets no own line; choice: the
-first is the marks' noise."""
+"""Median error [mm] up to which, and coverage [%] from which, a world without a wrong GO is called harmless; choice:
+the error is the marks' noise."""
 
 HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
 
 
 def markdown(runs: pd.DataFrame) -> str:
-    """A line for each world over all bodies, bold if a body is outside the bound. Harmless worlds are named below."""
+    """A line for each world over all bodies, bold if a body exceeds the bound; harmless worlds are only named below."""
     lines, harmless = [], []
     for world in WORLDS:
         own = runs[runs["world"] == world]

@@ -40,7 +40,7 @@ REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
 class Moment:
     """The display at one time, and whether it was right.
 
-    tracking: whether a frame came, with the status TRACKING; go: whether the advice was GO
+    tracking: whether a frame was displayed with the status TRACKING; go: whether the advice was GO
     error_m: error of the target [m]; covered: whether the truth lies in the 95 % region; wrong: see `is_wrong`
     """
 
@@ -52,7 +52,7 @@ class Moment:
 
 
 class Judging(Publisher):
-    """A `Publisher` that evaluates what is displayed from a time on. State: the moments."""
+    """A `Publisher` that evaluates what is displayed from onset_s [s] on. State: the moments."""
 
     def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
         self._motion, self._target, self._onset_s = motion, target, onset_s
@@ -118,7 +118,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """The user's scene file of the world."""
+    """Text of the scene file that a user would write for this world."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -135,8 +135,8 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """The figures of a run's moments.
 
-    tracking, covered: numbers of TRACKING frames, and of those that cover the truth; error_mm: their median error
-    go, go_wrong: numbers of moments
+    tracking, covered: numbers of TRACKING frames, and of those that cover the truth; error_mm: median error of TRACKING
+    go, go_wrong: numbers of moments with GO, and of those with a wrong estimate
     """
     tracking = [one for one in moments if one.tracking]
     return {

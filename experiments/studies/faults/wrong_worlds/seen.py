@@ -1,4 +1,4 @@
-"""Frames of a tracker with a body's marks, their errors, and the lines that it sends."""
+"""Frames of a tracker with noisy marks of a body, and the lines that the tracker sends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MARK_SD_M = 1e-3
 class Seen:
     """Frames of a tracker.
 
-    exposed_s: exposure times [s], (n,); stated_s: by the tracker's clock; arrive_s: arrival of the lines
+    exposed_s: exposure times [s], (n,); stated_s: the same by the tracker's clock; arrive_s: arrival of the lines
     nodes: nodes of the marks; places: measured positions [m], (n, n_marks, dim)
     middle: centre of the body as drawn [m], (dim,)
     """

@@ -34,7 +34,7 @@ TURNS_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """Forces on the body: pokes and a breath of the marked nodes [m/s²]; 0 means none.
+    """Forces on the body: accelerations of marked nodes by pokes and by a breath [m/s²]; 0 means none.
 
     everywhere: whether the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s; hidden:
     whether the target is also poked; second: whether there is a second breath with another period and direction
@@ -53,7 +53,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The true body: its network from the first exposure on, the network's change at the onset, the forces."""
+    """The true body: its network from the first exposure on, the network's change at onset_s [s], the forces."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -88,7 +88,7 @@ def scene_of_body(name: str) -> Scene:
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     """The motion of a scene's body; cached, because most worlds share it.
 
-    Raises RuntimeError if the body has no rest, which does not happen for an accepted scene.
+    Raises RuntimeError if the body has no rest position; an accepted scene always has one.
     """
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)
