@@ -37,8 +37,8 @@ class Disturbances:
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
     each_s, lasting_s : tuple of float
-        For a pushed, the poked and the led mode: mean time until it follows a weaker mode, and its mean duration [s];
-        choice. All weaker modes are equally likely to follow it.
+        For a pushed, the poked and the led mode: mean time until it follows a weaker mode; mean time [s] until each
+        weaker mode follows a pushed one, and the first pushed mode the poked or the led mode; choice.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     is_solid : bool
@@ -105,5 +105,5 @@ class Disturbances:
         for mode in range(1, n):
             kind = max(0, mode - n_slow + 1)
             rates[:mode, mode] = 1.0 / self.each_s[kind]
-            rates[mode, :mode] = 1.0 / (mode * self.lasting_s[kind])
+            rates[mode, min(1, n_slow - 1) if kind else slice(mode)] = 1.0 / self.lasting_s[kind]
         return np.asarray(rates - np.diag(rates.sum(axis=1)))

@@ -56,7 +56,7 @@ def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
     (weights, means, covs), (unled, *_), (every, _, whole) = tables.parts(near_rest)
     now = near_rest.filter.weights[d.calm_modes]
     ended, (pushed, poked, led) = 1.0 / d.lasting_s[0], often / np.array(d.each_s)
-    rates = np.tril(ended / np.array([[1.0], [1.0], [2.0]]) * np.ones(3), -1)
+    rates = np.tril(np.full((3, 3), ended), -1)
     rates -= np.diag(rates.sum(axis=1) + pushed * np.array([2.0, 1.0, 0.0]) + poked + led)
     truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
     np.testing.assert_allclose(weights, truth, rtol=2e-2)

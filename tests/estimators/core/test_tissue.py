@@ -134,6 +134,8 @@ def test_strengths_by_mode() -> None:
     np.testing.assert_allclose(rows[:, 4], 0.02**2)
     assert found.rates.shape == (5, 5)
     np.testing.assert_allclose(found.rates.sum(axis=1), 0.0, atol=1e-12)
+    ended = np.tril(found.rates, -1)
+    assert ended[3:].tolist() == [[0.0, 1.0 / 0.3, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0]]
 
 
 def test_a_stiff_body_is_pushed_harder() -> None:
