@@ -1,26 +1,35 @@
-"""Results of runs as they finish: in this process, or by Dask, with dead workers replaced.
+"""Results of runs as they finish: in this process, or by Dask in batches of limited time, with dead workers replaced.
 
-Runs whose workers die are repeated at the end, one at a time; a run whose worker dies again has failed.
+A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, each of its runs is repeated
+alone at the end; a run whose worker dies again has failed.
 """
 
 from __future__ import annotations
 
 import math
 import pickle
+import queue
+import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from experiments.engine.runs import Run, Work, importable, last_line, perform
+from experiments.engine.runs import Run, Work, importable, last_line, module_of, perform
 from experiments.engine.workers import NO_WORKER_S, Workers, connected
 from experiments.errors import InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+BATCH_S = 1.0
+"""Time of a batch [s]; choice: sending and collecting a batch takes about 10 ms."""
+
 AHEAD = 2
-"""Number of runs sent for each worker: it does one while the next one waits."""
+"""Number of batches sent for each worker: it processes one while the next one waits at the scheduler."""
+
+COUNTED_EACH_S = 2.0
+"""Interval at which the workers of a cluster are counted [s]."""
 
 DIED = "KilledWorker: the worker processes of this run died in all tries, out of memory or by a fault of its code"
 
@@ -35,8 +44,9 @@ def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
     elif jobs:
-        with connected(workers) as client:
-            yield from _sent(importable(work), jobs, client)
+        shared = importable(work)
+        with connected(workers, module_of(shared)) as client:
+            yield from _Sending(shared, jobs, client, local=workers.scheduler is None).runs()
 
 
 def results(
@@ -56,62 +66,93 @@ def results(
     return [runs[index].result for index in range(len(jobs))]
 
 
-def _pickled(work: Work, index: int, job: object) -> Run:
-    """The outcome of a job, with a pickled result."""
-    run = perform(work, index, job)
-    try:
-        return replace(run, result=pickle.dumps(run.result))
-    except Exception as fault:
-        return Run(index, run.seconds, failure=last_line(fault))
-
-
-def _sent(work: Work, jobs: Sequence[Any], client: Client) -> Iterator[Run]:
-    """Outcomes of the jobs as they arrive from the workers."""
-    from distributed import KilledWorker, as_completed
-
-    indices: dict[Future, int] = {}
-    sent, waiting = as_completed(), iter(range(len(jobs)))
-
-    def send(index: int) -> Future:
-        future = client.submit(_pickled, work, index, jobs[index], pure=False)
-        indices[future] = index
-        return future
-
-    def send_more() -> None:
-        n_more = AHEAD * max(1, sum(client.nthreads().values())) - len(indices)
-        for index in islice(waiting, max(0, n_more)):
-            sent.add(send(index))
-
-    alone = []
-    send_more()
-    for future in sent:
+def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -> list[Run]:
+    """Runs of a batch, at least one, until BATCH_S is over; their results are pickled."""
+    began = time.perf_counter()
+    runs = []
+    for index, job in zip(indices, jobs, strict=True):
+        run = perform(work, index, job)
         try:
-            yield _outcome(future, indices[future])
-        except KilledWorker:
-            alone.append(indices[future])
-        del indices[future]
-        send_more()
-    for index in alone:
+            runs.append(replace(run, result=pickle.dumps(run.result)))
+        except Exception as fault:
+            runs.append(Run(index, run.seconds, failure=last_line(fault)))
+        if time.perf_counter() - began > BATCH_S:
+            break
+    return runs
+
+
+class _Sending:
+    """Pending jobs: waiting jobs, jobs to be repeated alone, and sent batches.
+
+    local: whether to stop after a time without workers; a cluster may get its workers later
+    """
+
+    def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
+        self.work, self.jobs, self.client, self.local = work, jobs, client, local
+        self.waiting, self.alone = deque(range(len(jobs))), deque[int]()
+        self.sent: dict[Future, list[int]] = {}
+        self.arriving: queue.SimpleQueue[Future] = queue.SimpleQueue()
+        self.run_s = math.inf  # mean time of a run in the last batch
+        self.n_threads, self.counted, self.had_workers = 1, -math.inf, time.monotonic()
+
+    def runs(self) -> Iterator[Run]:
+        """Outcomes of the jobs, as the batches arrive."""
+        while self.waiting or self.alone or self.sent:
+            self.count_workers()
+            while self.waiting and len(self.sent) < AHEAD * self.n_threads:
+                n_left = math.ceil(len(self.waiting) / (AHEAD * self.n_threads))
+                n = max(1, min(n_left, round(BATCH_S / self.run_s) if self.run_s > 0.0 else n_left))
+                self.send([self.waiting.popleft() for _ in range(n)])
+            singly = not self.sent
+            if singly:
+                self.send([self.alone.popleft()])
+            future = self.arrival()
+            yield from self.arrived(future, self.sent.pop(future), singly=singly)
+
+    def arrival(self) -> Future:
+        """The next batch that comes back."""
+        while True:
+            try:
+                return self.arriving.get(timeout=COUNTED_EACH_S)
+            except queue.Empty:
+                self.count_workers()
+
+    def count_workers(self) -> None:
+        """Update the number of workers. Raises InputError after a long time without workers."""
+        now = time.monotonic()
+        if now - self.counted <= COUNTED_EACH_S:
+            return
+        n_threads = sum(self.client.nthreads().values())
+        self.n_threads, self.counted = max(1, n_threads), now
+        if n_threads:
+            self.had_workers = now
+        elif self.local and now - self.had_workers > NO_WORKER_S:
+            raise InputError.at("--processes", "worker processes that start", f"none for {NO_WORKER_S:g} s")
+
+    def send(self, indices: list[int]) -> None:
+        """Send a batch."""
+        jobs = [self.jobs[index] for index in indices]
+        future = self.client.submit(_perform_batch, self.work, indices, jobs, pure=False)
+        self.sent[future] = indices
+        future.add_done_callback(self.arriving.put)
+
+    def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
+        """The outcomes of a returned batch; runs that it did not reach wait again."""
+        from distributed import CancelledError, KilledWorker
+
         try:
-            yield _outcome(send(index), index)
+            runs: list[Run] = future.result()
         except KilledWorker:
-            yield Run(index, math.nan, failure=DIED)
-
-
-def _outcome(future: Future, index: int) -> Run:
-    """The outcome of a run that was sent. Raises InputError if no scheduler or worker answers, KilledWorker."""
-    from distributed import CancelledError, KilledWorker
-    from distributed.scheduler import NoWorkerError
-
-    try:
-        run: Run = future.result()
-    except KilledWorker:
-        raise
-    except NoWorkerError as fault:
-        raise InputError.at("--processes", "worker processes that start", f"none for {NO_WORKER_S:g} s") from fault
-    except (CancelledError, OSError) as fault:
-        expected = "a scheduler until the last run"
-        raise InputError.at("--scheduler", expected, f"{last_line(fault)}; run again to continue") from fault
-    except Exception as fault:  # for example, the worker lacks a module
-        return Run(index, math.nan, failure=last_line(fault))
-    return replace(run, result=None if run.failure else pickle.loads(run.result))
+            if singly:
+                return [Run(indices[0], math.nan, failure=DIED)]
+            self.alone.extend(indices)
+            return []
+        except (CancelledError, OSError) as fault:
+            raise InputError.at(
+                "--scheduler", "a scheduler until the last run", f"{last_line(fault)}; run again to continue"
+            ) from fault
+        except Exception as fault:  # for example, the worker lacks a module
+            return [Run(index, math.nan, failure=last_line(fault)) for index in indices]
+        self.waiting.extendleft(reversed(indices[len(runs) :]))
+        self.run_s = sum(run.seconds for run in runs) / len(runs)
+        return [replace(run, result=None if run.failure else pickle.loads(run.result)) for run in runs]

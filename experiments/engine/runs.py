@@ -31,7 +31,7 @@ KEY_DIGITS = 16
 class Run:
     """The outcome of one job.
 
-    index: index of the job; seconds: duration of the function [s]; result: its return value, None if it failed
+    index: index of the job; seconds: time of the function's last try [s]; result: its return value, None if it failed
     failure: last line of the traceback, None without failure; trace: the whole traceback
     """
 
@@ -80,6 +80,14 @@ def importable(work: Work) -> Work:
 def name_of(work: Work) -> str:
     """`module:function` of an importable function."""
     return name_of(work.func) if isinstance(work, partial) else f"{work.__module__}:{work.__qualname__}"
+
+
+def module_of(work: Work) -> str:
+    """The module to import for a function; for nested partials, that of the innermost function."""
+    if isinstance(work, partial):
+        inner = [value for value in work.keywords.values() if callable(value)]
+        return module_of(inner[0] if inner else work.func)
+    return work.__module__
 
 
 def named_work(name: str) -> Work:

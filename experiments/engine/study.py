@@ -1,7 +1,8 @@
 """A study: one function and many cases; runs are stored as they finish, and an interrupted study can be continued.
 
-The folder of a study has `runs.parquet`: the rows of all results, in the order of the cases, with the columns of the
-case, of the result and of OWN. `failures/` has a file for each failed run, `kept/` all runs ever done.
+The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases, with numbers and
+texts of the case and of the result, and the columns of OWN; `failures/`, a file for each failed run; and `kept/`, all
+runs ever done.
 """
 
 from __future__ import annotations

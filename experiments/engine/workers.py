@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import logging
+import multiprocessing
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,17 +25,17 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""Settings of Dask's monitoring, which takes 1 % of a core with these intervals and 12 % with the defaults."""
+"""Dask's monitoring: the default intervals take 12 % of a core, these 1 %; the dashboard is off."""
 
 DEATHS = 2
-"""Number of worker deaths during a run after which the run is repeated alone; it has failed if as many workers die
-again; choice: one death may have an external cause."""
+"""Number of deaths of local workers after which the runs of a batch are repeated alone, and after which a run has
+failed; choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Number of runs below which this process does all runs: it finishes them before workers have started; choice."""
+"""Number of runs below which this process does them all: it finishes before workers have started; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -57,7 +59,7 @@ class Workers:
 
     @property
     def n_local(self) -> int:
-        """Number of processes on this machine."""
+        """Processes on this machine."""
         from dask.system import CPU_COUNT
 
         return CPU_COUNT if self.n_processes is None else self.n_processes
@@ -67,7 +69,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The wanted workers; by default all cores or, for few runs or without the extra `cluster`, only this process."""
+    """The workers of a command that also runs without the extra: the chosen ones, or this process for few runs."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -95,8 +97,11 @@ def chosen_workers(chosen: argparse.Namespace) -> Workers:
 
 
 @contextmanager
-def connected(workers: Workers) -> Iterator[Client]:
-    """A client of the scheduler, or of a local cluster that is closed at the end. Raises InputError."""
+def connected(workers: Workers, module: str) -> Iterator[Client]:
+    """A client of the scheduler, or of a local cluster that is closed at the end. Raises InputError.
+
+    module: module of the work, imported once for all local processes
+    """
     require("--processes" if workers.scheduler is None else "--scheduler", "cluster")
     from distributed import Client
 
@@ -109,34 +114,67 @@ def connected(workers: Workers) -> Iterator[Client]:
         with client:
             yield client
         return
-    with local_cluster(workers.n_local) as cluster, Client(cluster) as client:
+    with local_cluster(workers.n_local, module) as cluster, Client(cluster) as client:
         yield client
 
 
 @contextmanager
-def local_cluster(n_processes: int) -> Iterator[LocalCluster]:
+def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
     """Worker processes on this machine, each with one thread, replaced when they die; closed at the end."""
     import dask
     from distributed import LocalCluster
 
+    method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     settings = {
+        "distributed.worker.multiprocessing-method": method,
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
         # Ctrl-C reaches all processes of a terminal; this process closes the others
         "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
-        "distributed.scheduler.no-workers-timeout": NO_WORKER_S,
+        # a worker has no second waiting batch: it would count as failed if the worker died
+        "distributed.scheduler.worker-saturation": 1.0,
         # on a busy machine a worker may take longer to return than the default timeout of 15 s
         "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
         **SELDOM,
     }
-    with (
-        dask.config.set(settings),
-        LocalCluster(
+    with dask.config.set(settings):
+        if method == "forkserver":
+            _start_forkserver(module)
+        with LocalCluster(
             n_workers=n_processes,
             threads_per_worker=1,
             processes=True,
             dashboard_address="127.0.0.1:0",  # any free port
             silence_logs=logging.CRITICAL,
-        ) as cluster,
-    ):
-        yield cluster
+        ) as cluster:
+            yield cluster
+
+
+def _needed_by(module: str) -> list[str]:
+    """Modules to load first: this module or, if `python -m` runs it, its imports, since each worker runs it again."""
+    main = sys.modules["__main__"]
+    spec = getattr(main, "__spec__", None)
+    if spec is None or spec.name != module:
+        return [module]
+    names = {getattr(value, "__module__", None) for value in vars(main).values()}
+    return sorted(name for name in names if isinstance(name, str) and not name.startswith("__"))
+
+
+def _start_forkserver(module: str) -> None:
+    """Start, once, the process from which workers are forked, with their imports loaded.
+
+    Without this process each worker, and each replacement, would import for seconds.
+    """
+    from multiprocessing import forkserver
+
+    from distributed.utils import get_mp_context
+
+    context = get_mp_context()
+    context.set_forkserver_preload(["distributed", *_needed_by(module)])
+    before = dict(os.environ)
+    os.environ.update({name: str(value) for name, value in ONE_THREAD.items() if name not in before})
+    try:
+        forkserver.ensure_running()
+    finally:
+        for name in ONE_THREAD.keys() - before.keys():
+            del os.environ[name]

@@ -20,20 +20,20 @@ from experiments.arrays import Floats
 from experiments.log import LOG
 
 ONSET_S = 4.0
-"""Time from the first exposure to the onset of a fault [s]; the breathing model is ready by then."""
+"""Onset of a fault, from the first exposure [s]: by then the breathing model is ready."""
 LASTS_S = 2.0
 FOREVER = np.inf
 FRAME_S = 0.2
-"""Time limit for detecting a fault that a single frame shows [s], or three frame intervals if longer; a requirement."""
+"""Time limit for detecting a fault that a single frame shows [s], or three frames if that is longer; a requirement."""
 HIDDEN_S = 2.0
-"""Time limit for a fault that single frames do not show [s]: until it is detected, or until the covariance covers its
-error; a requirement."""
+"""Time limit for detecting a fault that single frames do not show, or until the covariance covers its error [s]; a
+requirement."""
 WRONG = 0.999
-"""An estimate is wrong if the truth is outside its region of this probability and the error is above `LEAST_M`."""
+"""Probability of the region outside which the truth makes an estimate wrong, if the error is above `LEAST_M`."""
 LEAST_M = 1e-3
 """Least error that matters to a needle [m]; choice."""
 STALE_S = 0.2
-"""Age of an estimate above which the display must not show GO [s]; a requirement."""
+"""Age of a state above which it must not show GO [s]; a requirement."""
 STEADY_S = 0.5
 """Time without faults after which a run has recovered [s]; choice."""
 
@@ -42,8 +42,8 @@ STEADY_S = 0.5
 class Moment:
     """The display at one time [s] from the first exposure.
 
-    age_s: age of the newest frame that was used; status: displayed word; advice: displayed word, None if there is none
-    why: the displayed reason; reported: the faults that the camera or the run reported then; each may be empty
+    age_s: age of the newest frame that was used; status, advice: the displayed words; advice: None if there is none
+    why: the displayed reason, empty without one; reported: reports at that moment, empty without any
     sigma_m: standard deviation of the target
     wrong: result of `is_wrong`; astray: whether the needle would miss
     well: whether tracking was displayed without a fault
@@ -79,15 +79,15 @@ class Judged:
     """The result of a fault in one run.
 
     noticed_ms: time of detection after the onset; None if the fault was never displayed
-    covered: whether no estimate was wrong from `within_s` after the onset until recovery
+    covered: whether no estimate was wrong from `within_s` until the fault was over and its end was detected
     shown: the most frequently displayed words during the fault, or the reports if none were displayed
     recovered_ms: time from the fault's end, or from its onset if it stays, to recovery; None without recovery
-    sigma_before_mm, sigma_most_mm: standard deviation of the target before the fault; its largest value during it
+    sigma_before_mm, sigma_most_mm: standard deviation of the target before, and the largest during the fault
     go_shown_while_faulty: number of moments with GO on an estimate that was wrong or older than STALE_S, or for a
         needle that would miss, from `within_s` after the onset on; go: number with GO, from the onset on
     ended: how the process ended; empty if there was no process
-    lacks_s: time missing in tables or recording before the run's end, or before a full disk [s]; the whole
-    time if they are unreadable, None if there are none
+    lacks_s: time missing in tables or recording before its end, or before a full disk [s]; all of it if
+    they are unreadable, None if there are none
     """
 
     noticed_ms: float | None
@@ -107,7 +107,7 @@ class Fault(ABC):
     """A fault, with its simulation and its evaluation.
 
     name: its name in the table; what: a short description; lasts_s: duration from ONSET_S [s], inf if it stays
-    within_s: time limit until the fault is detected, or until the covariance covers its error [s]
+    within_s: time limit for detecting it, or until the covariance covers its error [s]
     alone: whether its run is in real time, so that no other run may share the machine
     """
 
@@ -135,7 +135,7 @@ def quiet_folder() -> Iterator[Path]:
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
-    """Whether the truth [m], (dim,), is outside the estimate's region of `WRONG`, and the error exceeds `LEAST_M`."""
+    """Whether the truth [m], (dim,), lies outside the estimate's region of `WRONG`, by more than `LEAST_M`."""
     if cov is None or not np.isfinite(mean).all() or not np.isfinite(cov).all():
         return True
     off = truth_m - mean
@@ -145,9 +145,9 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The result of a fault from a run's moments; the fault began at ONSET_S and lasted lasts_s [s], inf if it stays.
+    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
 
-    A run has recovered when tracking without a fault has been displayed for STEADY_S.
+    A run that displayed nothing more has ended before the last moment.
     """
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
@@ -171,7 +171,7 @@ def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
 
 
 def _most_shown(moments: list[Moment]) -> str:
-    """The most frequent fault displayed, numbers ignored; the first report if no fault was displayed."""
+    """The most frequent words, without numbers; the first report if no words were displayed."""
     ill = [one.words for one in moments if not one.well]
     if not ill:
         return next((one.reported for one in moments if one.reported), "")
@@ -181,7 +181,7 @@ def _most_shown(moments: list[Moment]) -> str:
 
 
 def _recovered(after: list[Moment], over_s: float, noticed_s: float | None) -> float | None:
-    """Time from which tracking is displayed without a fault for STEADY_S, after over_s and noticed_s [s]."""
+    """Time from which all is well, after the end of the fault or, if it stays, after its detection [s]."""
     if noticed_s is None:
         return over_s
     began_s: float | None = None

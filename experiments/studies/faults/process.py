@@ -35,18 +35,18 @@ from vision import Frame, SourceError
 FRAME_S = 0.05
 """Frame interval of the film [s], long enough for a busy machine to show and record it in real time."""
 STARTS_S = 60.0
-"""Timeout until a run's page appears [s]: longer than any run needs."""
+"""Timeout for a run's page [s]: longer than any run needs."""
 ENDING_S = 0.5
-"""Time before the film's end from which a run is not stopped, because it ends by itself [s]."""
+"""Time before the end of the film from which a run is not disturbed [s]."""
 ENDS_S = 20.0
-"""Timeout until a run ends after its film [s]."""
+"""Timeout for a run to end after its film [s]."""
 SOFTAIM = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from experiments.commands.app import main; main()"
 )
 """The program with Ctrl-C enabled, which a background process would otherwise ignore."""
 GONE_S = 3.0
-"""Timeout until a run's other processes end after it [s]."""
+"""Timeout for the run's other processes to end after it [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +100,7 @@ def filmed(seed: int, duration_s: int) -> Film:
 class Terminal:
     """Reads the output of a process.
 
-    State: the output so far; whether the process's output is still read; the file descriptors.
+    State: the output so far; whether it is read; its source.
     """
 
     def __init__(self, *sources: int) -> None:
@@ -112,7 +112,7 @@ class Terminal:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop reading and close the sources."""
+        """Stop reading, like a reader that has left."""
         self._closing = True
         self._thread.join()
 
@@ -136,12 +136,12 @@ class Terminal:
 
 @dataclass(slots=True, eq=False)
 class LiveRun:
-    """Process of `softaim live` on a film, with a needle and a recording, from `start` to its end.
+    """Process of `softaim live` on a film, recorded, with a needle, from `start` until it has ended.
 
     folder: existing folder for its output; options: further options of the command; on_terminal: whether it runs in a
     terminal, not with pipes; igtl_port: port of OpenIGTLink, 0 for none
-    State: the process and the readers of its output, from `start` on; the page's port, token and viewer, once the page
-    has appeared; other viewers; resources to release at the end.
+    State: from `start` on, the process and the readers of its output; when its page appears, the page's port, token and
+    viewer; other viewers; resources to release at the end.
     """
 
     film: Film
@@ -200,7 +200,7 @@ class LiveRun:
         self.process.wait()
 
     def _ends(self) -> tuple[tuple[int, int], list[int]]:
-        """The process's standard output and standard error, and the descriptors from which they are read."""
+        """The process's standard output and standard error, and the ends from which they are read."""
         if self.on_terminal:
             mine, theirs = os.openpty()
             return (theirs, theirs), [mine]
@@ -216,7 +216,7 @@ class LiveRun:
         return viewer
 
     def stop(self) -> float:
-        """End the run by Ctrl-C, unless it ends by itself; returns the film's time [s], inf after an early end."""
+        """End the run by Ctrl-C, unless it ends by itself; returns the film's time [s], inf if it had ended before."""
         now_s = self.viewer.now_s
         if self.process.poll() is None and now_s < self.film.ends_s - ENDING_S:
             self.process.send_signal(signal.SIGINT)
@@ -245,7 +245,7 @@ class LiveRun:
         return True
 
     def lacks_s(self, until_s: float) -> float:
-        """Time up to until_s [s] that is missing in tables or recording [s]; all of until_s if they are unreadable."""
+        """Time missing in tables or recording up to this time of the film [s]; all of it if they are unreadable."""
         shown_s = [time_s for now_s, time_s in self.viewer.known_s if now_s <= until_s]
         if not shown_s:
             return 0.0
@@ -256,7 +256,7 @@ class LiveRun:
         return max(shown_s[-1] - kept_s, 0.0)
 
     def _kept_s(self) -> list[float]:
-        """Times [s] of the last stored estimate, advice and picture, on the film's clock."""
+        """Times [s] of the last estimate, advice and picture, on the film's clock."""
         (recording,) = self.out.glob("recording-*")
         tables = [folder / name for folder in (self.out, recording) for name in (ESTIMATES, ADVICE)]
         origins = [done.time_s for done in read_journal(recording / JOURNAL) if done.act is Act.ORIGIN]

@@ -40,7 +40,7 @@ DURATION_S = 12.0
 ARRIVES_S = 0.5 * INTERVAL_S + 0.005
 """Time from exposure to arrival [s]: half a frame interval, and read-out."""
 LESION_M = 0.012
-"""Radius of the lesion [m], so large that a run without a fault nearly always shows GO: WAIT would hide faults."""
+"""Radius of the lesion [m]: so large that without a fault GO is nearly always displayed; WAIT would hide faults."""
 ABOVE_M = 0.03
 """Distance from the entry of the needle to its target, as drawn [m]."""
 WAYS = {2: (0.0, 1.0), 3: (0.4, 0.3, 1.0)}
@@ -149,7 +149,7 @@ def misses(needle: NeedlePose, truth_m: Floats) -> bool:
 
 
 def plan_of(scene: Scene) -> NeedlePlan:
-    """A needle so close to the target that a run without a fault shows GO at any phase of the breath."""
+    """A needle close to the target: without a fault GO is displayed at any phase of the breath."""
     network = scene.network
     way = np.array(WAYS[network.dim])
     way /= np.linalg.norm(way)

@@ -18,9 +18,10 @@ from experiments.errors import InputError
 from experiments.formats.outputs import write_whole
 from experiments.studies.faults.camera import CAMERA
 from experiments.studies.faults.judge import Fault, quiet_folder
+from experiments.studies.faults.loop import LOOP
 from experiments.studies.faults.scripted import ScriptedFault
 from experiments.studies.faults.system import SYSTEM
-from experiments.studies.faults.tissue import LOOP, TISSUE
+from experiments.studies.faults.tissue import TISSUE
 from experiments.studies.grid import chosen, grid
 
 _ALL: tuple[Fault, ...] = (ScriptedFault("none", "nothing fails", 0.0), *CAMERA, *TISSUE, *LOOP, *SYSTEM)
@@ -123,7 +124,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults, grouped by the beginning of the displayed text; groups are in the order of faults."""
+    """Descriptions of faults by the beginning of what they display, in the order of the first fault with each."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []

@@ -29,14 +29,14 @@ AFTER_S = 3.0
 STARTS_S = 12.0
 """Longest time of the film before the first state [s]: four times the usual time to start."""
 JITTER_S = 1.0
-"""Largest random delay before a fault begins [s]: the length of a piece of a recording."""
+"""Range of the random delay of a fault after its onset [s]: the length of a piece of a recording."""
 STARTS_WITHIN_S = 10.0
-"""Time within which a run that cannot start says so [s]: the page of a run that can start appears by then."""
+"""Time within which a run that cannot start reports it [s]: its page would have appeared by then."""
 N_VIEWERS = 50
 SLOW_S = 1.0
 """Time for which a slow viewer shows a state [s]."""
 N_WARNINGS, AT_ONCE = 1500, 20
-"""Number of refused requests, whose warnings together exceed a terminal's buffer; number of requests sent at once."""
+"""Number of refused requests, whose lines of about 70 letters exceed a terminal's buffer; number sent at once."""
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
@@ -47,7 +47,7 @@ Acts = Callable[[LiveRun], None]
 
 @dataclass(frozen=True, slots=True)
 class SystemFault(Fault):
-    """A `Fault` of a real process of `softaim live` that reads and records a film, and has a client of its stream.
+    """A `Fault` of a real process: `softaim live` on a film, which records it and has a client of its stream.
 
     before: action before the process starts; begins, ends: actions at the onset, and lasts_s later
     writes: whether the process can still write after the onset
@@ -173,7 +173,7 @@ def _in_terminal(run: LiveRun) -> None:
 
 
 def _warned(run: LiveRun) -> None:
-    """Send so many refused requests that their warnings fill the pipe of a reader that does not read."""
+    """Send so many refused requests that their lines fill the pipe of a reader that does not read."""
     from websockets.exceptions import ConnectionClosed
     from websockets.sync.client import connect
     from websockets.typing import Subprotocol
@@ -207,7 +207,7 @@ def _closed(run: LiveRun) -> None:
 
 
 def _full(run: LiveRun) -> None:
-    """Limit the size of the process's files, so that a write fails as on a full disk."""
+    """Limit the size of the process's files: a write fails, as on a full disk."""
     import resource
 
     resource.prlimit(run.process.pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))

@@ -1,4 +1,4 @@
-"""Faults of the marks, of the tissue, of its scene, of a tracked needle, and of the filter itself."""
+"""Faults of the marks, of the tissue, and of its scene."""
 
 from __future__ import annotations
 
@@ -8,28 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 import vision
-from dynamics import MassSpringNetwork, NeedlePose
-from estimators import Insertion, TissueFilter
+from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.formats.scene.scene import Scene
-from experiments.pipeline.live.session import Session
-from experiments.studies.faults.judge import FOREVER, HIDDEN_S, LASTS_S
-from experiments.studies.faults.scripted import Moves, ScriptedFault, TrackedNeedle
-
-OUTSIDE_M = 0.02
-"""Distance from the tip of a waiting needle to its entry [m]."""
-GOES_IN_S = 0.5
-"""Time before the onset at which the needle enters after GO [s]."""
-INSIDE_M = 0.005
-"""Depth at which the inserted needle stops [m]."""
-BEND_RAD = np.deg2rad(90.0)
-"""Angle by which the needle bends [rad]: it would miss by 25 mm, twice the lesion's radius, in any breath."""
-BESIDE_M = 0.025
-"""Distance of a needle's line from the line on which it would get GO [m]."""
-DENT_M, DENT_N = 0.005, 2.0
-"""Depth by which a needle dents the skin without puncture [m], and its force [N]."""
-THROWN_M = 0.08
-"""Displacement of all nodes in the filter's state on each axis [m]."""
+from experiments.studies.faults.judge import FOREVER, HIDDEN_S
+from experiments.studies.faults.scripted import Moves, ScriptedFault
 
 
 def _displaced(by: Callable[[float], tuple[float, float]]) -> Moves:
@@ -94,41 +77,6 @@ def _another(scene: Scene) -> Scene:
     return replace(scene, network=replace(network, positions=drawn, rest_lengths=1.3 * network.rest_lengths))
 
 
-def _at(plan: Insertion, depth_m: float, beside_m: float = 0.0, turned_rad: float = 0.0) -> NeedlePose:
-    """A needle at rest at this depth [m], shifted sideways [m], with its direction rotated about its tip [rad]."""
-    along = plan.axis
-    across = np.array([-along[1], along[0]])
-    direction = np.cos(turned_rad) * along + np.sin(turned_rad) * across
-    return NeedlePose(plan.entry + beside_m * across + depth_m * along, direction, 0.0, max(depth_m, 0.0))
-
-
-def _bends(since_s: float, plan: Insertion) -> NeedlePose:
-    """Pose of a needle that waits outside, enters before the onset, bends, and is retracted."""
-    if since_s < -GOES_IN_S or since_s >= LASTS_S:
-        return _at(plan, -OUTSIDE_M)
-    if since_s < 0.0:
-        return _at(plan, INSIDE_M * (1.0 + since_s / GOES_IN_S))
-    return _at(plan, INSIDE_M, turned_rad=BEND_RAD)
-
-
-def _touches(since_s: float, plan: Insertion) -> NeedlePose:
-    """Pose of a needle that presses on the skin beside its line, without GO, and is then retracted and aligned."""
-    if since_s < 0.0:
-        return _at(plan, -OUTSIDE_M, BESIDE_M)
-    return _at(plan, DENT_M, BESIDE_M) if since_s < LASTS_S else _at(plan, -OUTSIDE_M)
-
-
-def _thrown(by_m: float) -> Callable[[Session], None]:
-    """A function that displaces all nodes by by_m [m] in the mean of each filter mode; covariances do not change."""
-
-    def upsets(session: Session) -> None:
-        tissue = session.line.filter
-        assert isinstance(tissue, TissueFilter)
-        tissue.filter.means[:, tissue.process.parts["position"]] += by_m
-
-    return upsets
-
-
 TISSUE: tuple[ScriptedFault, ...] = (
     ScriptedFault("half covered", "half the marks are covered for 2 s", covered=("M1", "M3")),
     ScriptedFault("all covered", "all marks are covered for 5 s", 5.0, covered=("M1", "M2", "M3", "M4")),
@@ -143,20 +91,4 @@ TISSUE: tuple[ScriptedFault, ...] = (
     ScriptedFault("stiffness", "the scene's springs are 30 % too stiff", FOREVER, HIDDEN_S, assumed=_stiffer),
     ScriptedFault("scale", "the scene states 5 % more mm per pixel", FOREVER, HIDDEN_S, assumed=_scaled),
     ScriptedFault("wrong scene", "the scene's body is 30 % too large", FOREVER, HIDDEN_S, assumed=_another),
-)
-
-LOOP: tuple[ScriptedFault, ...] = (
-    ScriptedFault("needle bent", "after GO the needle bends by 90 degrees inside", needle=TrackedNeedle(_bends)),
-    ScriptedFault(
-        "needle unseen",
-        "the needle bends, and its tracker loses it or sends NaN",
-        needle=TrackedNeedle(_bends, seen=lambda since_s: not 0.0 <= since_s < LASTS_S),
-    ),
-    ScriptedFault(
-        "touched early",
-        "without GO a needle presses 5 mm into the skin",
-        needle=TrackedNeedle(_touches, push_N=DENT_N),
-    ),
-    ScriptedFault("filter diverges", "the filter's nodes are displaced by 110 mm", FOREVER, upsets=_thrown(THROWN_M)),
-    ScriptedFault("filter NaN", "the filter's state is NaN", FOREVER, upsets=_thrown(np.nan)),
 )

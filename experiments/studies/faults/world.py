@@ -56,7 +56,7 @@ def scenario_of(seed: int, duration_s: float) -> Scenario:
 
 
 def scene_in_view(scenario: Scenario) -> Scene:
-    """The scenario's scene with a colour for each mark and the default model error."""
+    """The scenario's scene with a colour for each mark, without a stated model error."""
     scene = scene_of(scenario)
     marks = tuple(replace(mark, hue_deg=hue) for mark, hue in zip(scene.marks, HUES_DEG, strict=True))
     return replace(scene, marks=marks, settings=FilterSettings())

@@ -19,7 +19,7 @@ import pandas as pd
 
 from experiments.engine.workers import chosen_workers
 from experiments.formats.outputs import write_whole
-from experiments.studies.faults.wrong_worlds.truth import BODIES
+from experiments.studies.faults.wrong_worlds.bodies import BODIES
 from experiments.studies.grid import add_seeds, command, grid, kept_runs, seeds_of, study_options
 from experiments.studies.honesty.run import PUSHES, run
 

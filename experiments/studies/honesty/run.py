@@ -15,8 +15,9 @@ from experiments.pipeline.line import FILTER, Line
 from experiments.studies.estimation.trials import Frames, frames_of
 from experiments.studies.faults.judge import is_wrong
 from experiments.studies.faults.world import INTERVAL_S
+from experiments.studies.faults.wrong_worlds.bodies import scene_of_body
 from experiments.studies.faults.wrong_worlds.run import REGION
-from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of, scene_of_body
+from experiments.studies.faults.wrong_worlds.truth import Pushes, Truth, motion_of
 
 PUSHES = {
     "nothing": Pushes(0.0, 0.0),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -26,26 +27,16 @@ from dynamics.lattices import (
 )
 from dynamics.mesh import Tissue
 from dynamics.mesh.tissues import TISSUES
-from experiments.engine.runs import Case
+from experiments.arrays import Floats
 
 SIDE_M = 0.024
 """Side length [m]; moduli do not depend on it."""
 
 MATERIAL = "material"
-METHODS = ("van_gelder", "lloyd", "fitted")
-"""Methods: two published formulas, and factors fitted to other boxes of the structure."""
+METHODS = ("van_gelder", "lloyd", "fitted", "own")
+"""Methods: two published formulas; factors fitted to other boxes of the structure, or to the box itself."""
 
 AXES, PLANES = ("x", "y", "z"), ("yz", "xz", "xy")
-
-WORDS = {
-    "van_gelder": "Van Gelder",
-    "lloyd": "Lloyd",
-    "fitted": "fitted to other boxes",
-}
-"""Descriptions of the methods, by name."""
-
-YOUNG = [f"young_{name}_pa" for name in AXES + PLANES]
-"""Columns of Young's moduli along axes and diagonals."""
 
 Row = dict[str, Any]
 
@@ -57,37 +48,47 @@ def lattice_by_seed(kind: str, seed: int, cells: int) -> tuple[Lattice, list[Tis
     return lattice_of(make(rng), SIDE_M, cells, rng), [TISSUES[name] for name in names]
 
 
-def fit(case: Case) -> Row:
-    """The row of a structure: `factors`, (6,), fitted to its boxes with the case's seeds."""
+def fit(job: tuple[str, Sequence[int], int]) -> Floats:
+    """Factors of a structure, (6,), fitted to boxes of these seeds with this number of cells."""
+    kind, seeds, cells = job
     samples = []
-    for seed in case["seeds"]:
-        lattice, tissues = lattice_by_seed(case["structure"], seed, case["cells"])
+    for seed in seeds:
+        lattice, tissues = lattice_by_seed(kind, seed, cells)
         wanted = effective_stiffness(lattice.element_stiffness(tissues), lattice.mesh.nodes)
-        stiffness = van_gelder(lattice, lattice.of_elements(tissues, "young_pa"))
-        samples.append(Sample(lattice, stiffness, young_along(wanted, DIRECTIONS)))
-    return {"factors": fitted_factors(samples).tolist()}
+        samples.append(_sample(lattice, tissues, young_along(wanted, DIRECTIONS)))
+    return fitted_factors(samples)
 
 
-def tested(case: Case) -> list[Row]:
-    """Rows of one box, with the `factors` of its structure: one for finite elements, one for springs by each method.
+def tested(job: tuple[str, int, int, Floats]) -> list[Row]:
+    """Rows of one box, with these factors of its structure: one for the material, and one for springs by each method.
 
-    alignment: mean over the springs in the structure; share: volume share of the structure's tissues
+    alignment: mean over the structure's springs; crossing: share of springs that cross a surface; share: volume share
+    of the structure's tissues
     """
-    lattice, tissues = lattice_by_seed(case["structure"], case["seed"], case["cells"])
+    kind, seed, cells, factors = job
+    lattice, tissues = lattice_by_seed(kind, seed, cells)
     elements, inside = lattice.element_stiffness(tissues), lattice.mesh.regions > 0
-    young_pa = lattice.of_elements(tissues, "young_pa")
-    plain = van_gelder(lattice, young_pa)
+    wanted = young_along(effective_stiffness(elements, lattice.mesh.nodes), DIRECTIONS)
+    sample = _sample(lattice, tissues, wanted)
     stiffness = {
-        "van_gelder": plain,
-        "lloyd": lloyd(lattice, young_pa),
-        "fitted": directed(lattice, plain, np.array(case["factors"])),
+        "van_gelder": sample.stiffness,
+        "lloyd": lloyd(lattice, lattice.of_elements(tissues, "young_pa")),
+        "fitted": directed(lattice, sample.stiffness, factors),
+        "own": directed(lattice, sample.stiffness, fitted_factors([sample])),
     }
     box = {
+        "structure": kind,
+        "seed": seed,
         "alignment": float(lattice.alignment[np.unique(lattice.edges[inside])].mean()) if inside.any() else np.nan,
+        "crossing": float(lattice.crossing.mean()),
         "share": float(lattice.mesh.volumes[inside].sum() / lattice.mesh.volumes.sum()),
     }
     bodies = {name: spring_stiffness(lattice_network(lattice, stiffness[name], tissues)) for name in METHODS}
     return [box | {"method": name} | _moduli(K, lattice) for name, K in ({MATERIAL: elements} | bodies).items()]
+
+
+def _sample(lattice: Lattice, tissues: Sequence[Tissue], young: Floats) -> Sample:
+    return Sample(lattice, van_gelder(lattice, lattice.of_elements(tissues, "young_pa")), young)
 
 
 def _moduli(K: csc_array, lattice: Lattice) -> Row:
@@ -97,4 +98,7 @@ def _moduli(K: csc_array, lattice: Lattice) -> Row:
     named |= {f"free_sided_{name}_pa": value for name, value in zip(AXES, free, strict=True)}
     for key, values in (("shear_{}_pa", found.shear), ("poisson_{}", found.poisson)):
         named |= {key.format(name): value for name, value in zip(PLANES, values, strict=True)}
-    return {key: float(value) for key, value in named.items()} | {"bulk_pa": found.bulk}
+    return {key: float(value) for key, value in named.items()} | {
+        "bulk_pa": found.bulk,
+        "anisotropy": found.anisotropy,
+    }

@@ -22,7 +22,8 @@ from experiments.plots.style import (
     new_figure,
     styled,
 )
-from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, WORDS, YOUNG, lattice_by_seed
+from experiments.studies.lattices.boxes import AXES, MATERIAL, PLANES, SIDE_M, lattice_by_seed
+from experiments.studies.lattices.table import WORDS, YOUNG
 
 SHOWN_SEED = 1000
 """Seed of the drawn lattices."""

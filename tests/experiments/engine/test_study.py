@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(scope="module")
 def two():
     """Two workers, as a cluster of somebody else's."""
-    with workers.local_cluster(2) as cluster:
+    with workers.local_cluster(2, small_runs.__name__) as cluster:
         yield Workers(scheduler=cluster.scheduler_address)
 
 

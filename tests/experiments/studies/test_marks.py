@@ -25,3 +25,4 @@ def test_marks_in_any_room_are_found() -> None:
     reported = reported_of("whole range", (1, 7), 3)
     assert reported["found"] == 1.0
     assert reported["rms_px"] < 0.35  # measured 0.15
+    assert reported["swapped"] == 0

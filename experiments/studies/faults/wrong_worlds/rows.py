@@ -25,8 +25,8 @@ class World:
     """A row of the table: the true world, and the stated scene.
 
     onset_s: time from which the world is wrong and moments are counted [s]
-    truth: the true body; seen: function that changes a tracker's frames
-    scene: function that returns the stated scene; target: further keys of the stated scene's `[target]`
+    truth: difference of the body from the scene; seen: function that changes a tracker's frames
+    scene: function that makes the stated scene; target: further keys of `[target]` that it states
     sd_m: the marks' standard deviation as stated [m]; reference: whether the scene has reference marks on anchors
     """
 
@@ -55,7 +55,7 @@ def _frozen(seen: Seen, _rng: np.random.Generator) -> Seen:
 
 
 def _displaced(by: Callable[[Floats], ArrayLike], *, one: bool = False) -> Sees:
-    """Displace all marks, or one, in a random direction; by: distances [m] at the times since the onset [s], (n,)."""
+    """Displace all marks, or one, in a random direction [m], as a function of the times since the onset [s], (n,)."""
 
     def sees(seen: Seen, rng: np.random.Generator) -> Seen:
         each = np.zeros_like(seen.places)
@@ -125,7 +125,7 @@ def _times(scene: Scene, factors: Mapping[str, Factor]) -> MassSpringNetwork:
 
 
 def _body(**factors: Factor) -> Truth:
-    """A true body whose constants are the scene's times these factors; it begins at rest."""
+    """A body whose constants have these factors, drawn at its rest."""
 
     def changed(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
         network = _times(scene, factors)
@@ -143,14 +143,14 @@ def _truly(change: Becomes) -> Truth:
 
 
 def _of_target(factor: float) -> Callable[[Scene], Floats]:
-    """Function from a scene to factors on its springs, (n_springs,): `factor` at the target, otherwise 1."""
+    """Factors for the springs at the target, (n_springs,)."""
     return lambda scene: np.where(
         (scene.network.springs == scene.network.index(scene.target.node)).any(axis=1), factor, 1.0
     )
 
 
 def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
-    """Function from a scene to factors on its springs, (n_springs,): `factor` at the target's most loaded spring."""
+    """Factors for the spring at the target with the largest load at rest, (n_springs,)."""
 
     def factors(scene: Scene) -> Floats:
         network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body whose target rests elsewhere, in a random direction that is drawn until there is an equilibrium."""
+        """The body with the target's rest moved in a random direction; without equilibrium, another is drawn."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with ten times the drag; nodes without drag get a drag that stops a free mass in about 0.1 s."""
+    """The network with ten times the drag; nodes without drag get one that stops a free mass within about 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -23,9 +25,10 @@ from experiments.pipeline.live.shown import Publisher, Shown
 from experiments.studies.faults.judge import is_wrong, quiet_folder
 from experiments.studies.faults.scripted import plan_of
 from experiments.studies.faults.world import BEGAN_S, Motion
+from experiments.studies.faults.wrong_worlds.bodies import BODIES, scene_of_body
 from experiments.studies.faults.wrong_worlds.rows import WORLDS, World
 from experiments.studies.faults.wrong_worlds.seen import ScriptedMarks, lines_of, seen_of
-from experiments.studies.faults.wrong_worlds.truth import motion_of, scene_of_body
+from experiments.studies.faults.wrong_worlds.truth import motion_of
 
 REFUSED = "refused"
 
@@ -33,26 +36,36 @@ REGION = {dim: float(chi2.ppf(0.95, dim)) for dim in (2, 3)}
 """Squared radius of the 95 % region, by dimension [sigmas²]."""
 
 REFERENCE_HUE_DEG, REFERENCE_MM = 30.0, 10.0
-"""Hue [degrees], different from other marks, and diameter [mm] of reference marks for a camera."""
+"""Hue [degrees], which no other mark has, and diameter [mm] of reference marks for a camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
     """The display at one time, and whether it was right.
 
-    tracking: whether a frame was displayed with the status TRACKING; go: whether the advice was GO
+    of_frame: whether a frame came; advice: None without advice
     error_m: error of the target [m]; covered: whether the truth lies in the 95 % region; wrong: see `is_wrong`
     """
 
-    tracking: bool
-    go: bool
+    of_frame: bool
+    status: str
+    advice: str | None
+    why: str
     error_m: float
     covered: bool
     wrong: bool
 
+    @property
+    def words(self) -> str:
+        """The displayed text, without its numbers."""
+        if self.advice == str(Advice.GO):
+            return self.advice
+        what = self.status if self.advice in (None, str(Advice.NO_GUIDANCE)) else self.advice
+        return _plain(f"{what}: {self.why}" if self.why else what)
+
 
 class Judging(Publisher):
-    """A `Publisher` that evaluates what is displayed from onset_s [s] on. State: the moments."""
+    """A `Publisher` that evaluates what is displayed from a time on. State: the moments."""
 
     def __init__(self, motion: Motion, target: int, onset_s: float) -> None:
         self._motion, self._target, self._onset_s = motion, target, onset_s
@@ -63,15 +76,17 @@ class Judging(Publisher):
         time_s = shown.at_s - BEGAN_S
         if time_s < self._onset_s:
             return
-        truth, estimate = self._motion.at(time_s)[self._target], shown.estimate
+        truth, estimate, guidance = self._motion.at(time_s)[self._target], shown.estimate, shown.guidance
         off, cov = truth - estimate.mean, estimate.cov
         covered = False
         if cov is not None and np.isfinite(off).all() and np.isfinite(cov).all():
             covered = bool(off @ np.linalg.solve(cov, off) <= REGION[len(off)])
         self.moments.append(
             Moment(
-                shown.step is not None and estimate.status is Status.TRACKING,
-                shown.guidance is not None and shown.guidance.advice is Advice.GO,
+                shown.step is not None,
+                str(estimate.status),
+                None if guidance is None else str(guidance.advice),
+                shown.fault or ("" if guidance is None else guidance.reason),
                 float(np.linalg.norm(off)),
                 covered,
                 is_wrong(estimate.mean, cov, truth),
@@ -80,13 +95,19 @@ class Judging(Publisher):
 
 
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
-    """Run a world with a body and a seed for `duration_s` [s]; returns its row."""
+    """Run a world with a body and a seed; returns its row. The case's `duration_s` [s] replaces the body's."""
     world, scene = WORLDS[case["world"]], scene_of_body(case["body"])
+    duration_s = float(case.get("duration_s", BODIES[case["body"]].duration_s))
     with quiet_folder() as folder:
         try:
-            return counted(moments_of(world, scene, case["seed"], case["duration_s"], folder))
-        except InputError:
-            return {**counted([]), REFUSED: True}
+            return counted(moments_of(world, scene, case["seed"], duration_s, folder))
+        except InputError as error:
+            return {**counted([]), REFUSED: True, "shown": _plain(str(error).replace(f"{folder}/", ""))}
+
+
+def _plain(text: str) -> str:
+    """A text without its numbers."""
+    return re.sub(r"\d+(\.\d+)?", "…", text)
 
 
 def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder: Path) -> list[Moment]:
@@ -118,7 +139,7 @@ def moments_of(world: World, scene: Scene, seed: int, duration_s: float, folder:
 
 
 def stated_text(world: World, scene: Scene) -> str:
-    """Text of the scene file that a user would write for this world."""
+    """The user's scene file of the world."""
     lines = scene_text(world.scene(scene)).splitlines()
     target = lines.index("[target]") + 1
     lines[target:target] = [f"{key} = {toml_value(value)}" for key, value in world.target.items()]
@@ -135,15 +156,20 @@ def _anchors(scene: Scene) -> tuple[str, ...]:
 def counted(moments: list[Moment]) -> dict[str, Any]:
     """The figures of a run's moments.
 
-    tracking, covered: numbers of TRACKING frames, and of those that cover the truth; error_mm: median error of TRACKING
-    go, go_wrong: numbers of moments with GO, and of those with a wrong estimate
+    tracking, tracking_wrong, covered: number of frames; go, go_wrong: number of moments; shown: most frequent display
+    error_mm: median over TRACKING frames
     """
-    tracking = [one for one in moments if one.tracking]
+    tracking = [one for one in moments if one.of_frame and one.status == str(Status.TRACKING)]
+    go = [one for one in moments if one.advice == str(Advice.GO)]
+    shown = Counter(one.words for one in moments).most_common(1)
     return {
+        "frames": sum(one.of_frame for one in moments),
         "tracking": len(tracking),
+        "tracking_wrong": sum(one.wrong for one in tracking),
         "covered": sum(one.covered for one in tracking),
         "error_mm": 1e3 * float(np.median([one.error_m for one in tracking])) if tracking else np.nan,
-        "go": sum(one.go for one in moments),
-        "go_wrong": sum(one.go and one.wrong for one in moments),
+        "go": len(go),
+        "go_wrong": sum(one.wrong for one in go),
+        "shown": shown[0][0] if shown else "",
         REFUSED: False,
     }

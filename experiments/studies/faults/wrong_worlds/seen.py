@@ -47,7 +47,7 @@ Sees = Callable[[Seen, np.random.Generator], Seen]
 
 
 def seen_of(scene: Scene, nodes: tuple[str, ...], motion: Motion, seed: int) -> Seen:
-    """Frames of a tracker with marks on these nodes, with noise of `MARK_SD_M`, a correct clock and no delay."""
+    """Frames of marks on these nodes by a tracker, accurate to `MARK_SD_M`, with a right clock and without delay."""
     times = np.arange(0.0, motion.times_s[-1], INTERVAL_S)
     columns = [scene.network.index(node) for node in nodes]
     places = np.array([motion.at(float(t))[columns] for t in times])

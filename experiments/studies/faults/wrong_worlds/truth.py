@@ -1,22 +1,19 @@
-"""Bodies of the study, each with a user's scene, and their true motion, by SciPy's DOP853."""
+"""True motion of a poked and breathing body, by SciPy's DOP853."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from dynamics import HIDDEN, OUTER, MassSpringNetwork, Phantom, breast_phantom, four_mass_phantom, planar_phantom
-from estimators import FilterSettings
+from dynamics import MassSpringNetwork
 from experiments.arrays import Floats
 from experiments.errors import InputError
 from experiments.formats.scenario import Scenario, read_scenario
 from experiments.formats.scenario_forces import Breathing, Pokes, Posture
-from experiments.formats.scene.reference import Reference
 from experiments.formats.scene.scene import Scene
-from experiments.projects.template import scene_with_marks
 from experiments.simulation.forces import breathing_force, poke_force
 from experiments.studies.faults.world import Motion, moved
 
@@ -34,7 +31,7 @@ TURNS_S = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Pushes:
-    """Forces on the body: accelerations of marked nodes by pokes and by a breath [m/s²]; 0 means none.
+    """Forces on the body: pokes and a breath of the marked nodes [m/s²]; 0 means none.
 
     everywhere: whether the breath accelerates the whole mass; turned_deg: angle by which gravity turns in 2 s; hidden:
     whether the target is also poked; second: whether there is a second breath with another period and direction
@@ -53,7 +50,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """The true body: its network from the first exposure on, the network's change at onset_s [s], the forces."""
+    """Differences of the true body from the scene's, from the first exposure on and from the onset on; its forces."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
@@ -64,31 +61,11 @@ class Truth:
 AS_STATED = Truth()
 
 
-def _four_masses() -> Phantom:
-    network = four_mass_phantom()
-    return Phantom(network, HIDDEN, OUTER, ("springs",) * len(network.springs))
-
-
-BODIES: Mapping[str, Callable[[], Phantom]] = {
-    "four masses": _four_masses,
-    "light phantom": lambda: planar_phantom(5),
-    "breast": lambda: breast_phantom(10),
-}
-
-
-@lru_cache(maxsize=8)
-def scene_of_body(name: str) -> Scene:
-    """The body of this name with a colour for each mark, without stated uncertainties."""
-    scene = scene_with_marks(BODIES[name](), {})
-    target = replace(scene.target, position_sd_m=None)
-    return replace(scene, target=target, reference=Reference(), settings=FilterSettings())
-
-
 @lru_cache(maxsize=32)
 def motion_of(scene: Scene, truth: Truth, seed: int, duration_s: float) -> Motion:
     """The motion of a scene's body; cached, because most worlds share it.
 
-    Raises RuntimeError if the body has no rest position; an accepted scene always has one.
+    Raises RuntimeError if the body has no rest, which does not happen for an accepted scene.
     """
     network = truth.network(scene, np.random.default_rng([seed, 11]))
     scenario = _scenario(scene, truth.pushes, seed, duration_s)

@@ -1,11 +1,13 @@
 """The study of lattices, on one small box."""
 
+import json
+
 import pandas as pd
 import pytest
 
 from experiments.studies.lattices import __main__ as study
-from experiments.studies.lattices.__main__ import main, summary
-from experiments.studies.lattices.boxes import YOUNG
+from experiments.studies.lattices.__main__ import main
+from experiments.studies.lattices.table import YOUNG, summary
 
 
 @pytest.fixture(name="out")
@@ -17,26 +19,23 @@ def _out(tmp_path, monkeypatch):
 def test_the_study_writes_its_files(out, capsys):
     command = ["--out", str(out), "--seeds", "1", "--cells", "6", "--structures", "sheet", "--processes", "1"]
     assert main(command) == 0
+    assert sorted(path.name for path in out.iterdir()) == ["lattices.png", "rows.csv", "summary.json", "tables.md"]
     assert capsys.readouterr().out == (out / "tables.md").read_text()
-    assert (out / "lattices.png").stat().st_size > 10_000
-    rows = pd.read_parquet(out / "boxes" / "runs.parquet")
-    assert rows["method"].tolist() == ["material", "van_gelder", "lloyd", "fitted"]
-    errors = summary(rows).loc["sheet"]["largest_error"]
-    assert errors["fitted"] < 0.15 < errors["van_gelder"]
-    assert errors["material"] == 0.0
-    assert rows["alignment"][0] > 0.7
+    content = json.loads((out / "summary.json").read_text())
+    found = content["methods"]["sheet"]
+    assert found["own"]["largest_error"] < 1e-4
+    assert found["fitted"]["largest_error"] < 0.15 < found["van_gelder"]["largest_error"]
+    assert found["material"]["largest_error"] == 0.0
+    assert found["material"]["alignment"] > 0.7
+    assert len(content["factors"]["sheet"]) == 6
+    rows = pd.read_csv(out / "rows.csv")
+    assert rows["method"].tolist() == ["material", "van_gelder", "lloyd", "fitted", "own"]
 
 
 def test_errors_are_of_the_mean_over_boxes_and_of_any_box():
     """Errors along x of 10 % and -6 % in two boxes of 1 and 2 kPa: their mean is 2 %."""
     flat = [
-        {
-            "structure": "sheet",
-            "seed": seed,
-            "method": method,
-            **dict.fromkeys(YOUNG, young),
-            YOUNG[0]: young * factor,
-        }
+        {"structure": "sheet", "seed": seed, "method": method, **dict.fromkeys(YOUNG, young), YOUNG[0]: young * factor}
         for seed, young in ((7, 1e3), (8, 2e3))
         for method, factor in (("material", 1.0), ("fitted", {7: 1.10, 8: 0.94}[seed]))
     ]

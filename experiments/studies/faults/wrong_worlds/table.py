@@ -1,0 +1,76 @@
+"""Table of the study: a row for each world and body, and a line for each world."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from experiments.formats.page import markdown_table
+from experiments.studies.faults.wrong_worlds.rows import WORLDS
+from experiments.studies.faults.wrong_worlds.run import REFUSED
+
+MOST = 0.005
+"""Largest permitted share of the moments of GO with a wrong estimate; a requirement."""
+
+SUMS = ["frames", "tracking", "tracking_wrong", "covered", "go", "go_wrong", REFUSED]
+SHARES = {"go_wrong": "go", "tracking_wrong": "tracking", "covered": "tracking"}
+HARMLESS = (1.0, 99.0)
+"""Bounds on median error [mm] and coverage [%] within which a world without a wrong GO gets no own line; choice: the
+first is the marks' noise."""
+
+HEADS = ["difference from the scene", "wrong GO", "median error [mm]", "coverage"]
+
+
+def rows_of(runs: pd.DataFrame) -> pd.DataFrame:
+    """A row for each world and body, summed over seeds; error_mm: median over seeds."""
+    rows = []
+    for (world, body), own in runs.groupby(["world", "body"], sort=False):
+        sums = own[SUMS].sum()
+        shares = {f"{part}_share": _share(sums[part], sums[of]) for part, of in SHARES.items()}
+        shown = own["shown"].mode().iloc[0]
+        rows.append({"world": world, "body": body, "seeds": len(own), **sums, **shares})
+        rows[-1] |= {"error_mm": float(own["error_mm"].median()), "shown": shown}
+    return pd.DataFrame(rows)
+
+
+def markdown(rows: pd.DataFrame) -> str:
+    """A line for each world over all bodies, marked if outside the bound. Harmless worlds are named below."""
+    lines, harmless = [], []
+    for world in WORLDS:
+        own = rows[rows["world"] == world]
+        if own.empty:
+            continue
+        if _is_harmless(own):
+            harmless.append(world)
+        else:
+            lines.append(_cells(world, own))
+    wrong, every = rows["go_wrong"].sum(), rows["go"].sum()
+    named = f"Error ≤ {HARMLESS[0]:g} mm, coverage ≥ {HARMLESS[1]:g} %, no wrong GO: {'; '.join(harmless)}.\n\n"
+    return markdown_table(HEADS, lines) + f"\n{named if harmless else ''}Wrong GO: {wrong} of {every:,}.\n"
+
+
+def _is_harmless(own: pd.DataFrame) -> bool:
+    sums = own[SUMS].sum()
+    covered = 100 * _share(sums["covered"], sums["tracking"])
+    small = round(own["error_mm"].median(), 1) <= HARMLESS[0] and round(covered, 1) >= HARMLESS[1]
+    return bool(small and not sums["go_wrong"] and not sums[REFUSED])
+
+
+def _cells(name: str, own: pd.DataFrame) -> list[str]:
+    sums = own[SUMS].sum()
+    mark = "**" if (own["go_wrong_share"] > MOST).any() else ""
+    refused = f", refused {sums[REFUSED]}/{own['seeds'].sum()}" if sums[REFUSED] else ""
+    return [
+        f"{mark}{name}{mark}",
+        f"{mark}{sums['go_wrong']}/{sums['go']}{mark}{refused}",
+        "–" if own["error_mm"].isna().all() else f"{own['error_mm'].median():.1f}",
+        _percent(_share(sums["covered"], sums["tracking"])),
+    ]
+
+
+def _share(part: int, of: int) -> float:
+    return part / of if of else np.nan
+
+
+def _percent(share: float) -> str:
+    return "–" if np.isnan(share) else f"{100 * share:.1f}%"
