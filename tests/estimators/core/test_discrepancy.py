@@ -128,5 +128,5 @@ def test_marks_noisier_than_stated_are_recognised() -> None:
             places = zip(OUTER, errors, strict=True)
             found.append(tissue.update([MarkMeasurement(n, rest[phantom.index(n)] + e, cov) for n, e in places]))
     assert found[0].noise == stated.level.noise == pytest.approx(noise, rel=0.05)
-    np.testing.assert_allclose(*(np.sqrt(np.trace(one.cov)) for one in found), rtol=0.2)
+    np.testing.assert_allclose(*(np.sqrt(np.trace(one.cov)) for one in found), rtol=0.1)
     np.testing.assert_allclose(found[0].mean, found[1].mean, atol=0.2 * float(np.sqrt(found[1].cov[0, 0])))

@@ -116,6 +116,15 @@ def test_a_fifth_of_the_marks_is_something_else_in_every_frame(phantom, poked, b
     assert errors[15:].max() < (0.03 if body == "phantom" else 5e-3)
 
 
+def test_all_marks_together_are_no_outliers(phantom, rest_state):
+    """A body that is pulled aside by 8 mm between two frames: three outliers are less probable than one led body."""
+    unified = TissueFilter(phantom, HIDDEN, OUTER)
+    followed(unified, [(k * HZ, marks_of(phantom, rest_state)) for k in range(30)])
+    unified.predict(30 * HZ)
+    moved = [replace(mark, position=mark.position + np.array([8e-3, 0.0])) for mark in marks_of(phantom, rest_state)]
+    assert unified.update(moved).marks_used == 3
+
+
 def test_outliers_leave_the_covariance_as_it_was(phantom, rest_state):
     """Where a state is more uncertain than any place within reach: positive definite, and no smaller."""
     unified = TissueFilter(phantom, HIDDEN, OUTER)

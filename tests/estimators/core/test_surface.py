@@ -235,7 +235,7 @@ def test_information_shares_are_what_is_lost_without_the_mark(phantom, frames):
         tissue.restore(then)
         without = tissue.update([mark for mark in still[0][1] if mark.node != node])
         lost = np.trace(without.cov) / np.trace(whole.cov) - 1.0
-        assert whole.information_share[node] == pytest.approx(lost, abs=0.03)
+        assert whole.information_share[node] == pytest.approx(lost, abs=0.02)
 
 
 def test_one_shift_of_all_marks_is_said(seen_for, frames):

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="other systems r
 
 NAMES = [
     " a quo\"te apo'strophe new\nline tab\t käfer 心臓 🫀 percent %s back\\slash [red] *? $x_1$ $ a;b&c|d",
-    *("--out", ".hidden", "%03d", "0.5", "concat:x"),
+    *("-dash", "--out", ".hidden", "%03d", "film:1", "~", "#1", "0.5", "concat:x"),
 ]
 
 
@@ -56,11 +56,46 @@ def test_any_name_in_utf_8_is_taken(here: Path, capfd: pytest.CaptureFixture[str
 
 
 GIVEN = [
+    "calibrate {} --board 9x6 --square-mm 25 --out c.toml",
     "calibrate shots {}/1.png --board 9x6 --square-mm 25 --out c.toml",
     "calibrate --camera left={} --camera right=shots --board 9x6 --square-mm 25 --out rig",
+    "calibrate shots --board 9x6 --square-mm 25 --out {}.toml",
+    "calibrate shots --board 9x6 --square-mm 25 --out c.toml --plane {}.png",
+    "calibrate shots --board 9x6 --square-mm 25 --out c.toml --ros-yaml {}.yaml",
     "track {} --out out",
     "track marks --out {}",
+    "track marks --out out --scene {}.toml",
+    "smooth {} --out out",
+    "compare {} --out out",
+    "replay {} --out out",
+    "advise marks --needle {}.toml --out out",
+    "identify {} --out out.toml",
+    "tune marks --out {}.toml",
+    "plan {}.toml --plan plan.toml --out out",
+    "plan scene.toml --plan {} --out out",
+    "check {}",
+    "check scene.toml --out {}",
+    "new {}",
+    "new out --kind mesh --nodes {}.csv",
+    "simulate {}.toml --out out",
+    "insert {}.toml --out out",
+    "live --source {} --no-page",
+    "live --source {}.avi --no-page",
+    "live --source marks --needle {}.toml --no-page",
+    "record {}/video.avi --out out",
+    "record film/video.avi --out {}",
     "record rtsp://{}/1 --out out",
+    "record --recover {}",
+    "hue {} --at 1,2",
+    "hue shots --scene scene.toml --out {}",
+    "export {} --to plus --out out.igs.mha",
+    "export film --to plus --out {}.igs.mha",
+    "export film --to plus --out out.igs.mha --estimates {}",
+    "import {}.csv --scene scene.toml --out out --fps 30",
+    "import sleap.csv --scene scene.toml --out out --frames {}",
+    "sweep {}.toml --out out",
+    "demo --out {}",
+    "faults --out {}",
 ]
 
 
@@ -81,6 +116,8 @@ def test_a_name_that_is_not_utf_8_is_one_line(here: Path, capfd: pytest.CaptureF
     "call",
     [
         "calibrate shots --board 9x6 --square-mm 25 --out c.toml",
+        "hue shots --at 3,3 --frame 1",
+        "hue shots --scene scene.toml --out out",
         "record shots --fps 10 --out out",
         "live --source shots --fps 10 --scene scene.toml --no-page --out out",
     ],

@@ -205,9 +205,9 @@ def test_words_say_what_where_and_why():
 
 
 def test_the_command_writes_advice_beside_the_estimates(recording, tmp_path, needle_file, capsys):
-    """A recording played live for a moment; without --needle there is no advice."""
+    """A recording played live for a second; without --needle there is no advice."""
     out, plain, words = tmp_path / "out", tmp_path / "plain", ("live", "--source", recording.folder, "--no-page")
-    assert softaim(*words, "--needle", needle_file, "--duration", 0.4, "--out", out) == 0
+    assert softaim(*words, "--needle", needle_file, "--duration", 1.0, "--out", out) == 0
     rows, estimates = pd.read_csv(out / "advice.csv"), pd.read_csv(out / "estimates.csv")
     assert list(rows.columns) == header(2)
     assert set(estimates["time_s"]) <= set(rows["time_s"])
@@ -252,6 +252,27 @@ def test_a_tracked_needle_is_to_stop_when_frames_are_missing_and_it_is_inside(tm
     # it went in though it was not given GO
     assert set(rows["advice"][(rows["time_s"] > 100.42) & (rows["time_s"] <= before[-1])]) == {"ABORT"}
     assert "ABORT" not in set(rows["advice"][rows["time_s"] <= 100.4])
+
+
+def test_of_a_needle_that_its_tracker_does_not_see_there_is_no_advice_until_it_does(tmp_path, plan, image):
+    """Unseen outside for 0.2 s, seen inside, unseen there for 0.2 s, seen outside."""
+    source = Clocked(frames_at(np.round(100.0 + INTERVAL * np.arange(40), 9), image), [], 101.4)
+
+    def tracked(session: Session) -> None:
+        now = source.now - 100.0
+        if 0.4 < now < 0.6 or 0.8 < now < 1.0:
+            session.needle_unseen()
+        else:
+            session.needle_at(np.array([0.0, 0.21 if 0.7 < now < 1.1 else 0.22]), np.array([0.0, -1.0]))
+
+    rows = run(source, tmp_path, plan, attend=tracked)[1]
+    times, reasons = rows["time_s"] - 100.0, rows["reason"].fillna("")
+    unseen = reasons.str.endswith("the needle's tracker does not see it")
+    assert set(rows["advice"][unseen & (times < 0.7)]) == {"NO_GUIDANCE"}
+    assert set(rows["advice"][unseen & (times > 0.7)]) == {"ABORT"}
+    within = ((times > 0.44) & (times < 0.56)) | ((times > 0.84) & (times < 0.96))
+    assert unseen[within].all()
+    assert not unseen[(times < 0.36) | ((times > 0.62) & (times < 0.76)) | (times > 1.02)].any()
 
 
 def test_a_tracker_that_sends_no_more_poses_does_not_see_the_needle(tmp_path, plan, image):
