@@ -99,6 +99,7 @@ BODIES: Mapping[str, Callable[[int], Recording]] = {
     "four masses, known to 10 %": _four_masses(0.0, partial(perturbed, known=True), 5.0),
     "four masses, marks to 10 mm": _honest("four masses", 10.0, 5.0),
     "four masses, noise of 10 mm stated as 3.3 mm": _honest("four masses", 10.0, 5.0, 1.0 / 3.0),
+    "four masses, noise of 1 mm stated as 10 mm": _honest("four masses", 1.0, 5.0, 10.0),
     "breast, marks to 1 mm": _honest("breast", 1.0, 2.0),
     "cable, slow": _zoo("cable-slow", "true", 2.0),
     "cable, fast": _zoo("cable-fast", "true", 1.5),
