@@ -61,7 +61,7 @@ class ParticleFilter(Baseline):
         self._scale = points.alpha**2 * (points.n + points.kappa)
         self._weights = points.Wm, points.Wc
         usual = Disturbances()
-        self._lasting_s = np.array([usual.each_s[1], usual.lasting_s[1]])
+        self._lasting_s = np.array([usual.calm_s, usual.poked_s])
         self._rates = np.array([[-1.0, 1.0], [1.0, -1.0]]) / self._lasting_s[:, None]
 
     def _start(self, mean: Floats, cov: Floats) -> None:

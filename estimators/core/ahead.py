@@ -88,13 +88,13 @@ class AheadTables:
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
         """Nested cases, the last one certain: probability (k,) that each lasts until each time; moments of the target.
 
-        In the first case no short force acts, and the slow force becomes no stronger than it is now. In the second
-        case, only for a network, no node is led.
+        In the first case no short force acts, and no slow force becomes stronger than it is now. In the second case,
+        only for a network, no node is led.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
-        calm, found = tissue.process.disturbances.calm_modes, []
-        unled = np.arange(len(calm)) < len(calm) - 1
-        for are_kept, changes in [(calm, np.tril(chain))] + [(unled, chain)] * (not calm.all()):
+        n_short = tissue.process.disturbances.n_short
+        short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
+        for are_kept, changes in [(short == 0, np.tril(chain)), (short < 2, chain)][: max(1, n_short - 1)]:
             kept = np.where(np.outer(are_kept, are_kept), changes, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
         return [*found, self._moments(tissue, weights, chain)]

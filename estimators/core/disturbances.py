@@ -12,37 +12,39 @@ from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
 """Strengths of a continuum's slow forces, relative to a poke [1], and correlation time [s]; choice. A continuum is
-always loaded; at the greater strength its load changes faster."""
+always loaded: the two strengths differ in how fast the load changes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
-    Short forces act on each marked node independently. Slow forces, such as breathing or leaning, are a smooth field
-    over the nodes on which forces may act, plus a uniform acceleration, as if gravity turned. The modes form a Markov
-    chain: calm, pushed by slow forces of each strength, poked, led (nodes are pulled along). A continuum is neither
-    poked nor led. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
+    Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
+    forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
+    acceleration, as if gravity turned. Each kind follows a Markov chain; a mode is a pair of their states. A continuum
+    has only slow forces. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
 
     Attributes
     ----------
     calm_m_s2, poke_m_s2, led_m_s2 : float
-        Standard deviation of a short force when calm or pushed, poked, and led [m/s²]; choice.
+        Standard deviation of a short force in each state [m/s²]; choice.
     slow_m_s2 : tuple of float
-        Standard deviations of slow forces [m/s²], increasing; the first is that of all modes but pushed ones; choice.
+        Standard deviation of a slow force in each of its states [m/s²], increasing; choice.
     white : float
         Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
-        Correlation times of short and slow forces [s]; choice.
+        Correlation times [s]; choice.
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
-    each_s, lasting_s : tuple of float
-        For a pushed, the poked and the led mode: mean time until it follows a weaker mode; mean time [s] until each
-        weaker mode follows a pushed one, and the first pushed mode the poked or the led mode; choice.
+    calm_s, poked_s, led_each_s, led_s : float
+        Mean durations of calm and of a poke, mean time between periods of being led, mean duration of such a period
+        [s]; choice.
+    rise_s, fall_s : float
+        Mean time until a slow force changes to a stronger state, and to a weaker state [s]; choice.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
-    is_solid : bool
-        Whether the body is a continuum.
+    n_short : int
+        Number of states of short forces: three; 1 for a continuum.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -55,18 +57,22 @@ class Disturbances:
     short_s: float = 0.2
     slow_s: float = 1.5
     smooth_s: float = 0.3
-    each_s: tuple[float, float, float] = (30.0, 20.0, 60.0)
-    lasting_s: tuple[float, float, float] = (30.0, 0.3, 1.0)
+    calm_s: float = 20.0
+    poked_s: float = 0.3
+    led_each_s: float = 60.0
+    led_s: float = 1.0
+    rise_s: float = 30.0
+    fall_s: float = 30.0
     smooth: float = 0.25
-    is_solid: bool = False
+    n_short: int = 3
     bent: float = 0.1
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
         """The prior with strength and duration of pokes from the settings. solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
-        by_poke = SOLID[0] * pokes.poke_m_s2, SOLID[1] * pokes.poke_m_s2
-        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, is_solid=True) if solid else pokes
+        by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
+        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
         """Factor on the strengths for a stiff body [1], at least `least`.
@@ -81,29 +87,38 @@ class Disturbances:
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
         """Strengths of white, short, led and slow forces in each mode; raised: factor on all except white and calm."""
-        slow, poke, led = raised * np.array(self.slow_m_s2), raised * self.poke_m_s2, raised * self.led_m_s2
-        short = [self.calm_m_s2] * len(slow) + ([] if self.is_solid else [poke, led])
-        slow = np.append(slow, [slow[0]] * (len(short) - len(slow)))
-        return [(self.white, one, max(one, led), float(other)) for one, other in zip(short, slow, strict=True)]
+        calm, poke, led = self.short_m_s2
+        shorts = (calm, raised * poke, raised * led)[: self.n_short]
+        return [
+            (self.white, short, max(short, raised * led), raised * slow) for slow in self.slow_m_s2 for short in shorts
+        ]
+
+    @property
+    def strongest_mode(self) -> int:
+        """Index of the mode with the strongest slow force and, for networks, a poke."""
+        return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Largest strength of each source by name [m/s²], over all modes but led."""
-        modes = self.by_mode(raised)[: None if self.is_solid else -1]
-        return dict(zip(("white", "short", "led", "slow"), np.max(modes, axis=0), strict=True))
+        """Strength of each source by name, in the strongest mode [m/s²]."""
+        return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
+
+    @property
+    def short_m_s2(self) -> tuple[float, float, float]:
+        """Strengths of short forces in the states calm, poked and led [m/s²]."""
+        return self.calm_m_s2, self.poke_m_s2, self.led_m_s2
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
         """Whether each mode is without a short force, (n_modes,)."""
-        n = len(self.slow_m_s2)
-        return np.arange(n if self.is_solid else n + 2) < n
+        return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Transition rates between the modes [1/s], (n_modes, n_modes)."""
-        n, n_slow = len(self.calm_modes), len(self.slow_m_s2)
-        rates = np.zeros((n, n))
-        for mode in range(1, n):
-            kind = max(0, mode - n_slow + 1)
-            rates[:mode, mode] = 1.0 / self.each_s[kind]
-            rates[mode, min(1, n_slow - 1) if kind else slice(mode)] = 1.0 / self.lasting_s[kind]
-        return np.asarray(rates - np.diag(rates.sum(axis=1)))
+        """Transition rates between the modes [1/s], (n_modes, n_modes); the modes of one slow state are adjacent."""
+        short = np.zeros((3, 3))
+        short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
+        short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s
+        n = len(self.slow_m_s2)
+        slow = np.triu(np.full((n, n), 1.0 / self.rise_s), 1) + np.tril(np.full((n, n), 1.0 / self.fall_s), -1)
+        rates = np.kron(np.eye(n), short[: self.n_short, : self.n_short]) + np.kron(slow, np.eye(self.n_short))
+        return np.asarray(rates - np.diag(rates.sum(axis=1)), dtype=float)

@@ -112,7 +112,7 @@ class TissueProcess:
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
-        strongest = np.square([[*self.disturbances.strongest(self.motion.raised).values(), 0.0, 1.0]])
+        strongest = self.variances(0.0)[[self.disturbances.strongest_mode]]
         before, transition = np.zeros((1, self.n, self.n)), self.linearize(state, PUSHED_S)
         self._set_forces(before[0], strongest[0])
         after = moved(before, transition.matrix)

@@ -123,7 +123,7 @@ def checked(
     )
     settings, prior = line.filter.settings, line.filter.process.disturbances
     covs = {mark.node: mark.cov for mark in seen}
-    calm, poked = (replace(settings.poked, white=prior.white, poke=poke) for poke in (prior.calm_m_s2, prior.poke_m_s2))
+    calm, poked = (replace(settings.poked, white=prior.white, poke=poke) for poke in prior.short_m_s2[:2])
     quiet = resting_bound(network, covs, interval_s, calm)
     advance(0.8)
     pushed = resting_bound(network, covs, interval_s, poked, poked=scene.measured_nodes)

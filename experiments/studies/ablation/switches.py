@@ -97,7 +97,7 @@ LEVELS = (
 SWITCHES: Mapping[str, Switch] = {
     WHOLE: Switch(""),
     "slow forces": Switch(
-        "motion.network.NetworkMotion._may_be_pushed 20", disturbances={"slow_m_s2": FORCES.slow_m_s2[:1]}
+        "motion.network.NetworkMotion._may_be_pushed 22", disturbances={"slow_m_s2": FORCES.slow_m_s2[:1]}
     ),
     "pokes": Switch(
         "8",

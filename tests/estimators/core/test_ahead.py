@@ -45,7 +45,7 @@ def test_tables_are_the_predictions_near_rest(near_rest):
 
 
 def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
-    """Truth: the calm mode is left at the rates of all onsets; nodes are led once in 60 s.
+    """Truth: leaving calm at 1/20 and 1/60 s, a slow force for each stronger one at its rate; led once in 60 s.
 
     The rates of onsets have the factor that the filter has observed.
     """
@@ -55,14 +55,14 @@ def test_the_probabilities_of_nested_cases_are_those_of_the_chain(near_rest):
     d = near_rest.process.disturbances
     (weights, means, covs), (unled, *_), (every, _, whole) = tables.parts(near_rest)
     now = near_rest.filter.weights[d.calm_modes]
-    ended, (pushed, poked, led) = 1.0 / d.lasting_s[0], often / np.array(d.each_s)
-    rates = np.tril(np.full((3, 3), ended), -1)
-    rates -= np.diag(rates.sum(axis=1) + pushed * np.array([2.0, 1.0, 0.0]) + poked + led)
+    rates = np.tril(np.full((3, 3), 1.0 / d.fall_s), -1)
+    leaving = np.array([2.0, 1.0, 0.0]) / d.rise_s + 1.0 / d.calm_s + 1.0 / d.led_each_s
+    rates -= np.diag(rates.sum(axis=1) + often * leaving)
     truth = [(now @ expm(rates * CYCLE_S * k)).sum() for k in range(16)]
     np.testing.assert_allclose(weights, truth, rtol=2e-2)
     assert np.all(np.diff(weights) < 0.0)
-    now = near_rest.filter.weights[:4].sum()
-    np.testing.assert_allclose(unled, now * np.exp(-CYCLE_S * np.arange(16) * led), rtol=1e-3)
+    now = near_rest.filter.weights.reshape(3, 3)[:, :2].sum()
+    np.testing.assert_allclose(unled, now * np.exp(-CYCLE_S * np.arange(16) * often / d.led_each_s), rtol=1e-3)
     np.testing.assert_allclose(every, 1.0, rtol=1e-9)
     assert np.all(np.trace(covs, axis1=1, axis2=2) <= np.trace(whole, axis1=1, axis2=2) * (1.0 + 1e-9))
     assert means.shape == (16, len(near_rest.rest[0]))

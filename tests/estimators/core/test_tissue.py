@@ -127,22 +127,20 @@ def test_strengths_by_mode() -> None:
     found = TissueProcess(network, OUTER, led=("M3",), disturbances=Disturbances(bent=0.0))
     rows = found.variances(0.02)
     d = found.disturbances
-    assert rows.shape == (5, len(SOURCES))
-    np.testing.assert_allclose(rows[:, 1], np.square([*[d.calm_m_s2] * 3, d.poke_m_s2, d.led_m_s2]))
+    assert rows.shape == (9, len(SOURCES))
+    np.testing.assert_allclose(np.unique(rows[:, 1]), np.square([d.calm_m_s2, d.poke_m_s2, d.led_m_s2]))
     np.testing.assert_allclose(rows[:, 2], d.led_m_s2**2)
-    np.testing.assert_allclose(rows[:, 3], np.square(d.slow_m_s2)[[0, 1, 2, 0, 0]])
+    np.testing.assert_allclose(np.unique(rows[:, 3]), np.square(d.slow_m_s2))
     np.testing.assert_allclose(rows[:, 4], 0.02**2)
-    assert found.rates.shape == (5, 5)
+    assert found.rates.shape == (9, 9)
     np.testing.assert_allclose(found.rates.sum(axis=1), 0.0, atol=1e-12)
-    ended = np.tril(found.rates, -1)
-    assert ended[3:].tolist() == [[0.0, 1.0 / 0.3, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0, 0.0]]
 
 
 def test_a_stiff_body_is_pushed_harder() -> None:
     """Its slowest oscillation a hundred times as fast: forces that bend it as far are ten thousand times as strong."""
     network = four_mass_phantom()
     stiff = replace(network, stiffness=1e4 * network.stiffness)
-    soft, hard = (TissueProcess(one, OUTER).variances(0.0)[3, 1] for one in (network, stiff))
+    soft, hard = (TissueProcess(one, OUTER).variances(0.0)[1, 1] for one in (network, stiff))
     assert hard / soft == pytest.approx(1e8, rel=0.2)
 
 

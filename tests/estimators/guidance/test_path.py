@@ -65,7 +65,7 @@ def test_both_parts_together_are_the_whole(tissue, tables):
 
 def test_the_part_in_which_nobody_pokes_is_that_of_a_filter_that_knows_it(phantom, tissue, tables):
     """The same state under a chain in which no force grows: means within 0.2 sigma, sigmas within 10 %."""
-    never = Disturbances(each_s=(NEVER_S, NEVER_S, NEVER_S))
+    never = Disturbances(calm_s=NEVER_S, led_each_s=NEVER_S, rise_s=NEVER_S)
     knowing = TissueFilter(phantom, HIDDEN, OUTER, disturbances=never)
     now, calm = tissue.snapshot(), tissue.process.disturbances.calm_modes
     before = now.filter["weights"]

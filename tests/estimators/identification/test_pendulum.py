@@ -65,7 +65,7 @@ def test_the_search_ends_and_residuals_are_explained(found):
     assert found.n_starts == 2
     assert 1 <= found.n_agreeing <= 2
     assert found.residuals.explained
-    assert 0.5 < found.residuals.size < 1.2  # the model is exact, and the filter supposes that it is not
+    assert 0.5 < found.residuals.size < 1.1  # the model is exact, and the filter supposes that it is not
     assert found.log_likelihood > found.log_likelihood_before + 80.0
 
 
@@ -120,4 +120,5 @@ def test_no_standard_error_exceeds_that_without_data(swing):
     )
     assert wrong.residuals.inflation > 1.0
     assert wrong.residuals.n_effective < wrong.residuals.n
+    assert wrong.n_limited == 1
     assert (wrong.sd <= np.hypot(wrong.prior_sd, wrong.change) * (1.0 + 1e-9)).all()
