@@ -12,7 +12,7 @@ from estimators.tissue.settings import FilterSettings
 
 SOLID, SOLID_S = (0.9, 9.0), 60.0
 """Strengths of a continuum's slow forces, relative to a poke [1], and correlation time [s]; choice. A continuum is
-always loaded: the two strengths differ in how fast the load changes."""
+always loaded; at the greater strength its load changes faster."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,8 +21,8 @@ class Disturbances:
 
     Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
     forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
-    acceleration, as if gravity turned. Each kind follows a Markov chain; a mode is a pair of their states. A continuum
-    has only slow forces. All strengths except calm and white noise are multiplied by `raised`, for a stiff body.
+    acceleration, as if gravity turned. Short and slow forces each follow a Markov chain; a mode is a state of each. A
+    continuum has only slow forces. Strengths except calm and white noise are multiplied by `raised` for a stiff body.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class Disturbances:
     white : float
         Density of white noise on every free node [m/s²/sqrt(Hz)]; choice.
     short_s, slow_s : float
-        Correlation times [s]; choice.
+        Correlation times of short and slow forces [s]; choice.
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
     calm_s, poked_s, led_each_s, led_s : float
