@@ -77,7 +77,7 @@ class Assembly:
         return total + self._of_others(q, v), K, C
 
     def tangents(self, q: Floats, v: Floats) -> tuple[csr_array, csr_array]:
-        """Stiffness [N/m] and damping [N s/m], (n, n) each: minus the Jacobians of `force` for q and v."""
+        """Stiffness [N/m] and damping [N s/m], (n, n) each: minus the Jacobians of `force` with respect to q and v."""
         x, u = self._all(q, v)
         values: list[list[Floats]] = [[], []]
         for element, (kept, _, _) in zip(self.elements, self._entries, strict=True):
@@ -100,7 +100,7 @@ class Assembly:
         return x, u
 
     def _of_tangents(self, place: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-        """Entries of all blocks of a kind that lie between free coordinates, with their rows and columns."""
+        """Entries between free coordinates in the blocks of one kind of element, with their rows and columns."""
         corners, dim = place.shape[1], self.dim
         coordinates = np.where(place[..., None] < 0, -1, dim * place[..., None] + np.arange(dim))
         shape = (len(place), corners, dim, corners, dim)

@@ -57,7 +57,7 @@ LEFT_OUT = 3e-3
 
 POKE_M_S2, BENT = 5.0, 0.1
 """Surface forces for the choice of modes [m/s²], and least displacement of the points under them, relative to the
-body's extent [1]; stiff bodies get larger forces. Choice: those of the filter's pokes."""
+body's extent [1]; stiff bodies get larger forces. Choice: the same as for the filter's pokes."""
 
 DEPENDENT = 1e-5
 """Relative size below which a direction of the modes counts as dependent on the others [1]; numerical."""
@@ -111,7 +111,7 @@ def dilatation_patches(mesh: TetMesh, poisson: Floats) -> NDArray[np.int64]:
 def patch_weights(mesh: TetMesh, outside: Surface, named: Points) -> csr_array:
     """Node weights, (k, n_nodes), of the patch around each point, over which a force on the point is distributed.
 
-    The patch of a surface point has near surface nodes, weighted by area; for an inner point, all near ones, by volume.
+    The patch of a surface point consists of near surface nodes, weighted by area; else of all near nodes, by volume.
     """
     on_surface = np.zeros(len(mesh.nodes))
     on_surface[outside.nodes] = outside.areas

@@ -34,8 +34,8 @@ NEWTON = 30
 class PackedTetrahedra(NamedTuple):
     """Elements in the order of the kernels, patch by patch.
 
-    starts: first element of each patch, then number of all, (n_patches + 1,); corners: indices in its patch, (m, 4)
-    volumes: at rest [m³], (m,); gradients: of the corners' weights [1/m], (m, 4, 3)
+    starts: first element of each patch, then the number of elements, (n_patches + 1,)
+    corners: indices in the patch, (m, 4); volumes: at rest [m³], (m,); gradients: of corners' weights [1/m], (m, 4, 3)
     """
 
     starts: np.ndarray
@@ -187,7 +187,7 @@ def _slopes(law, e, p, s):  # type: ignore[no-untyped-def]
 
 @register_jitable
 def _turning(a, b, s, out):  # type: ignore[no-untyped-def]
-    """Write into out, (3, 3), the rotation of R g_a as corner b moves: [h_a]' (tr V I - V)^-1 [h_b], [h] y = h x y."""
+    """Write into out the rotation of R g_a as corner b moves: [h_a]' (tr V I - V)^-1 [h_b], [h] the cross product."""
     for j in range(3):
         k, m = (j + 1) % 3, (j + 2) % 3
         # h_b x e_j has the components k: h_m, m: -h_k
@@ -243,7 +243,7 @@ def tetrahedra_forces(x, v, law, p, moduli, energy, force):  # type: ignore[no-u
 
 @njit(cache=True, nogil=True, fastmath=FASTMATH, error_model="numpy")
 def tetrahedra_tangents(x, v, law, p, moduli, K, C):  # type: ignore[no-untyped-def]
-    """Add minus the derivatives of the forces to K (by x) and C (by v), (n_patches, n_corners, 3, n_corners, 3)."""
+    """Add minus the derivatives of the forces by x to K, by v to C, (n_patches, n_corners, 3, n_corners, 3) each."""
     s, n = _scratch(), x.shape[1]
     turned, left, mixed = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     B, fast = np.zeros((4, 3)), np.zeros((4, 3))

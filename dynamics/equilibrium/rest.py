@@ -35,7 +35,7 @@ CONVERGED = 1e-11
 
 
 def supported(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network; without gravity if it has no anchors, because its support then bears each node's weight."""
+    """The network; without gravity if it has no anchors, because an unknown support then bears the nodes' weight."""
     return network if network.fixed.any() else replace(network, gravity=np.zeros(network.dim))
 
 
@@ -152,7 +152,7 @@ def fit_rest_lengths(
     the smallest solution of G (c - c_now) + f = 0. With noise it is the most probable c: the error of f is then the
     stiffness times the noise. Force laws may be nonlinear in the rest lengths; with linear laws the first pass
     is exact. Combinations of rest lengths without effect on the forces stay unchanged. Raises NetworkError if a rest
-    length would have to change by half or more, if passes do not converge, or if there is no stable rest near x.
+    length would have to change by half or more, if passes do not converge, or without a stable rest shape near x.
     """
     x = np.asarray(positions, dtype=float)
     if x.shape != network.positions.shape or not np.isfinite(x).all():

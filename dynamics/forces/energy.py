@@ -6,8 +6,8 @@ P = sum c (dl/dt)^2 / 2 + sum drag_i v_i.v_i / 2, Lagrange's equation (3) gives
 
     m_i a_i = sum_j (k_ij (l_ij - l0_ij) + c_ij dl_ij/dt) n_ij  -  drag_i v_i  +  m_i g  +  Q_i
 
-with n_ij the unit vector from i to j. Differs from [paper] (6), whose signs of spring and gravity terms let a
-stretched spring repel its nodes, so that motion diverges; the force here is minus the gradient of (5).
+with n_ij the unit vector from i to j. This differs from [paper] (6), whose signs let a stretched spring repel its
+nodes, so that the motion diverges; the force here is minus the gradient of (5).
 """
 
 from __future__ import annotations

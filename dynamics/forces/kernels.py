@@ -32,7 +32,7 @@ Numbers = float | Floats
 
 SLIP_VELOCITY = 5e-3
 """Speed over which Coulomb friction builds up [m/s]; numerical: dry friction jumps at speed 0; integrators and filters
-need a derivative. `tests/dynamics/forces/test_laws.py`: half or twice this speed changes motion by less than 1 %."""
+need a derivative. Half or twice this speed changes motion by less than 1 %: `tests/dynamics/forces/test_laws.py`."""
 
 SHORTEST = 1e-9
 """Length below which a spring has no direction and exerts no force [m]."""
@@ -377,7 +377,7 @@ def linearised(q, v, nodes, place, springs, of_springs, of_nodes, weight, with_s
 
     q, v: (n,) free coordinates and their rates; nodes, place: as in `runge_kutta` and `tangents`
     springs, of_springs, of_nodes, weight: the fields of `Packed`; the matrices are (n, n), or empty without slopes.
-    Unlike the matrices of `tangents`, these are exact: they include the rotation of dashpots and decrease of friction.
+    Unlike the matrices of `tangents`, these are exact: they include that dashpots rotate and that friction decreases.
     """
     n_nodes, dim = nodes.shape
     p = Packed(springs, of_springs, of_nodes, weight)
@@ -656,7 +656,7 @@ def steered_steps(state, samples, place, dt, n_steps, nodes, free, inverse_mass,
 
     samples: forces on the free coordinates [N], (n_samples, n_free dim), interpolated linearly
     place: the present time and the length of a step, both divided by the interval between samples
-    moves: tip (dim,) and its velocity (dim,), direction (dim,), length inside; punctured: whether it is at the start
+    moves: tip (dim,) and its velocity (dim,), direction (dim,), length inside; punctured: state of the skin at first
     """
     n_nodes, dim = nodes.shape
     n_half = free.shape[0] * dim

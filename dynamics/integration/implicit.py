@@ -14,8 +14,8 @@ from dynamics.integration.stepping import LONGEST_STEP, SAME_STEP
 from dynamics.network.mass_spring import MassSpringNetwork
 
 FEW = 48
-"""Number of coordinates up to which each iteration computes its tangents: a link of 2e7 N/m needs this. With more
-coordinates, all iterations use those at the step's start: one factorisation, not five. This suffices up to 2e5 N/m."""
+"""Number of coordinates up to which each iteration computes tangents: a link of 2e7 N/m needs this. With more, all
+iterations use the tangents at the step's start, to save factorisations; this suffices for links up to 2e5 N/m."""
 
 ROUNDING = 1e-9
 """Relative stiffness that counts as a rounding error."""
@@ -28,9 +28,9 @@ DRIVEN = 1e12
 class Linearised:
     """Derivatives of a step for several states.
 
-    F: derivative by the states at the step's start, (k, n_state, n_state); half: as F, over the second half of the
-    step, or over all of a step that is not divided, (k, n_state, n_state); by_force: derivative by forces on the free
-    coordinates that are constant in the step [m/N, m/(s N)], (k, n_state, n_state / 2)
+    F: derivative with respect to the state at the step's start, (k, n_state, n_state); half: the same over the second
+    half of the step, or over all of an undivided step; by_force: derivative with respect to constant forces on the free
+    coordinates [m/N, m/(s N)], (k, n_state, n_state / 2)
     """
 
     F: Floats
@@ -85,7 +85,7 @@ class ImplicitStepper:
         h, masses = dt / n, self._masses_with(driven)
         K, C = self._tangents(np.ascontiguousarray(states))
         half, by_mass = K.shape[1], 1.0 / masses
-        # W = 1 / (1 - w A), as in each stage, of A = h (0, 1; -K / M, -C / M), by its lower half
+        # W = 1 / (1 - w A), as in each stage, for A = h (0, 1; -K / M, -C / M); only its lower half is computed
         w, each = 0.5 * TR_BDF2, masses[:, None]
         inverse = np.linalg.inv(np.eye(half) * each + w * h * C + (w * h) ** 2 * K)
         lower = np.concatenate([-w * h * inverse @ K, inverse * masses], axis=2)

@@ -53,9 +53,9 @@ def second_stage(state, h, first, first_f, middle, force, S, K, M, B, rates):  #
 
 @njit(cache=True, nogil=True)
 def _put(found, start, once, speeds, g):  # type: ignore[no-untyped-def]
-    """Write rows of coordinates, and of velocities `speeds` (n, k), into the columns of `found` from `start` on.
+    """Write derivatives of coordinates, then of velocities, into k columns of `found`, from column `start` on.
 
-    once: the rows of velocities in the resolvent A, (n, k)
+    speeds: the derivatives of velocities, (n, k); once: the rows of velocities in the resolvent A, (n, k)
     """
     n, k = once.shape
     for i in range(n):

@@ -2,8 +2,8 @@
 
     M q'' = F(q, q') + M B f,    f' = -f / tau
 
-The accelerations f decay, so that they can be states of a filter. L-stable: stiff oscillations are damped, slow
-ones keep their energy to second order. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
+The accelerations f decay, so that they can be states of a filter. L-stable: stiff oscillations are damped; slow ones
+keep their energy to second order in the step. Source: [verwer1999], with gamma = 1 - 1 / sqrt(2).
 """
 
 from __future__ import annotations

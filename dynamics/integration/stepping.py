@@ -146,7 +146,7 @@ def integrate_adaptive(
 ) -> Floats:
     """States at the times [s], (n_times, n_state), by SciPy's adaptive Runge-Kutta from `state` at the first time.
 
-    method: explicit, or for stiff networks the implicit Radau; their results agree within the tolerances
+    method: explicit or, for stiff networks, the implicit Radau; their results agree within the tolerances
 
     force(t): outside force on the free nodes [N], (n_free, dim). If it jumps or is brief, max_step_s must be small
     enough not to miss it. bends_s: times at which only the force's slope jumps [s]; a step ends at each of them,

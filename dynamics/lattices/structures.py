@@ -35,7 +35,7 @@ FIBRES = 4
 """Number of fibres along a side; all of them run along x."""
 
 SHIFT = 0.06
-"""Largest random shift of centres, relative to the side; for fibres, half of it limits shifts, half waves."""
+"""Largest random shift of centres, relative to the side; for fibres, half of it each for shifts and for waves."""
 
 
 def plain(rng: np.random.Generator) -> Structure:

@@ -89,7 +89,7 @@ class _Contribution(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Elimination:
-    """Elimination of the rows of K, for one part of the cells after the other (nested dissection).
+    """Elimination of the rows of K, part by part of the cells (nested dissection).
 
     lowest: corner of the box around each cell [m], (m, 3); shared: number of cells of each node, (n,)
     local: index of each row of K in the present front, (n dim,), -1 for eliminated rows

@@ -11,8 +11,8 @@ with v the needle's speed along itself, relative to the adjacent tissue. Each fo
 whose displacement is a weighted mean of the nodes' displacements. The same weights distribute the force over the nodes,
 so that the work at the point equals the work on the nodes.
 
-Differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction builds up
-over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
+This differs from [okamura2004]: their modified Karnopp model has a dead band with stiction; here Coulomb friction
+builds up over `slip_m_s`, which an integrator can follow. The needle is straight and rigid and exerts no lateral force.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class NeedleMechanics:
     cutting_N: cutting force at the tip [N]; friction_N_m: friction along the shaft, per length [N/m]
     reach_m: width of the kernel that distributes a force [m]; slip_m_s: speed over which friction builds up [m/s]
 
-    The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are no settings of an estimator.
+    The defaults define the simulated needle, a 16 gauge one in a soft phantom; they are not settings of an estimator.
     Raises ValueError for impossible values.
     """
 

@@ -145,7 +145,7 @@ def _solid_steps(
     steps: tuple[SampledForces, float, float, int],
     punctured: bool,
 ) -> tuple[Floats, bool]:
-    """State of a continuum after n steps of dt [s] from a start [s] under these forces, and whether skin is punctured.
+    """State of a continuum after n steps of dt [s] from a start time [s], and whether the skin is punctured.
 
     steps: the forces, start, dt, n
     """
@@ -210,7 +210,7 @@ def _solid_steps(
 
 
 def _sliding(free: Floats, gives: Floats, most: Floats, slip: float) -> Floats:
-    """Cutting and friction f at sliding speeds u [N], (n,), which solve u = free - gives f(u), by secants of f.
+    """Cutting and friction forces f(u) [N], (n,), for the sliding speeds u = free - gives f(u), by secants of f.
 
     free: the speeds without these forces [m/s], (n,); gives: mobility [m/s/N], (n, n); most: as in `shaft`
     """

@@ -20,7 +20,7 @@ numerical."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Continuum:
-    """A solid that rests as drawn, in modal coordinates, and as matrices condensed to its named points.
+    """A solid that rests as drawn: its modes, and its matrices condensed to the named points.
 
     A modal coordinate is the root mean square displacement of its mode, weighted by mass, so that each has the mass of
     the whole body. If the wall is driven, its rigid motions precede the modes. Unit forces are fields of standard
@@ -97,7 +97,7 @@ class Continuum:
 
     @property
     def residual(self) -> Floats:
-        """Residual flexibility [macneal1971]: displacement of the points per force, as far as the modes omit it [m/N].
+        """Residual flexibility [macneal1971]: the points' displacement per unit force that the modes omit [m/N].
 
         (n_free dim, n_free dim)
         """

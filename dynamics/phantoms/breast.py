@@ -35,7 +35,7 @@ GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 def breast_phantom(n_masses: int = 10, young: float = YOUNG_PA) -> Phantom:
     """A breast at rest under gravity, with the skin as outer nodes and the target inside; young: Young's modulus [Pa].
 
-    Raises NetworkError for fewer than 6 or more than 60 masses, and for a modulus at which it loses its shape.
+    Raises NetworkError for fewer than 6 or more than 60 masses, and for a modulus at which the breast loses its shape.
     """
     if not FEWEST <= n_masses <= MOST:
         raise NetworkError(f"masses: expected {FEWEST} to {MOST} of a breast phantom, found {n_masses}")

@@ -1,8 +1,8 @@
 """The paper's phantom: four masses between two acrylic planes, standing on three points of the floor.
 
 [paper] gives the topology (Fig. 3, Fig. 5) and says that constants are known, but not their values. The constants below
-define this phantom; they are no settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs stiff enough to
-stay upright under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. The reasons:
+define this phantom; they are not settings: a neighbour every 200 mm on a grid, masses of 0.2 kg, springs stiff enough
+to stay upright under pokes of 10 m/s², and the "slightly friction" of the acrylic planes. The reasons are in
 `docs/decisions/02-phantom-constants.md`.
 """
 

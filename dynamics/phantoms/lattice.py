@@ -63,7 +63,7 @@ def elastic_stiffness(positions: Floats, springs: NDArray[np.int64], young: floa
     positions: positions of the nodes [m], (n_nodes, dim); springs: the two nodes of each spring, (n_springs, 2)
     young: Young's modulus [Pa] of a body in space; for a sheet in the plane, times its thickness [N/m]
     By [vangelder1998] a spring of length l has k = E V / l², V the volume of the simplices that it borders. The sum of
-    k l² over springs is n E V, V the body's volume, n the edges of a simplex; equal stiffnesses have the same sum.
+    k l² over springs is n E V, V the body's volume, n the edges of a simplex; the one stiffness here has the same sum.
     Under uniform stretch the lattice is as stiff as a body of that modulus and Poisson's ratio 1/4; in a sheet, 1/3.
     """
     dim = positions.shape[1]
@@ -126,7 +126,7 @@ def on_hull(positions: Floats) -> NDArray[np.bool_]:
 def to_outside(positions: Floats, start: Floats, direction: Floats) -> float:
     """Distance from a point inside the convex hull of the nodes to its surface along a unit vector [m].
 
-    positions: the nodes' [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
+    positions: of the nodes [m], (n_nodes, dim); start: the point [m], (dim,); direction: the vector [1], (dim,)
     Raises NetworkError if the hull has no volume.
     """
     facets = _hull(positions).equations

@@ -1,4 +1,4 @@
-"""Association of interchangeable marks: a filter for each hypothesis of names.
+"""Association of interchangeable marks: a filter for each hypothesis about names.
 
 Decisions over several frames belong here.
 """

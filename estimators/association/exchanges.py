@@ -1,6 +1,6 @@
 """Names of interchangeable marks: the cost of each assignment in a frame, and the plausible exchanges.
 
-Names are a tuple with one entry per interchangeable node: the index of the node that bears the mark of that name.
+Names are a tuple of node indices: entry j is the node that bears the mark named after the interchangeable node j.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class InterchangeableMarks:
         self._place = {node: i for i, node in enumerate(self.nodes)}
 
     def by_node(self, names: Names) -> dict[str, str]:
-        """The node that bears the mark named after each node."""
+        """For each node, the node that bears the mark named after it."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
@@ -56,7 +56,7 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Other names, with their numbers of exchanges, whose cost in this frame is higher by at most `worst`.
+        """Alternatives to these names that cost at most `worst` more in this frame, each with its number of exchanges.
 
         The most probable come first; there are at most `most`.
         """
@@ -84,7 +84,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """The given names, expressed relative to the new names of the marks."""
+    """The names after the mark named i is renamed to new[i], for every i; each mark stays on its node, names[i]."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]
@@ -92,7 +92,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each moved to the node of its name; a mark with another name keeps its node."""
+    """The marks, each on the node that `names` gives for its name; a mark with any other name keeps its node."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

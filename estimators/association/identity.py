@@ -1,4 +1,4 @@
-"""Identification of interchangeable marks: names as hypotheses, with one filter each while they are uncertain."""
+"""Identification of interchangeable marks: while their names are uncertain, each hypothesis on them has a filter."""
 
 from __future__ import annotations
 
@@ -61,13 +61,13 @@ class AssociationFilter:
     This is a hidden Markov model of the names. In each frame, every exchange of two names that the frame does not
     exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same
     names, the more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of
-    its marks' likelihoods and of the odds against each exchange. A clearly worse alternative is dropped. If one is
-    clearly better and TRACKING, its names and its filter replace the present ones.
+    its marks' likelihoods and of the odds against each exchange. A clearly worse alternative is dropped. If an
+    alternative is clearly better and TRACKING, its names and its filter replace the present ones.
 
     Any names may be right while there is no estimate: at a start, after a divergence, and when marks are rejected.
     Then a filter restarts with each of the assignments of names that best fit the rest shape. Since the tissue may be
     turned or displaced, that fit adds at most `settings.decisive` to the log odds. One filter restarts with the present
-    names, and the others have to beat it: otherwise one could win merely because its covariance is large.
+    names, and the others must be better than it: they could beat the running filter merely by a large covariance.
 
     tissue: the filter; predict it first, then call `update` here
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
@@ -92,7 +92,7 @@ class AssociationFilter:
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
-        """Update with a direct measurement of the target [m], (dim,), its covariance [m²], (dim, dim).
+        """Update with a direct measurement of the target [m], (dim,), with its covariance [m²], (dim, dim).
 
         Every alternative is updated, as by `TissueFilter.fix`.
         """
@@ -161,7 +161,7 @@ class AssociationFilter:
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
-        """Whether marks are refused, so that any names may be right, and the pause is over."""
+        """Whether the pause is over and marks are refused, so that any names may be right."""
         now_s, seen = estimate.time_s, {mark.node for mark in marks}.intersection(self.interchangeable.nodes)
         refuted = estimate.status is Status.DIVERGED or not seen <= estimate.information_share.keys()
         if now_s < self._next_s or not refuted:

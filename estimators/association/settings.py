@@ -10,7 +10,7 @@ from math import factorial, log
 class IdentitySettings:
     """Settings of the association: when other names of interchangeable marks are followed and adopted.
 
-    If a mark is refused, filters restart with other names. The next such restart is at least twice test_s later.
+    If a mark is refused, filters restart with other names, at intervals of at least twice `FilterSettings.test_s`.
 
     decisive: log odds at which names are ruled out or adopted [1]; choice
     exchange: prior log odds against one exchange of two names [1]; choice

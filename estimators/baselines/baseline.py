@@ -20,7 +20,7 @@ from estimators.tissue.settings import FilterSettings
 class Baseline(ABC):
     """Base class of the methods for comparison; the recommended filter is `TissueFilter`.
 
-    It starts at rest, with the covariance that pokes for `settings.lost_s` cause, and stays at rest until the first
+    It starts at rest, with the covariance that pokes cause in `settings.lost_s`, and stays at rest until the first
     marks. Marks are not gated.
 
     State: time_s of the estimate, None before the first frame; seen_s, time of the last mark used.
@@ -49,7 +49,7 @@ class Baseline(ABC):
 
     @abstractmethod
     def _take(self, z: Floats, rows: NDArray[np.int64], R: Floats) -> float | None:
-        """Update by z = x[rows] + noise of covariance R, (m,), (m, m); returns the NIS, None if the method has none."""
+        """Update with z = x[rows] + noise of covariance R, (m,), (m, m); returns the NIS, or None without a NIS."""
 
     @abstractmethod
     def _moments(self) -> tuple[Floats, Floats]:

@@ -14,7 +14,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 N_MEMBERS = 200
-"""Size of the ensemble: sample deviations err by 1 / sqrt(2 n) = 5 %; nine members per state need no localisation."""
+"""Size of the ensemble: standard deviations err by 1 / sqrt(2 n) = 5 %; nine members per state need no localisation."""
 
 
 class EnsembleKalmanFilter(Baseline):

@@ -12,7 +12,7 @@ from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 
 DIFFERENCE = 1e-6
-"""Half the width of a central difference [m, m/s, N]: friction changes over 5e-3 m/s; rounding is 1e-10 of slopes."""
+"""Half the width of a central difference [m, m/s, N]: small against the 5e-3 m/s over which friction changes."""
 
 
 def transition(model: TissueModel, x: Floats, dt: float, mode: ForceMode) -> tuple[Floats, Floats]:

@@ -30,8 +30,8 @@ class ParticleFilter(Baseline):
     """Particle filter for the history of the modes (calm, poked), with an unscented filter of the state per particle.
 
     Rao-Blackwellised [doucet2000]: given the times of pokes, the state is nearly Gaussian. Particles of the state
-    itself would all die, because without pokes its 16 dimensions have hardly any noise. Each particle branches into one
-    weighted successor for each mode; at most n_particles are kept, without bias or duplicates [fearnhead2003].
+    itself would degenerate, because without pokes its 16 dimensions have hardly any noise. Each particle branches into
+    one weighted successor for each mode; at most n_particles are kept, without bias or duplicates [fearnhead2003].
     `Disturbances` gives the durations of the modes.
 
     State: means (n, dim_x), covs (n, dim_x, dim_x), modes (n,) and weights (n,) of the particles.

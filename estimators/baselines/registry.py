@@ -24,7 +24,7 @@ from estimators.tissue.settings import FilterSettings
 
 
 class UnknownMethodError(LookupError):
-    """Error for a name that is not in METHODS; the message lists those that are."""
+    """Error for a name that is not in METHODS; the message lists the names in METHODS."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,7 @@ ALPHA, BETA = 0.1, 2.0
 
 
 class StockUnscented(Baseline):
-    """filterpy's UnscentedKalmanFilter, unchanged: the poked mode only, and one prediction per frame.
+    """filterpy's UnscentedKalmanFilter, unchanged, with the poked mode only and one prediction per frame.
 
     Sigma points move in steps of at most 1/120 s. They are drawn only once per frame. Noise is also added once per
     frame, as for masses that move freely (`TissueModel.noise`). The other methods add noise at each step. At

@@ -34,10 +34,10 @@ def posterior_bound(
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
     start_cov: covariance before the first marks, (dim_x, dim_x)
 
-    The recursion of [tichavsky1998] for Gaussian noise, in covariance form, because only some states have noise: a
-    Kalman filter with the transition matrices of the true states. This is the bound for one trajectory. The bound for
+    This is the recursion of [tichavsky1998] for Gaussian noise: a Kalman filter with the transition matrices of the
+    true states, in covariance form because only some states have noise. It bounds one trajectory. The bound for
     many trajectories follows from the mean information matrix; the mean of the single bounds is an upper limit of that
-    bound (Jensen). Here the matrices differ so little that both agree.
+    bound (Jensen). Here the information matrices differ so little that the two agree.
     """
     x, t = np.asarray(states, dtype=float), np.asarray(times_s, dtype=float)
     model = TissueModel(network, poked)

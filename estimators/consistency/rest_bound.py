@@ -20,7 +20,7 @@ SETTLED = 1e-6
 """Relative change of the bound, if the number of frames doubles, below which the bound is steady; numerical."""
 
 STATIONARY_S = 60.0
-"""Time after which the motion of a body with friction is stationary under constant forces; numerical."""
+"""Time after which the motion of a body with friction counts as stationary [s]; numerical."""
 
 PASSES = 20
 """Number of fixed-point iterations; each reduces the change to a third or less; numerical."""
@@ -39,8 +39,8 @@ def resting_bound(
     marks: covariance of each mark [m²], (dim, dim), for nodes visible in every frame; interval_s: frame interval
     mode: unknown forces: white noise on all free nodes, pokes on the nodes `poked`
 
-    The limit of the recursion of `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978]. Constants are
-    assumed exact; `friction_as_drag` replaces dry friction by drag. Raises NetworkError if the body has no rest.
+    This is the limit of the recursion in `posterior_bound`, by doubling: 2^k frames in k steps [anderson1978].
+    Constants are assumed exact; `friction_as_drag` replaces dry friction. Raises NetworkError without a rest shape.
     """
     body, rest = supported(network), rest_shape(network)
     model = TissueModel(friction_as_drag(body, rest, mode, poked), poked)
@@ -68,8 +68,8 @@ def friction_as_drag(
 ) -> MassSpringNetwork:
     """The network with drag in place of dry friction: friction divided by the speed of each node under these forces.
 
-    Statistical linearisation [gelb1974] by fixed-point iteration. The speeds are those of the linear motion about the
-    rest, positions (n_nodes, dim) [m], with this drag.
+    Statistical linearisation [gelb1974] by fixed-point iteration. The speeds are those of the linear motion about
+    `rest`, positions of all nodes [m], (n_nodes, dim), with this drag.
     """
     smooth = replace(network, friction=np.zeros(network.n_nodes))
     if not network.friction[network.free].any():

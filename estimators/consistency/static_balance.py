@@ -2,14 +2,14 @@
 
 A filter explains innovations by forces that come and go. After a spring is cut or a mark is moved, it follows the
 marks with a force that persists: its innovations look right, but the hidden target is elsewhere. The mean force shows
-this. Averaged over a second, a body moves slowly. The external force f on the marked nodes is then what the springs
-do not balance, averaged over the frames,
+this. Averaged over a second, a body hardly accelerates. The external force f on the marked nodes is then what the
+springs do not balance, averaged over the frames,
 
     f = -(Fm - Kmh Khh^-1 Fh),   Kc = Kmm - Kmh Khh^-1 Khm
 
 with the stiffness K at rest, and the forces F of springs and weight, on marked (m) and hidden (h) nodes: static
-condensation. F is that of marked nodes at the marks z and of hidden nodes at rest_h - Khh^-1 Khm (z - rest_m). Near
-rest f is Kc (z - rest); far from rest this form would treat a spring's rotation as stretch. A chi-square test
+condensation. F is computed with the marked nodes at the marks z and hidden ones at rest_h - Khh^-1 Khm (z - rest_m).
+Near rest f is Kc (z - rest); far from rest this form would treat a spring's rotation as stretch. A chi-square test
 compares f with its covariance for a right model. That covariance has three causes: pokes, which average out; one force
 on all nodes in proportion to their mass, such as breathing or a tilt; stated or usual errors of marks, camera
 calibration and constants.
@@ -82,7 +82,7 @@ Calibration = Callable[[Floats], Floats]
 
 
 class StaticBalance:
-    """Test of a body's static balance from its marks, frame by frame; no result for a body that may be led.
+    """Test of a body's static balance from its marks, frame by frame; no result if a force may hold the body for long.
 
     uncertainty: uncertainty of the constants, None if exact; calibration: errors of the camera, None if exact
     State: the marks of the last frames; cached factors for each set of visible nodes.
@@ -96,7 +96,7 @@ class StaticBalance:
         settings: BalanceSettings = BALANCE,
     ) -> None:
         self._network: MassSpringNetwork = tissue.network
-        # a led body may be held for any time, and links rotate
+        # a force may hold a led body for any time, and links rotate
         self._of = None if tissue.may_be_led else tissue.settings.poked
         self._uncertainty, self._calibration, self._settings = uncertainty, calibration, settings
         self._frames: deque[_Frame] = deque()

@@ -1,8 +1,8 @@
 """Fast predictions of the target for a live loop, with matrices of the motion about rest that are computed once.
 
 All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
-whole mixture therefore need no merging: m <- T m, P <- T P T' + sum over sources of E[variance] N, with N the noise at
-variance 1. The chain of modes gives the expected variances. With H the map from the state to the target and G_k = H
+whole mixture are therefore predicted directly: m <- T m, P <- T P T' + sum over sources of E[variance] N, with N the
+noise at variance 1. The chain of modes gives E[variance]. With H the map from the state to the target and G_k = H
 T^k, the target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
 """
 
@@ -32,7 +32,7 @@ class AheadTables:
     by_noise : (n_times, n_sources, dim, dim)
         Covariance of the target due to unit noise of each source, for each number of steps since that noise.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target due to a unit force on each free coordinate in one step, by the number of steps since [m/N].
+        Shift of the target by a unit force on each free coordinate in one step, for each number of steps since [m/N].
     """
 
     cycle_s: float
@@ -86,10 +86,10 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """Nested cases, the last one certain: probability (k,) that each lasts until each time; moments of the target.
+        """For nested cases: probability (k,) that a case holds until each time; mean and covariance of the target then.
 
         In the first case no short force acts, and no slow force becomes stronger than it is now. In the second case,
-        only for a network, no node is led.
+        only for a network, no node is pulled along ("led"). The last case is certain.
         """
         weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
         n_short = tissue.process.disturbances.n_short
@@ -106,7 +106,7 @@ class AheadTables:
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) of only the mode changes in `chain`; mean (k, dim) and covariance of the target then."""
+        """Probability (k,) that only mode changes in `chain` occur; mean (k, dim) and covariance of the target then."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

@@ -16,7 +16,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
-"""Discrepancy levels of continua, whose strains are small, and their `Discrepancy.least` [1]; choice."""
+"""Values of `Discrepancy.levels` and `Discrepancy.least` for continua, whose strains are small [1]; choice."""
 
 JITTER = 1e-6
 """Variance added at fixed places, relative to the field's variance [1]; numerical."""
@@ -34,7 +34,7 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: a field of long plus one of short correlation length, zero where the body is fixed.
+    """Prior of the discrepancy: the sum of two fields, of long and short correlation length; 0 where the body is fixed.
 
     Attributes
     ----------
@@ -71,12 +71,12 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Prior with the level that the settings state, else with several levels; solid: for a continuum."""
+        """Prior with the level that the settings state or, without one, with several; solid: for a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Basis functions at level 1 [m], (n, r), at places (n, dim), 0 at `held` ones; omitted variance [m²], (n,)."""
+        """Basis functions at level 1 [m], (n, r), at places (n, dim), 0 at fixed ones; omitted variance [m²], (n,)."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -162,7 +162,7 @@ class LevelPosterior:
 class WithheldGroups:
     """Groups of marks that are withheld together: marks nearer to each other than the target is to any mark.
 
-    The target has no marks so near, and they would make the prediction of a mark too easy.
+    No mark is so near to the target, and near marks would make the prediction of a withheld mark too easy.
 
     Attributes
     ----------

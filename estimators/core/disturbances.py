@@ -21,8 +21,8 @@ class Disturbances:
 
     Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
     forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
-    acceleration, as if gravity turned. Short and slow forces each follow a Markov chain; a mode is a state of each. A
-    continuum has only slow forces. Strengths except calm and white noise are multiplied by `raised` for a stiff body.
+    acceleration, as if gravity turned. Short and slow forces each follow a Markov chain; a mode is a pair of their
+    states. A continuum has only slow forces. For a stiff body, `raised` multiplies all strengths but calm and white.
 
     Attributes
     ----------

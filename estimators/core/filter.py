@@ -39,7 +39,7 @@ REBORN = 0.05
 into it [1]; choice."""
 
 LINEARISATIONS = 10
-"""Largest number of linearisations of transition and observation in a frame; turned cables need many; numerical."""
+"""Largest number of linearisations of transition and observation in a frame; numerical: cables that turn need many."""
 
 LEAST_STEP = 0.125
 """Smallest share of a Gauss-Newton step that is tried [1]; numerical."""
@@ -48,7 +48,7 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""Shape of the gamma prior of the factor on rates of onsets [1], time constant of forgetting onsets [s]; choice."""
+"""Shape of the gamma prior of the factor on rates of onsets [1]; time constant to forget past onsets [s]; choice."""
 
 STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -82,7 +82,7 @@ class HypothesisFilter:
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Number of onsets so far: its expectation given the present mode, and its prediction from the process's rates.
+        Number of onsets (changes to a later mode) so far: expected given the present mode; predicted from the rates.
     outlying : (n_names,) bool
         Which of the last observations are outliers, by the most probable hypothesis.
     found : Innovations or None
@@ -127,7 +127,7 @@ class HypothesisFilter:
         return {**{key: getattr(self, key) for key in STATE}, "levels": levels}
 
     def resume(self, state: Mapping[str, Any]) -> None:
-        """Reset to a state from `state`."""
+        """Reset to a state that `state` returned."""
         for key in STATE:
             setattr(self, key, state[key])
         self._latest = None
@@ -141,7 +141,7 @@ class HypothesisFilter:
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes); rates of onsets (to later modes) have an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes); rates to later modes (onsets) include an estimated factor."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -288,8 +288,8 @@ class HypothesisFilter:
         """Innovations after linearising the transition about the previous state that fits prior and observations.
 
         Gauss-Newton steps of the initially most probable hypothesis find that state; each is halved until the fit
-        improves. The linearisation error after the last step counts as process noise. Its mean square over each part of
-        the state is used, because the nonlinearity elsewhere is not known.
+        improves. The linearisation error after the last step counts as process noise: its mean square over each part of
+        the state, because the error is known only at this one state.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -299,7 +299,7 @@ class HypothesisFilter:
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
-            """Twice the negative log posterior of a start, prior + P dual, up to a constant; inf if not finite."""
+            """Twice the negative log posterior of start = prior + P dual, up to a constant; inf for an infinite end."""
             if not np.isfinite(end).all():
                 return np.inf
             y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))

@@ -27,7 +27,7 @@ class Innovations:
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Jacobian of the observation, only one if all hypotheses have the same; its product with P.
+        Jacobian of the observation, a single one if it is the same for all hypotheses; its product with P.
     root, white : (k, m, m), (k, m)
         Inverse of the lower Cholesky factor of S, and its product with the innovation.
     nis, logs : (k,)

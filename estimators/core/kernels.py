@@ -58,7 +58,7 @@ def withheld_log_likelihoods(S, innovation, rows, ends, own):  # type: ignore[no
 
     With W = S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1. With W_gg
     = L L' and the counted rows last, the last block of L gives error and covariance.
-    rows (any,), ends (n_groups,): rows of a group up to its end; own (n_groups,): number of first rows that count
+    rows (any,): rows of the groups in turn; ends (n_groups,): end of each; own (n_groups,): number of rows that count
     """
     totals = np.zeros(len(S))
     for k in range(len(S)):
@@ -113,7 +113,7 @@ def without_outliers(y, S, ends, logs, far):  # type: ignore[no-untyped-def]
     """Outlier blocks of each hypothesis, (k, n_blocks), and the sum of their log densities, (k,).
 
     y (k, m), S (k, m, m): innovations and covariances; outliers get innovation zero and variance `far`
-    ends (n_blocks,): rows of a block up to its end; logs (n_blocks,): log density of each as an outlier
+    ends (n_blocks,): end of each block's rows; logs (n_blocks,): log density of each block as an outlier
 
     The block that the others contradict most is removed first, until no block is more probable as an outlier. With W =
     S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.

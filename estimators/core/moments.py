@@ -12,7 +12,7 @@ from estimators.core.protocols import Transition
 
 
 def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) of a mixture of Gaussians, (k,), (k, n), (k, n, n)."""
+    """Mean (n,) and covariance (n, n) of a mixture of k Gaussians with these weights, means (k, n) and covariances."""
     mean = weights @ means
     apart = means - mean
     return mean, np.tensordot(weights, np.asarray(covs), 1) + (apart.T * weights) @ apart

@@ -27,8 +27,8 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the covariance at the start for the search regions of the first marks, as the body may be displaced [1];
-choice."""
+"""Factor on the covariance at the start for the search regions of the first marks, because the body may be displaced
+[1]; choice."""
 
 POSSIBLE = 1e-3
 """Probability of a mode above which the search regions of marks allow for it [1]; choice."""
@@ -48,7 +48,7 @@ class TissuePosterior:
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Displacement of the free nodes by a known force, as far as a continuum's modes omit it [m].
+        Part of the free nodes' displacement by a known force that the modes of a continuum omit [m].
     """
 
     def __init__(
@@ -205,7 +205,7 @@ class TissuePosterior:
         return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
-        """Log density [m^-d] of marks given the prediction; 0 without marks, and at a start."""
+        """Log density [m^-d] of marks given the prediction; 0 without marks, and when the filter starts or is lost."""
         if not marks or self.health.since_s is None or self.health.status is Status.LOST:
             return 0.0
         found = self.filter.innovations([self.places(marks)])

@@ -25,7 +25,7 @@ class Statics:
     fix_bias : FixBias, optional
         Common error of all fixes of the target; estimated.
     offset_sd_m : float
-        Standard deviation of the target's place in the tissue for each axis [m]; estimated.
+        Standard deviation of the target's place in the tissue for each axis [m]; the offset is estimated.
     """
 
     uncertainty: ParameterUncertainty | None = None

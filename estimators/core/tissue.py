@@ -44,7 +44,7 @@ class TissueProcess:
     marked : sequence of str
         Free nodes on which short forces may act.
     led : sequence of str
-        The marked nodes that are always led.
+        The marked nodes that a force may pull along for any time.
     disturbances, discrepancy
         Priors.
     statics : Statics, optional
@@ -152,7 +152,7 @@ class TissueProcess:
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariances (n_modes, n, n) at the start: at rest as drawn, under the forces of each mode."""
+        """Mean (n,) and covariances (n_modes, n, n) at the start: the drawn shape at rest, with each mode's forces."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop

@@ -33,7 +33,7 @@ REFUTED_S = 0.5
 """The filter restarts if all n marks were outliers for this time divided by n [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest steps ahead of marks and under a known force [s]; numerical. Other predictions take one step per frame."""
+"""Longest steps of `predict_at` and `predict_modes`, and under a known force [s]; numerical. Others take one step."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -41,7 +41,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) at the last used marks."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) when marks were last used."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -78,13 +78,13 @@ class TissueFilter(TissuePosterior):
     uncertainty : ParameterUncertainty, optional
         Uncertainty of constants, which the filter considers; None: exact.
     n_calibration : int
-        Number of directions in `shared` of the marks, if these calibration errors are the same in every frame.
+        Number of columns of the marks' `shared`, if these calibration errors are the same in every frame.
     disturbances, discrepancy
         Priors of unknown forces and of the model's error; default: from the settings.
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart at the last positions that marks showed; keep a measured target offset unless diverged."""
+        """Restart at the last positions that marks showed; keep a measured target offset unless the filter diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -146,7 +146,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at this time [s]; returns whether the state was reset because too little is known."""
+        """Predict the state at this time [s]; returns whether it was reset, after a gap longer than `forget_s`."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)

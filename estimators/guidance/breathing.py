@@ -20,7 +20,7 @@ from scipy.special import expit, logit
 from estimators.arrays import Floats
 
 RIDGE = 1e-3
-"""Regularisation of the information, at most 0.001 of one frame's: it defines the fit from the first frame on.
+"""Regularisation of the information, at most 0.001 of one frame's: with it, the first frame determines a fit.
 Numerical: half or twice this value changes no figure of guidance by 0.2 %."""
 
 

@@ -35,7 +35,7 @@ def hit_probability(
 
     Accurate to 1e-5, and to 2e-4 for a core whose covariance is dozens of times wider in one direction than another.
 
-    target: from `TissueFilter.predict_modes`; for one Gaussian the result is too low near the aim, too high far away
+    target: from `TissueFilter.predict_modes`; a single Gaussian gives too low results near the aim, too high ones afar
     axis: direction [1], (dim,), of any length; the notch lies `needle.reach_m` back along it from the tip's mean
     Raises ValueError for different dimensions, and for an invalid axis or mixture.
     """
@@ -56,9 +56,9 @@ def best_aim(
 ) -> Aim:
     """The aim with the highest hit probability, for a given covariance of the tip [m²] (dim, dim) and needle axis.
 
-    For a single Gaussian it is the mean: the lesion, and the positions of a long enough core, are convex and symmetric
-    about it [anderson1955]. For a mixture, which may have several peaks, it is the best result of an ascent from each
-    mean and from the overall mean.
+    For a single Gaussian it is the mean: the lesion, and the region in which a core is long enough, are convex and
+    symmetric about the mean [anderson1955]. For a mixture, which may have several peaks, it is the best result of an
+    ascent from each mean and from the overall mean.
     """
     needle = Needle() if needle is None else needle
     tip = GaussianMixture.gaussian(target.means[0], tip_cov)

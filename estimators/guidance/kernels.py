@@ -80,7 +80,7 @@ def _disc(radius, edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True)
 def _solid(edge, extra, m, s, a, slope, tau):  # type: ignore[no-untyped-def]
-    """As `_disc`, for the unit ball in space; m, s, slope (2,) are those of two independent coordinates across."""
+    """As `_disc`, for the unit ball in space; m, s, slope (2,): of two independent coordinates across the needle."""
     reach = WIDE * s[0]
     low, high = max(-edge, m[0] - reach), min(edge, m[0] + reach)
     if s[0] <= 0.0:

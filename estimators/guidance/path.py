@@ -1,8 +1,8 @@
 """Predicted path of the target for advice, from fast tables where they are valid, else from the filter.
 
 Usually nothing pokes the tissue before the needle arrives. A single Gaussian would be too wide without a poke and too
-narrow with one. So the path is a mixture of three parts: no force grows before the arrival, a poke or a stronger slow
-force, and a led node.
+narrow with one. So the path is a mixture of three cases: no force grows before the arrival; a poke or a stronger slow
+force acts; a force pulls a node along.
 """
 
 from __future__ import annotations
@@ -204,7 +204,7 @@ def _is_near_rest(tables: AheadTables, tissue: TissueFilter) -> bool:
 
 
 def _mixture(cases: Sequence[tuple[Floats, ...]]) -> PathParts:
-    """Mixture of nested cases, the last one certain: probability (k,), means (k, dim) and covariances (k, dim, dim).
+    """Mixture of nested cases, each with its probability (k,), 1 for the last, means (k, dim), covs (k, dim, dim).
 
     Each part of the mixture is a case without the narrower case before it.
     """

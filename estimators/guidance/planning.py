@@ -25,7 +25,7 @@ AIMING = 6
 or twice as many change no hit probability by 0.1 %."""
 
 SAME = 3
-"""Decimals to which hit probabilities are compared and shown; of equal ones, the path with more clearance ranks first.
+"""Decimals to which hit probabilities are compared and shown; if equal, the path with more clearance ranks first.
 On the phantom the best path is the same with two to six decimals."""
 
 
@@ -64,7 +64,7 @@ class PlannedNeedle:
 class Skin:
     """Region where the needle may enter: the box between two corners, with sides of 0 or more [m], (dim,).
 
-    normal: unit vector out of the tissue, (dim,); max_angle_rad, max_length_m: a path's largest angle to it, and length
+    normal: unit vector out of the tissue, (dim,); max_angle_rad: largest angle of a path to it; max_length_m: of a path
     """
 
     start: Floats
@@ -101,7 +101,7 @@ class Plan:
     pushed: shift of the target by the insertion [m], (n, dim)
     means, covs: target at arrival [m], (n, dim); covs include the tip's error [m²], (n, dim, dim)
     hits: probability that the tip ends in the lesion, (n,); clearance: least distance to an obstacle's margin [m], (n,)
-    angles: angles to skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
+    angles: angles to the skin's normal [rad], (n,); reasons: why each path is rejected, a tuple, empty if it is allowed
     order: rows of the allowed paths from the best to the worst, then of the rejected ones by hits, (n,)
     """
 
@@ -193,7 +193,7 @@ def plan(
 ) -> Plan:
     """Evaluate and rank straight paths from entries to tips [m], (n, dim), such as those of `candidate_paths`.
 
-    Raises ValueError for shapes that do not match and paths without length, NetworkError if there is no rest.
+    Raises ValueError for shapes that do not match and paths without length, NetworkError without a rest shape.
     """
     along = tips - entries
     lengths = np.linalg.norm(along, axis=1)

@@ -1,4 +1,4 @@
-"""Limits of an estimation from a recording: time and processes, and its errors."""
+"""Limits of an estimation from a recording: time and processes, and its exceptions."""
 
 from __future__ import annotations
 

@@ -178,7 +178,7 @@ class _Found:
 def _searched(
     problem: Problem, frames: Frames, n_starts: int, workers: Workers, advance: Callable[[float], None]
 ) -> _Found:
-    """Search from several starts with a part of the frames, then from the best with all frames.
+    """Search from several starts with a part of the frames, then from the best result with all frames.
 
     The last search starts from the given constants if all frames make them more probable. Raises OutOfTimeError.
     """
@@ -289,7 +289,7 @@ def principal_uncertainty(
 
 
 def _principal(uncertainty: ParameterUncertainty, effect: Floats, kept: float) -> ParameterUncertainty:
-    """An uncertainty along the axes of its effect, (n, n), without small axes of a total share below 1 - kept."""
+    """An uncertainty along the axes of its effect, (n, n), without small axes whose total share is below 1 - kept."""
     values, axes = np.linalg.eigh(effect)
     values, axes = values[::-1], axes[:, ::-1]
     n_kept = int(np.searchsorted(np.cumsum(values), kept * values.sum())) + 1

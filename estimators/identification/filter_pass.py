@@ -41,7 +41,7 @@ class Pass:
     scores: gradient of the log likelihood along each direction, frame by frame, (n_frames, n)
     information: Fisher information, (n, n); log_likelihood: log likelihood of all hidden marks
     nis: normalised innovation squared of each frame, (n_frames,); dof: its degrees of freedom, (n_frames,)
-    effect: sum of the squared shares of each direction in the target's error [m²], (n, n)
+    effect: sum over the frames of T' T [m²], (n, n), with T the sensitivity of the target's error to each direction
     target_error_m: median error of the target against its mark [m], None without a mark
     """
 
@@ -73,10 +73,10 @@ def pass_through(
     settings: FilterSettings,
     budget: Budget,
 ) -> Pass:
-    """Run the filter through the frames, with constants taken as exact and sensitivities to each direction.
+    """Run the filter through the frames with the constants taken as exact, and compute sensitivities to each direction.
 
     A considered constant has a covariance with the state; divided by its variance, it is the sensitivity of the state's
-    error. Source: [friedland1969]. nodes: those that may be poked, and the target. Raises OutOfTimeError.
+    error. Source: [friedland1969]. nodes: nodes that may be poked, and the target. Raises OutOfTimeError.
     """
     marked, target = nodes
     taken = frozenset(marked) - {target}

@@ -22,13 +22,13 @@ from estimators.arrays import Floats
 
 MOST_SINGLE = 24
 """Largest number of springs that each have their own constants if no groups are given: a recording of half a minute
-determines about twenty combinations, and each adds a state to the filter."""
+determines about twenty combinations of constants, and each constant adds a state to the filter."""
 
 LEAST_REST = 0.1
 """Least remaining share of a rest length if a soft spring has to keep a large tension."""
 
 SAME_DIGITS = 9
-"""Significant digits to which constants of one kind have to be equal: those of a scene file."""
+"""Significant digits to which constants of one kind must agree to count as equal: those of a scene file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ def constant_groups(
 
     spring_groups: name of each spring's group, (n_springs,), empty for a spring without group; or no names at all
     Without names, springs of equal constants form a group if the network has more than `MOST_SINGLE` springs, and all
-    springs form one group if there would be more groups than that. Nodes of equal drag or friction are grouped alike.
+    springs form one group if there would be more groups than that. Nodes of equal drag or friction also form groups.
     """
     if len(spring_groups) not in (0, len(network.springs)):
         raise ValueError(f"spring_groups: expected {len(network.springs)} names, found {len(spring_groups)}")

@@ -42,7 +42,7 @@ class Problem:
         return scale_groups(self.network, self.groups, self.sd * theta)
 
     def directions(self, model: MassSpringNetwork, rows: Floats) -> ParameterUncertainty:
-        """Directions of the constants from rows of changes of the logs of the groups' factors, (k, n_groups)."""
+        """Directions of the constants; rows: for each, the change of the log of every group's factor, (k, n_groups)."""
         which = touched(self.groups)
         return ParameterUncertainty(which, rows @ group_directions(model, self.groups, which))
 
@@ -59,7 +59,7 @@ class Problem:
     def planned(self, frames: Frames, n_starts: int) -> tuple[int, Frames]:
         """Number of starts and the frames that the time allows; one start if several would leave too few frames.
 
-        Raises OutOfTimeError if the time is too short for that, too.
+        Raises OutOfTimeError if the time is too short even for one start.
         """
         given = np.zeros(len(self.groups))
         frame_s = frame_seconds(lambda some: self.at(given, some), frames, self.budget)

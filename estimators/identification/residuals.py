@@ -38,8 +38,8 @@ def times_counted(found: Pass) -> float:
     """Factor by which a composite log likelihood overstates the information of the frames, at least 1.
 
     It is the largest ratio, over directions, of the long-run covariance of the scores to the stated information, with a
-    prior of unit variance added to both. Source: [pauli2011]. That source takes the mean ratio. The largest is used
-    here, because the model's errors may be all the evidence for one direction.
+    prior of unit variance added to both. Source: [pauli2011], which takes the mean ratio. The largest is used here,
+    because in one direction all the evidence may come from errors of the model.
     """
     n_frames, n = found.scores.shape
     if n_frames < 3 or not n:

@@ -73,7 +73,7 @@ class Optimum:
 
 
 def starts(spread: Floats, n: int) -> Floats:
-    """The starting points, (n, n_constants): the origin, then Sobol points within -spread to spread."""
+    """The starting points, (n, n_constants): the origin, then Sobol points between -spread and spread."""
     if n == 1:
         return np.zeros((1, len(spread)))
     sobol = qmc.Sobol(len(spread), seed=START_SEED).random_base2(max(0, int(np.ceil(np.log2(n - 1)))))
@@ -102,7 +102,7 @@ def gauss_newton(at: At, start: Floats, unit: Floats) -> Optimum:
 
 
 def climbed(at: At, best: Optimum, unit: Floats) -> Optimum:
-    """As `gauss_newton`, but continues a search."""
+    """As `gauss_newton`, but continues an earlier search at its best point."""
     longest = 1.0
     try:
         while best.passes < MOST_PASSES and np.isfinite(best.log_posterior):

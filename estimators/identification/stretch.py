@@ -61,7 +61,7 @@ def frame_seconds(run: Callable[[Frames], object], frames: Frames, budget: Budge
 
 
 def affordable(frames: Frames, frame_s: float, n_passes: int, budget: Budget, *, reserved_s: float = 0.0) -> Frames:
-    """All frames or, if the time does not allow n_passes passes, as many consecutive ones with the most motion.
+    """All frames or, if the time does not allow n_passes passes, the longest part it allows, with the most motion.
 
     frame_s: time of a pass per frame [s]; reserved_s: time reserved for other work [s]. Raises OutOfTimeError
     for fewer than `LEAST_FRAMES` frames.

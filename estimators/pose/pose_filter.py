@@ -1,4 +1,4 @@
-"""Filter for the pose error of a camera or tracker: one Kalman filter per hypothesis of when it was moved.
+"""Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis on when it was last moved.
 
 A reference mark at x is measured at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) about the centre c is the
 pose error. The calibration errors k have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is
@@ -94,8 +94,8 @@ class _Hypothesis:
 class PoseFilter:
     """Filter that estimates the pose error of a camera or tracker, frame by frame.
 
-    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of directions in
-    `shared` of its marks
+    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of columns of the
+    marks' `shared`
     State: time_s, None before the first frame; hypotheses, the most probable first; time of the last mark; motion of
     the last report; moves: reports that were not fetched yet; wrong: names of the marks not used in the last frame.
     """

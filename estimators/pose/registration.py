@@ -67,7 +67,7 @@ class Registration:
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariance of the registration error at drawn points [m], (n_places, dim), as [m²], (n_places, dim, dim)."""
+        """Covariances [m²], (n_places, dim, dim), of the registration error at drawn points [m], (n_places, dim)."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 
@@ -137,7 +137,7 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 
 
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
-    """For each point, the registration by all other points, (k,); points [m], (k, dim), covs [m²], (k, dim, dim).
+    """For each point, the registration from all other points, (k,); points [m], (k, dim), covs [m²], (k, dim, dim).
 
     None where the other points do not determine a motion.
     """
@@ -169,7 +169,7 @@ def _turn_sd(A: Floats, dim: int) -> float:
 def _hessian(A: Floats, motion: RigidMotion, moved: Floats, pulls: Floats) -> Floats:
     """Half the second derivative of chi-square with respect to a change of the motion, (n, n).
 
-    A: its first-order part, (n, n); pulls: residuals of moved points, (k, dim), divided by their covariances, (k, dim)
+    A: its Gauss-Newton part, (n, n); moved: moved points; pulls: inverse covariances times residuals, (k, dim) each
     """
     dim, H = moved.shape[1], A.copy()
     G = GENERATORS[dim]

@@ -63,7 +63,7 @@ class RigidMotion:
         return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
 
     def change_to(self, other: RigidMotion) -> Floats:
-        """The change from this motion to another, (n,); exact in the plane, in space below half a turn."""
+        """The change from this motion to another, (n,); exact in the plane and, below half a turn, in space."""
         turn = other.rotation @ self.rotation.T
         skew = 0.5 * (turn - turn.T)
         axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])

@@ -1,4 +1,4 @@
-"""Covariance of the paper's open loop: effect of the noise of marks that drive the model on the hidden masses."""
+"""Covariance of the paper's open loop: the marks drive the model, and their noise affects the hidden masses."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Predict by dt [s] to a frame with the marks of these nodes, each with its noise [m²], (dim, dim)."""
+        """Predict over dt [s] to a frame with marks; noise: covariance of each mark by node [m²], (dim, dim)."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:

@@ -1,4 +1,4 @@
-"""Filter for frames that arrive late or out of order: it repeats the later ones from a bounded history."""
+"""Filter for frames that arrive late or out of order: it then repeats later frames from a bounded history."""
 
 from __future__ import annotations
 

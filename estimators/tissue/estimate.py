@@ -122,7 +122,7 @@ class TargetEstimate:
     gain: share of the open loop's variance of the target that the filter removes, at most 1; negative if the filter,
     which considers pokes and wrong constants, is more uncertain than the open loop
     information_share: for each node, relative increase of the target's variance without its mark in this frame
-    shift: how well a common shift of all marks explains their innovations; None without marks, and for marks at a start
+    shift: how well a common shift of all marks explains their innovations; None without marks, and for the first marks
     noise: root mean square of the factor on the stated standard deviation of marks [1]; 1 if it is not estimated
     """
 

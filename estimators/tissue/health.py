@@ -48,8 +48,8 @@ def after_frame(
 
     The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then it is
     TRACKING in each frame with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead
-    to INITIALISING. Frames with marks further apart than lost_s do not lose the target. It is DIVERGED from any state
-    as soon as the sum of the NIS over test_s is too large, or only repeated disturbances explain them. The filter then
+    to INITIALISING. Frames with marks further apart than lost_s do not lose the target. Any status changes to DIVERGED
+    as soon as the sum of the NIS over test_s is too large, or only repeated disturbances explain it. The filter then
     restarts, and is TRACKING again after test_s of marks that fit it.
     """
     if nis is None:
@@ -78,13 +78,13 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of these NIS exceeds the quantile for this many standard deviations of a normal variable."""
+    """Whether the sum of these NIS is more improbable than a normal variable above `sigmas` standard deviations."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
 
 def largest_ratio(degrees: int, sigmas: float) -> float:
-    """NIS divided by its degrees of freedom, at the quantile for this many standard deviations of a normal variable.
+    """Chi-square quantile per degree of freedom, as improbable as `sigmas` standard deviations of a normal variable.
 
     Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them nearly normal [wilson1931].
     """

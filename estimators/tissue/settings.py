@@ -12,7 +12,7 @@ class FilterSettings:
     """Settings of the filter: assumptions about unknown forces, and thresholds of its tests.
 
     poked: forces of a poke; source: fields of `ForceMode`
-    led_nodes: marked nodes that are led all the time, at any speed; source: the scene
+    led_nodes: marked nodes that an outside force may move all the time, at any speed; source: the scene
     discrepancy: standard deviation of the model's error, relative to the body's extent; None: estimated [1]; source:
     the scene
     sigma_points: whether sigma points linearise the motion, in place of its derivative; source: the caller

@@ -19,7 +19,7 @@ DICTIONARIES = tuple(sorted(name[5:] for name in dir(cv2.aruco) if name.startswi
 """Names of marker dictionaries, such as 4X4_50."""
 
 SMALL_SQUARE_PX = 20.0
-"""Least side of a square in the picture to search for a larger board [px]; choice: corners are still detectable."""
+"""Side to which squares are shrunk for the search for a larger board [px]; choice: corners are still detectable."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Board:
     square_m: side of a square [m]
     dictionary, marker_m: dictionary and side [m] of a ChArUco board's markers; None for a chessboard
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     columns: int

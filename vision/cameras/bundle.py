@@ -30,7 +30,7 @@ TILT = "tilt the board by 20 to 40 degrees, another way in each picture"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sighting:
-    """Board number `board` in camera number `camera`: corners in board axes [m], (n, 3), and detected [px], (n, 2)."""
+    """A board in a camera, both by number: its corners in board axes [m], (n, 3), and in the picture [px], (n, 2)."""
 
     camera: int
     board: int
@@ -79,7 +79,7 @@ class Adjusted:
 def adjust(sightings: Sequence[Sighting], start: Setup, plane: int, sds_px: Sequence[float]) -> Adjusted:
     """Least-squares fit of lenses, cameras and boards; board `plane` defines the world and is fixed.
 
-    sds_px: relative accuracy of each camera's corners [px]; their common scale is estimated from the residuals
+    sds_px: standard deviation of each camera's corners [px], up to a common factor that the residuals determine
 
     Raises CalibrationError if the corners do not determine the parameters.
     """

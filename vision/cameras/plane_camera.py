@@ -34,7 +34,7 @@ class PlaneCamera:
     scale_sd: relative standard deviation of its millimetres per pixel about mid-picture [1], a further direction of the
     calibration; None: not stated
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     name: str

@@ -31,7 +31,7 @@ def calibrate_together(
     *,
     settings: CalibrationSettings = DEFAULTS,
 ) -> list[Calibration]:
-    """Calibrate cameras jointly: each alone, then all together; views of one name show the board in one position.
+    """Calibrate cameras, each alone, then all jointly; views with the same name show the board in the same position.
 
     plane: the picture whose board defines the world, upright for the first camera; default: the last picture that the
         first camera used

@@ -21,7 +21,7 @@ class CalibrationSettings:
     together_px: pictures of one name were not simultaneous if the joint adjustment raises a camera's rms by more than
         this [px]; choice
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     corner_window: float = 0.3

@@ -33,7 +33,7 @@ class SpaceCamera:
     calibration: errors of lens and pose, (n, 15): rows are independent directions of one standard deviation
         each, of fx fy cx cy k1 k2 p1 p2 k3 [px, -], rotation from the left [rad], translation [m]; all marks share them
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     name: str
@@ -120,7 +120,7 @@ class SpaceCamera:
         return np.asarray(by_calibration(self.lens, self.pose, p) @ steps.T, dtype=np.float64)
 
     def _bent(self, ideal_px: Floats, depths_m: Floats) -> tuple[Floats, Floats]:
-        """Positions [px], (n, 2), and derivatives [px/m], (n, 2, 3), of ideal positions [px] at these depths [m]."""
+        """Distorted positions [px], (n, 2), and derivatives [px/m], (n, 2, 3), of ideal ones [px] at depths [m]."""
         focal, R = self.lens.matrix[[0, 1], [0, 1]], self.pose.rotation
         ways = (ideal_px - self.lens.matrix[:2, 2]) / focal
         # u = f x / z + c: du = f (dx - (x / z) dz) / z

@@ -25,8 +25,8 @@ from vision.detection.settings import CenterSettings, DetectionSettings
 class Component:
     """Connected pixels that may be a mark.
 
-    corner_px: the patch's corner in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of its pixels and
-    of other marks', 1 or 0, (h, w); reach_px: its longer side; clipped: whether it touches the picture's border
+    corner_px: the patch's corner in the picture, (2,); patch: (h, w, 3) BGR; component, others: masks of these pixels
+    and of other marks, 1 or 0, (h, w); reach_px: longer side of their box; clipped: whether it touches the border
     """
 
     corner_px: Floats
@@ -59,7 +59,7 @@ def centers_of(
 
 
 def trust(noise_sd: Any, settings: CenterSettings) -> Any:
-    """Factors on the outline covariances of marks of one colour, given this noise of alpha per pixel."""
+    """Factors by which noise of the pixels' coverage increases the outline covariances of marks of one colour."""
     grain = (noise_sd / settings.grain_noise) ** 4
     return 1.0 + settings.grain_gain * grain / (1.0 + grain)
 
@@ -115,7 +115,7 @@ def _by_rim(piece: Component, outline: Outline, circles: Floats, settings: Detec
 
 
 def _starts(piece: Component, expected_px: list[Floats], outline: Outline) -> Floats:
-    """Starting points, (n, 2), inside one piece, for the search of touching marks."""
+    """Starting points, (n, 2), inside one piece, for the search for touching marks."""
     if len(expected_px) > 1:
         return np.array(expected_px)
     v, u = np.nonzero(piece.component)

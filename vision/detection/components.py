@@ -242,7 +242,7 @@ class _Search:
         return f"{pixels:.0f} px of at least {self.min_area_px:.0f}"
 
     def _rejected(self, reason: Reason, piece: Component, hue_deg: float) -> Rejected:
-        """A record of a rejected piece with numbers; for a piece that is whole or too large, the reason is its size."""
+        """A record of a rejected piece, with numbers; the reason is the size if the piece is whole or too large."""
         m = cv2.moments(piece.component, binaryImage=True)
         pixels, center_px = m["m00"], np.array([m["m10"], m["m01"]]) / m["m00"] + piece.corner_px
         outline = self._outline(center_px, hue_deg)
@@ -263,7 +263,7 @@ class _Search:
 
 
 def _is_whole(moments: Mapping[str, float], outline: Outline | None, settings: DetectionSettings) -> bool:
-    """Whether pixels are a whole disc of any size with the shape of an outline; specks have no shape.
+    """Whether pixels are a whole disc of any size with the shape of an outline; False if they are too few to show it.
 
     The second moments of a disc of area A about its centre sum to A² / 2 pi; any other shape has more.
     """
@@ -296,6 +296,6 @@ def _pieced(found: Sequence[Sequence[Detection]], outline: Outline) -> list[Dete
 def _elongation(component: Picture) -> float:
     m = cv2.moments(component, binaryImage=True)
     uu, vv, uv = m["mu20"] / m["m00"], m["mu02"] / m["m00"], m["mu11"] / m["m00"]
-    # A pixel is not a point: a row of pixels is one pixel wide (1/12 px²).
+    # The spread within a pixel is 1/12 px² for each axis: a single row of pixels is one pixel wide.
     mean, half = (uu + vv) / 2.0 + 1.0 / 12.0, np.hypot((uu - vv) / 2.0, uv)
     return float(np.sqrt((mean + half) / (mean - half)))

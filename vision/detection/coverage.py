@@ -11,7 +11,7 @@ from vision.detection import kernels
 from vision.detection.settings import DETECTION, CoverageSettings
 
 FIT_PIXELS = 800
-"""Largest number of pixels for the fit of the background; it only saves time: a plane has three parameters."""
+"""Largest number of pixels in the fit of the background, a plane with three parameters; more would only cost time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,7 +46,7 @@ def measure_coverage(
     patch: (h, w, 3) BGR uint8
     component: 1 on the pixels of the mark as the search found them, else 0, (h, w) uint8
     others: nonzero on pixels of other marks of the class, which are not background, (h, w) uint8
-    thorough: whether to measure the correlation of the noise; without it, the covariance is rough
+    thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
     """
     grow = settings.grow_px + max(component.shape) // 16
     valid, alpha, figures = kernels.covered(patch, component, others, grow, settings.for_kernel(), FIT_PIXELS, thorough)

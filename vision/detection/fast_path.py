@@ -24,9 +24,9 @@ def detect_isolated(
     expected: Sequence[Expected],
     settings: DetectionSettings = DETECTION,
 ) -> list[Detection | None]:
-    """The expected mark of each region, if it is whole and the only mark of its hue there, and nothing is unusual.
+    """The expected mark of each region, if it is clearly a whole mark and the only one of its hue there, else None.
 
-    None in other cases, in which `detect_marks` may find it. regions: left, top, width, height [px]
+    `detect_marks` may find the mark in the other cases. regions: left, top, width, height [px]
     """
     looked_for = [(k, one, one.outline) for k, one in enumerate(expected) if one.outline and one.outline.even]
     found: list[Detection | None] = [None] * len(expected)

@@ -34,7 +34,7 @@ class MarkHue:
 
     hue_deg: the hue, 0 red, 120 green, 240 blue
     half_width_deg: largest difference of a pixel's hue from it [degrees]
-    min_saturation, min_value: below these, 0 to 1, a pixel's hue is not used
+    min_saturation, min_value: least saturation and value, 0 to 1, at which a pixel's hue is used
     seen_deg: the hue of such marks in the present light, if it differs from hue_deg
     saturation, value: their saturation and value, 0 to 1, if known
     """

@@ -56,13 +56,13 @@ def learn_hue(frame_bgr: Image, at_px: ArrayLike, settings: HueLearningSettings 
 def _around(smooth: Picture, u: int, v: int, settings: HueLearningSettings) -> Picture:
     """Mask of the pixels of the same colour that are connected to pixel u, v: 1, else 0, (h, w).
 
-    In a window around the pixel, Otsu's threshold divides pixels by the distance of their colours from its colour, at
-    any brightness. The window grows until no connected pixel is on its border.
+    Otsu's threshold divides the pixels of a window around u, v by the difference of their colours from the colour at
+    u, v; brightness does not count. The window grows until no connected pixel is on its border.
     """
     height, width = smooth.shape[:2]
     brightness = np.maximum(smooth.sum(axis=2, dtype=np.float32), 1.0)
     shares = smooth / brightness[:, :, None]
-    # relative to this colour's distance from grey, which is also the largest distance
+    # distances are relative to this colour's distance from grey, and clipped to it
     grey = max(float(np.linalg.norm(shares[v, u] - 1.0 / 3.0)), 1e-6)
     distances = cv2.convertScaleAbs(np.linalg.norm(shares - shares[v, u], axis=2), alpha=255.0 / grey)
     inside: Picture = np.zeros((height, width), dtype=np.uint8)

@@ -12,7 +12,7 @@ from numba import njit
 HUE_STEPS = 720
 """Number of half degrees on the circle of hues, which is the length of a table of classes."""
 NARROW_PX = 12
-"""Width of the border around the only mark of a class, which shows the mark's edge and background [px]."""
+"""Width of the border around a mark that is alone in its class [px]; the border shows its edge and background."""
 ON_A_LINE = 1e-6
 """Determinant of a Gram matrix, relative to its diagonal's product, below which positions do not determine a plane."""
 ROUNDING = 1.0 / 12.0
@@ -33,7 +33,7 @@ def classify(bgr, table, least_value, least_saturation, classes):  # type: ignor
 
     bgr: (h, w, 3) uint8
     table: class of each half degree of hue, (HUE_STEPS,) uint8
-    least_value, least_saturation: by class, 0 to 255 and 0 to 256, (n_classes + 1,); entry 0 is the least of all
+    least_value, least_saturation: limits of each class, 0 to 255 and 0 to 256, (n_classes + 1,); entry 0: the lowest
     """
     height, width = classes.shape
     for row in range(height):
@@ -132,7 +132,7 @@ def _usual(colors, outlier_sds):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-untyped-def]
-    """Background of a mark: whether it is determined; its plane, inverse Gram matrix and noise of colours, (3, 3) each.
+    """Plane through the background's colours: whether it is determined, plane, inverse Gram matrix, noise, (3, 3) each.
 
     behind: 1 on background pixels, else 0, (h, w) uint8
     """
@@ -183,7 +183,7 @@ def _background(patch, behind, outlier_sds, fit_pixels):  # type: ignore[no-unty
         for b in range(3):
             for c in range(3):
                 plane[a, c] += gram_inv[a, b] * sums[b, c]
-    # All pixels are used, so that weights ignore the colour of a line or a disc of another hue beside the mark.
+    # Outliers count here: alpha then hardly depends on the colour of a line or a disc of another hue beside the mark.
     noise_cov = np.zeros((3, 3))
     stray = np.empty(3)
     for i in range(n):
@@ -233,7 +233,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
     """Sum of the noise's autocovariance over the lags in a square of width `reach`, at least its variance.
 
     weights: weight of each pixel's noise, (h, w), 0 for unused pixels.
-    The variance of a mean of n pixels is that sum divided by n. The sum is the variance of white noise, else larger.
+    The variance of a mean of n pixels is that sum divided by n. For white noise the sum equals the noise's variance.
     """
     weighted = noise * weights
     boxed_noise, boxed_weights = _boxed(weighted, reach), _boxed(weights, reach)
@@ -256,7 +256,7 @@ def _power(noise, weights, reach):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _smooth(alpha):  # type: ignore[no-untyped-def]
-    """Alpha smoothed with weights 1 2 1 by 1 2 1, mirrored at the rim."""
+    """Alpha smoothed with weights 1 2 1 by 1 2 1, mirrored at the patch's border."""
     height, width = alpha.shape
     across, smooth = np.empty((height, width)), np.empty((height, width))
     for row in range(height):
@@ -273,7 +273,7 @@ def _smooth(alpha):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _lanczos(fraction):  # type: ignore[no-untyped-def]
-    """Lanczos weights, (8,), of pixels from 3 before to 4 after the one that lies `fraction` before a position."""
+    """Lanczos weights, (8,), of the pixels -3 to 4 for the position `fraction`, in pixels after pixel 0."""
     weights = np.empty(8)
     for k in range(8):
         x = fraction - (k - 3)
@@ -410,7 +410,7 @@ def covered(patch, component, others, grow, settings, fit_pixels, thorough):  # 
     settings: outlier_sds, the lag up to which noise is correlated [px], radius of the disc by which the core is eroded
         [px], edge_gain, floor_px2
     fit_pixels: number of pixels for the fit of the background
-    thorough: whether to measure the correlation of the noise; without it, the covariance is rough
+    thorough: whether to measure the correlation of the noise; if not, the covariance is approximate
     Figures: centre u, v, its covariance uu uv vv, area, noise of alpha, colour b g r.
     """
     outlier_sds, lag, core_px, edge_gain, floor_px2 = settings
@@ -729,7 +729,7 @@ def _only_piece(classes, number, fewest):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _narrowed(frame, box, number, palette):  # type: ignore[no-untyped-def]
-    """Whether the class occurs at every second pixel of every second row, and a box around these pixels."""
+    """Whether any sample, every second pixel of every second row, has the class, and a box around those that do."""
     table, least_value, least_saturation = palette
     left, top, right, bottom = box
     one = np.empty((1, (right - left + 1) // 2), dtype=np.uint8)

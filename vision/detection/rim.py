@@ -49,7 +49,7 @@ def _scale(outline: Outline) -> float:
 
 @njit(cache=True, nogil=True, fastmath=True)
 def _steps(smooth, start, shape, settings):  # type: ignore[no-untyped-def]
-    """The strongest steps on each ray: x, y from start in units of the mark, and height, (N_RAYS, N_STEPS, 3)."""
+    """The strongest colour steps on each ray: x, y from start [sizes], height [grey levels], (N_RAYS, N_STEPS, 3)."""
     low, high, min_step = settings
     height, width = smooth.shape[:2]
     scale = np.sqrt(abs(shape[0, 0] * shape[1, 1] - shape[0, 1] * shape[1, 0]))

@@ -41,7 +41,7 @@ class OutlineSettings:
     reach: largest distance of an edge from the middle of the visible part [sizes]; choice
     near_px: largest distance of an edge from a circle on which it lies [px]; choice
     correlation_px: width over which errors of an edge are correlated [px]; choice
-    highest_wave: largest number of waves around the outline, from 2 on, that measure noise [1]; choice
+    highest_wave: highest order of the waves around the outline, from order 2 on, that measure noise [1]; choice
     edge_sd_px: least standard deviation of an edge [px]; choice
     min_share: least share of directions with the mark's own edge, and least visible share of its area [1]; choice
     whole_share: a mark is partly occluded if its share of directions with an edge, or of its area, is smaller [1]; a

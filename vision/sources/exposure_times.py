@@ -16,7 +16,7 @@ import numpy as np
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 ROUNDING_S = 1.1e-3
-"""Largest rounding error of times in containers [s]: if all are that close to index / rate, index / rate is used."""
+"""Largest rounding error of times in containers [s]: index / rate is used if it is that close to all of these times."""
 
 
 ExposureRule = Callable[[Any, float], float]
@@ -31,8 +31,8 @@ def stated_exposure_time(capture: Any, _grabbed_s: float) -> float:
 class DeviceTimes:
     """Rule for the exposure times of a device: half a usual frame interval before the frame was complete.
 
-    A frame is complete when grab() returns; or at the device's own time, CAP_PROP_POS_MSEC, after settled_frames
-    plausible times in a row. Such times increase, and differ from grab()'s times by a constant within clock_error_s.
+    A frame is complete when grab() returns or, after settled_frames plausible times in a row, at the device's own time,
+    CAP_PROP_POS_MSEC. Plausible times increase, and their offset to grab()'s times varies by at most clock_error_s.
     The device's clock is tied to the monotonic one by the earliest arrival in remembered_frames, because a frame can
     come late but never early; this follows a drifting clock. A trusted device may deliver up to settled_frames in a row
     too late, for example from its queue after a pause. A clock that goes back, stands still or runs ahead is not used
@@ -192,7 +192,7 @@ class Arrivals:
     After a pause (a read did not return for `settings.blocked_s`) all further pictures may be late, from a queue that
     lost none. This ends when pictures come far faster than usual and the queue is empty again, or when a read fails,
     since it cannot fail while a picture waits. Arrival times do not otherwise distinguish a lagging source from one
-    that lost pictures. The source's own times show it, if they were known before: lost pictures leave gaps in them. An
+    that lost pictures. The source's own times do so, if known before: lost pictures leave gaps in these times. An
     interval that is not a multiple of the usual one shows that pictures waited: their exposure times are unknown.
 
     State: arrival of the last picture [s], the last intervals [s]; late_s, the largest delay of pictures beyond the

@@ -22,7 +22,7 @@ from vision.sources.playback import Playback, Start
 from vision.sources.settings import DEFAULTS, SourceSettings
 
 LAST_CAMERA = 99
-"""Largest camera index: for OpenCV the hundreds are the number of an API."""
+"""Largest camera index: OpenCV reads the hundreds of an index as the number of a capture API."""
 SCHEMES = ("rtsp", "rtsps", "rtmp", "http", "https", "udp", "tcp")
 
 
@@ -41,8 +41,8 @@ def open_source(
     fps: frame rate [frames/s] of a folder of pictures, which has no times; for a film, it replaces the film's rate
     give_up_s, settings: thresholds for faults of a device or stream; see `LiveFrames`
 
-    Raises SourceError for a missing source, and for fps with a camera or stream. The first `next` raises it for a
-    device that does not open.
+    Raises SourceError for a missing source, and for fps with a camera or stream. For a device that does not open, the
+    first `next` raises this error.
     """
     opencv_name(spec)  # raises SourceError
     spec, path = os.fspath(spec), Path(spec)

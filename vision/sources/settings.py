@@ -30,7 +30,7 @@ class SourceSettings:
     backlog: largest number of waiting frames of a device if every frame is to be delivered [1]; choice
     sharp_frames: number of equal parts of a film whose sharpest frames are used for a calibration [1]; choice
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     blocked_s: float = 0.5

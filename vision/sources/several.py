@@ -21,8 +21,8 @@ TOGETHER_S = 1e-3
 trigger differ by less, and a mark at 0.1 m/s moves by 0.1 mm."""
 
 JITTER_S = 5e-3
-"""Largest additional delay of a camera's due picture for which another picture waits [s]; choice: the error of an
-exposure time from arrival."""
+"""Tolerance of the exposure time at which a camera's next picture is due [s]; choice: the error of an exposure time
+from arrival."""
 
 MOST_WAIT_S, FIRST_S = 0.02, 1.0
 """Longest wait for another camera's picture, and for its first picture [s]; choices: less than a frame interval at 30

@@ -134,9 +134,9 @@ class FrozenValues:
 class SparsePictures:
     """Detects, from exposure times, that at least every second picture is lost.
 
-    Pictures are lost if `settings.stuck_frames` took twice their usual time, with more than one gap. A gap exceeds the
-    usual interval by half, which a drifting rate does not. A late reader finds waiting pictures, which come in under
-    half an interval. The fault is one event until no picture is missing for `settings.even_s`.
+    Pictures are lost if `settings.stuck_frames` of them took twice their usual time, with more than one gap. A gap
+    exceeds the usual interval by half, which a drifting rate does not. A late reader finds waiting pictures, which
+    come in under half an interval. The fault is one event until no picture is missing for `settings.even_s`.
 
     State: exposure times of the last picture and of the last picture that had not waited [s]; the last intervals [s],
     and those used for the test; time of the last gap [s], None if pictures are not sparse.

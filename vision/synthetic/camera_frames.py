@@ -57,7 +57,7 @@ class SyntheticCamera:
 
     view: lens and pose
     sensor: mosaic, noise, white balance, gamma, compression
-    vignetting: 1 for the natural law, cos⁴ of the ray's angle; other values are exponents on that; 0 for none
+    vignetting: exponent on the natural law, cos⁴ of the ray's angle; 1 for that law, 0 for no vignetting
     blur_sd_px: standard deviation of the lens's point spread [px]
     exposure_share: share of the time between frames during which the shutter is open, 0 to 1
     exposure: factor on the light that the sensor counts; with 1 a white object looks white
@@ -68,7 +68,7 @@ class SyntheticCamera:
     flicker_period_px, flicker_phase: rows per ripple [px], and its phase [radians]
     highlight, shadow: the lamp's mirror image on marks, and a soft shadow; None: not present
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     view: SyntheticView

@@ -140,7 +140,7 @@ def paper_camera() -> Lighting:
     It is for films of MJPG quality 60. The paper states only the resulting error; every value here is a choice. If
     sensor noise alone caused 4.1 mm, at least a twentieth of the marks would not be recognisable, and the empty scene
     would have colours of marks. So a picture does not show most of the error: the paper's own reference was marked
-    manually. A scene filmed like this must state it in calibration_sd_px.
+    manually. A scene filmed like this must state that part of the error in calibration_sd_px.
     """
     return Lighting(
         blur_sd_px=1.0,  # choice: a cheap lens

@@ -114,7 +114,7 @@ def synthetic_run(
 ) -> Iterator[RunFrame]:
     """Frames of marks, one for each hue; each moves about a fixed point by up to 20 px per frame.
 
-    Level good light: modest noise, mild lamps, no occluders. Level whole range: every effect, with random strength.
+    Level "good light" has modest noise, mild lamps, no occluders; "whole range" has every effect, with random strength.
     radius_px: the marks' radius at mid-picture [px]; None: random
     """
     if level not in ("good light", "whole range"):
@@ -180,7 +180,7 @@ def _sways(view: SyntheticView, n: int, rng: np.random.Generator, fps: float) ->
 def _surface(
     view: SyntheticView, hues_deg: Sequence[float], radius_px: float, rng: np.random.Generator, level: Level
 ) -> Picture:
-    """The empty plane; at level whole range with blood and discs of other hues on it."""
+    """The empty plane; at the level "whole range" it has blood and discs of other hues on it."""
     if level == "good light":
         return plain_surface(view.size_px, (0.78, 0.80, 0.79), rng, texture=0.02)
     tones = ((0.80, 0.80, 0.78), (0.62, 0.66, 0.64), (0.83, 0.74, 0.66), (0.42, 0.52, 0.56))

@@ -36,7 +36,7 @@ class SyntheticView:
     rotation, translation_m: motion from the plane's axes to the lens's, shapes (3, 3) and (3,) [m]
     distortion: k1, k2, p1, p2, k3 as in OpenCV
 
-    Raises ValueError that names the field.
+    Raises ValueError that names the invalid field.
     """
 
     size_px: tuple[int, int]

@@ -23,7 +23,7 @@ from vision.tracking.likeness import likeness, likeness_in_other_light, median_c
 from vision.tracking.settings import FINDER, REACH_SDS, AppearanceSettings
 
 COARSE_PX = 3
-"""Step of the coarse search [px], which only saves time."""
+"""Step of the coarse search [px]; this search only saves time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +95,7 @@ class _View:
 class AppearanceModel:
     """The appearance of one mark in the last frames that showed it completely.
 
-    hue_deg: hue of the mark; unseen: number of frames since the last complete one, which the caller counts
+    hue_deg: hue of the mark; unseen: number of frames since the last complete view, which the caller counts
     """
 
     def __init__(self, hue_deg: float, settings: AppearanceSettings = FINDER.appearance) -> None:
@@ -132,8 +132,8 @@ class AppearanceModel:
     ) -> AppearanceMatch | None:
         """The best match of the mark's appearance near its expected position.
 
-        about_px: another position, (2,); within_px: the search range around it
-        another: whether to search for any mark of this kind, with a known highlight and a fitted, uniform colour
+        about_px, within_px: limit the search further to this distance from this position, (2,)
+        another: whether to fit the colour at each position, to find any mark of this kind; the highlight is known
         Returns None if the mark may be anywhere, or cannot be distinguished from its surroundings.
         """
         settings, outline = self._settings, expected.outline

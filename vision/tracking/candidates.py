@@ -17,9 +17,9 @@ from vision.tracking.settings import FINDER, CandidateSettings, FinderSettings
 
 
 def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates) -> bool:
-    """Whether a match with a mark's own appearance is the mark; with an unlike ring, fewer similar pixels suffice.
+    """Whether a match with a mark's own appearance is the mark; if the ring differs, fewer similar pixels suffice.
 
-    color_distance: squared distance of its colour from that of its kind [gates]; a larger distance needs a better match
+    color_distance: squared distance of its colour from its kind's, relative to the gate; above 1 it needs a high score
     """
     share = settings.free_share if is_free(match, settings) else settings.share
     return match.score >= _least_score(settings.score, color_distance) and match.share >= share
@@ -28,7 +28,7 @@ def is_mark(match: AppearanceMatch, color_distance: float, settings: CandidateSe
 def is_mark_in_other_light(
     match: AppearanceMatch, color_distance: float, settings: CandidateSettings = FINDER.candidates
 ) -> bool:
-    """Whether a match with a fitted colour is a mark: the ring is unlike it, and the score higher than usually needed.
+    """Whether a match with a fitted colour is a mark: its ring must be unlike it, and its score higher than usual.
 
     color_distance: as in `is_mark`, for the fitted colour
     """

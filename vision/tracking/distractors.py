@@ -39,7 +39,7 @@ class Distractor:
 class _Level:
     """Number of samples that have a hue but lie outside its marks.
 
-    known: number since the start; of_late: numbers in the last frames; reported: excess over known in the last report
+    known: number that is not new; of_late: numbers in the last frames; reported: excess over known in the last report
     """
 
     of_late: deque[float]

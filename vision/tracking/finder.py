@@ -24,7 +24,7 @@ class MarkFinder:
     hues: colour ranges of the marks, by the nominal hue that `Expected` has
     settings: settings of all stages; `settings.stages` names the stages that run, in their order
     explain: record why marks were not found, for `lost`, and distractors, for `came`; the found marks do not change
-    It searches only near expected positions, and the whole picture at the start and for a missing mark.
+    It searches near expected positions; at the start and for a missing mark, it searches the whole picture.
     State: adapted colours; appearance models; names of marks missed in the last frame, None before the first;
     with explain, that frame's search, and the state of the distractors.
     Raises HueError if marks of one hue differ in their range of colours, ValueError for an unknown stage.

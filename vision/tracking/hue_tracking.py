@@ -37,7 +37,7 @@ class AdaptiveHue:
             self._color[1:] = hue.saturation, log(hue.value)
 
     def distance(self, detection: Detection) -> float:
-        """Squared distance of a detection's colour from that of the kind [gates]; 0 until marks were found."""
+        """Squared distance of a detection's colour from the kind's, relative to the gate; 0 until marks were found."""
         if self._n_frames < self._settings.n_learned:
             return 0.0
         hue, saturation, _ = _reported(tuple(detection.color_bgr), self._first.middle_deg)

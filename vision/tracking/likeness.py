@@ -62,7 +62,7 @@ def median_color(colors):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _by_shade(colors, level, weights):  # type: ignore[no-untyped-def]
-    """Write weights, (n, 3), of squared differences from colours, (n, 3): the weighted mean is 1 for similar pixels."""
+    """Write weights, (n, 3), for squared differences from colours, (n, 3), whose weighted sum is 1 at similarity."""
     shade, noise = level
     for k in range(len(colors)):
         for c in range(3):

@@ -14,7 +14,7 @@ Box = tuple[int, int, int, int]
 def search_regions(
     expected: Sequence[Expected], shape: tuple[int, ...], settings: FinderSettings
 ) -> list[tuple[Box, list[Expected]]]:
-    """Left, top, width, height [px] of the parts of a picture, (height, width), to search, with the marks in each.
+    """Parts of a picture of this shape to search: left, top, width, height [px], and the marks expected in each.
 
     The marks of a part are of one hue; parts of one hue do not overlap.
     """

@@ -29,7 +29,7 @@ from vision.tracking.settings import FinderSettings
 from vision.tracking.templates import AppearanceTemplates
 
 SMALL_SHARE = 0.2
-"""Share of the picture above which searching regions is not faster than searching all of it; it only saves time."""
+"""Share of the picture in search regions above which the whole picture is searched, because this is as fast."""
 
 
 @dataclass(slots=True, eq=False)
@@ -69,7 +69,7 @@ class Search:
         return [one for one in self.expected if one.name not in self.found]
 
     def color_distance(self, seen: Detection) -> float:
-        """Squared distance of a detection's colour from that of its kind [gates]."""
+        """Squared distance of a detection's colour from that of its kind, relative to the gate [1]."""
         return self.hues[seen.hue_deg].distance(seen)
 
     def is_apart(self, seen: Detection) -> bool:
@@ -284,7 +284,7 @@ def _has_color_apart(search: Search, _candidate: Candidate, seen: Detection) -> 
 
 
 def _touching(search: Search) -> list[Candidate]:
-    """Found marks that touch another mark of their hue, with the margin of their names."""
+    """Found marks that touch another mark of their hue, with the cost of exchanging their names."""
     where = search.where
     placed = [
         (name, seen, one.hue_deg, (one.outline.area_px / np.pi) ** 0.5, *one.center_px.tolist())

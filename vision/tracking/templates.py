@@ -70,8 +70,8 @@ class AppearanceTemplates:
     ) -> Detection | None:
         """A detection compared with the mark's appearance: unchanged, fused with or replaced by a match, or None.
 
-        frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's
-            [gates]
+        frame_bgr: (height, width, 3) uint8; color_distance: squared distance of a detection's colour from its kind's,
+            relative to the gate [1]
         """
         quick = self._checked_near(frame_bgr, one, seen)
         if quick is not None:

@@ -155,7 +155,7 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """Positions of the forces' two states in the state vector, from the first force on."""
+        """Slices of the forces' two kinds of states in the state vector; first: where the forces begin."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Effect of an error of one standard deviation in each constant, (2 n, n_constants), with mean forces."""
+        """Effect of an error of one standard deviation in each constant, (2 n, n_constants), by its mean force."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))

@@ -178,7 +178,7 @@ class NetworkMotion:
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """Accelerations by an error of one standard deviation in each constant [m/s²], (..., n, n_constants).
+        """Accelerations due to an error of one standard deviation in each constant [m/s²], (..., n, n_constants).
 
         states: coordinates and velocities, (..., 2 n)
         """

@@ -16,7 +16,7 @@ def by_sigma_points(
 ) -> Transition:
     """A transition whose first m states are linearised by regression over sigma points.
 
-    The mean moves as the tangent predicts, plus the mean of the moved points minus the point to which it moves itself.
+    The predicted mean is that of the tangent plus a correction: the mean of the moved points minus the moved mean.
     The points are the mean ± sqrt(m) times each column of the covariance's root: the unscented transform with kappa =
     0, whose central point has no weight. The residual of the regression counts as noise.
     Source: [julier1997], [garciafernandez2017].
