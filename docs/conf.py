@@ -13,7 +13,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpyd
 # Pages are read from the root of the repository, so that a link such as ../README.md holds there and on the site
 root_doc = "docs/index"
 include_patterns = ["*.md", "docs/**"]
-exclude_patterns = [path.name for path in ROOT.iterdir() if path.is_dir() and path.name != "docs"]  # saves a walk
+exclude_patterns = [path.name for path in ROOT.iterdir() if path.is_dir() and path.name != "docs"]  # saves time
 exclude_patterns += ["docs/_*"]
 
 myst_enable_extensions = ["dollarmath"]
@@ -29,7 +29,7 @@ html_css_files = ["site.css"]
 html_additional_pages = {"index": "redirect.html"}  # the first page is docs/index.html
 html_show_sourcelink = False
 html_copy_source = False
-smartquotes = False  # they turn the dashes of --option into one
+smartquotes = False  # would turn the two dashes of --option into one
 html_math_renderer = "mathml"
 templates_path = [str(ROOT / "docs" / "_templates")]  # absolute: autosummary looks from the root
 

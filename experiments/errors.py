@@ -41,7 +41,7 @@ def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
-    """In this context, convert errors of the operating system, with these numbers or any number, into InputError."""
+    """In this context, convert errors of the operating system into InputError; numbers: error numbers, () for all."""
     try:
         yield
     except OSError as error:

@@ -12,11 +12,11 @@ EXTRAS = {
     "export": ("mcap",),
     "mesh": ("meshio", "pytetwild"),
 }
-"""Packages by extra, as in pyproject.toml."""
+"""Packages of each extra, as in pyproject.toml."""
 
 
 def missing(extra: str) -> str | None:
-    """The first package of an extra that is not installed."""
+    """The first of an extra's packages that is not installed; None if all are."""
     return next((name for name in EXTRAS[extra] if find_spec(name) is None), None)
 
 

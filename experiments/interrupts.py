@@ -11,7 +11,7 @@ from types import FrameType
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """In this context, raise KeyboardInterrupt whatever form an interrupt has.
+    """In this context, an interrupt always raises KeyboardInterrupt.
 
     An interrupt during a compiled kernel appears as SystemError, "returned a result with an exception set"; the
     interrupt is its cause.

@@ -1,4 +1,4 @@
-"""Limit of one thread per library: for some twenty states, or parts of pictures, more threads would only wait.
+"""Limit of one thread per library: the arrays are so small that more threads would only wait.
 
 The module also prepares helper processes, and prepares items in advance in a thread.
 """
@@ -46,7 +46,7 @@ def begin_helper() -> None:
 
 @contextmanager
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
-    """The same items in the same order, each prepared by a thread while an earlier one is processed.
+    """The given items in order, each prepared by a thread while an earlier item is processed.
 
     An exception during the preparation of an item is raised when that item is taken. The thread ends with the context.
     """

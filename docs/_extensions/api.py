@@ -22,7 +22,7 @@ PACKAGES = ("dynamics", "estimators", "vision")
 
 
 def pages() -> dict[str, dict[str, object]]:
-    """What each page shows: the packages and their sub-packages, by the names from which users import."""
+    """Content of each page: the packages and their sub-packages, by the names from which users import."""
     found = {}
     for package in map(import_module, PACKAGES):
         parts = [f"{package.__name__}.{part.name}" for part in iter_modules(package.__path__) if part.ispkg]
@@ -43,7 +43,7 @@ def page(module: ModuleType, listed: list[str], documented: list[str]) -> dict[s
 
 
 def value(name: str) -> object:
-    """What a dotted name means."""
+    """The object that a dotted name refers to."""
     module, _, short = name.rpartition(".")
     return getattr(import_module(module), short)
 
@@ -88,7 +88,7 @@ def read(app: Sphinx, what: str, name: str, thing: object, options: object, line
 
 
 def public(app: Sphinx, env: BuildEnvironment, node: addnodes.pending_xref, shown: nodes.Node) -> nodes.Node | None:
-    """The place of a public name of another package, which no other package has (`tests/test_public_names.py`)."""
+    """A link to a public name of another package; public names are unique (`tests/test_public_names.py`)."""
     first, _, rest = node.get("reftarget", "").partition(".")
     places = env.config.autosummary_context["places"]
     if node.get("refdomain") != "py" or first not in places:
@@ -107,7 +107,7 @@ def link_names(app: Sphinx, document: nodes.document, page: str) -> None:
 
 
 def trim(app: Sphinx, document: nodes.document, page: str) -> None:
-    """Drop the empty line that ends a block of examples, where pytest needs it."""
+    """Remove the empty last line of an example, which only pytest needs."""
     for block in document.findall(nodes.literal_block):
         if block.rawsource == block.astext():
             block.rawsource = block.rawsource.rstrip()
@@ -115,12 +115,12 @@ def trim(app: Sphinx, document: nodes.document, page: str) -> None:
 
 
 def as_written(*_: object) -> dict[str, object]:
-    """In place of the values of annotations: Sphinx writes them as the code has them if there are none."""
+    """Refuse to evaluate annotations, so that Sphinx writes them as in the code."""
     raise TypeError
 
 
 def skip(app: Sphinx, what: str, name: str, thing: object, skipped: bool, options: object) -> bool | None:
-    """Leave out the fields of a NamedTuple, whose docstrings say nothing."""
+    """Skip the fields of a NamedTuple, whose generated docstrings say nothing."""
     return True if str(getattr(thing, "__doc__", "")).startswith("Alias for field number") else None
 
 
@@ -129,7 +129,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     found = pages()
     places = {name.rpartition(".")[2]: name for one in found.values() for name in one.get("directives", {})}
     app.config.autosummary_context = {"pages": found, "places": places}
-    # With values ArrayLike takes three lines; Sphinx has no setting for this
+    # Evaluated, ArrayLike would take three lines; Sphinx has no setting for this
     sphinx.util.inspect.typing = SimpleNamespace(**{**vars(typing), "get_type_hints": as_written})
     app.connect("autodoc-process-docstring", read, priority=400)
     app.connect("autodoc-skip-member", skip)

@@ -1,4 +1,4 @@
-"""Docstrings in the form that numpydoc reads: fields, `name: text`, are sections, and keys of sources are links."""
+"""Docstrings in the form that numpydoc reads: fields, `name: text`, become sections, and keys of sources links."""
 
 import inspect
 import re
@@ -9,7 +9,7 @@ KEY = re.compile(r"\[([a-z]+\d{4}[a-z]?|paper)\](?!_)")
 
 
 def annotations(thing: object) -> dict[str, object]:
-    """Types of the parameters of a function, or of the fields of a class, as the code has them."""
+    """Types of the parameters of a function, or of the fields of a class, as written in the code."""
     own = getattr(thing, "__init__", thing) if inspect.isclass(thing) else thing
     return {**getattr(own, "__annotations__", {}), **getattr(thing, "__annotations__", {})}
 
@@ -17,8 +17,8 @@ def annotations(thing: object) -> dict[str, object]:
 def as_numpydoc(lines: list[str], thing: object) -> list[str]:
     """The lines of a docstring with its fields in the sections Parameters and Raises, after the text.
 
-    Fields stand below each other or, of names that the thing has, behind a semicolon. A field goes on in lines that are
-    indented or do not begin in upper case.
+    Each field begins a line or, if the thing has a parameter or field of this name, follows a semicolon. Lines that are
+    indented or do not begin in upper case continue a field.
     """
     types = annotations(thing)
     known = "|".join(map(re.escape, types)) or "$^"

@@ -7,13 +7,13 @@ from sphinx.writers.html5 import HTML5Translator
 
 
 def inline(translator: HTML5Translator, node: nodes.math) -> None:
-    """Write an equation of a line."""
+    """Write an inline equation."""
     translator.body.append(tex2mathml(node.astext()))
     raise nodes.SkipNode
 
 
 def block(translator: HTML5Translator, node: nodes.math_block) -> None:
-    """Write an equation of its own."""
+    """Write a displayed equation."""
     translator.body.append(tex2mathml(node.astext(), as_block=True))
     raise nodes.SkipNode
 

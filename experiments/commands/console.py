@@ -66,7 +66,7 @@ SIGMAS: Mapping[str, Callable[[Row], str]] = {
 
 
 def fit_lines(ours: Row) -> list[str]:
-    """Lines from the filter's object in summary.json: statuses, verdict, sources of variance."""
+    """Lines with statuses, verdict and sources of variance, from the filter's part of summary.json."""
     from experiments.pipeline.integrity import shares_words
 
     statuses = ", ".join(f"{n} {status}" for status, n in ours["frames_by_status"].items() if n)
@@ -95,7 +95,7 @@ def sentence(words: str) -> str:
 
 
 def marks_table(ours: Row) -> Table:
-    """The marks found least often, with reasons, from the filter's object in summary.json."""
+    """The marks found least often, with reasons, from the filter's part of summary.json."""
     marks, rows = ours["marks"], []
     missed = sorted((node for node, row in marks.items() if row["found"] < 1.0), key=lambda node: marks[node]["found"])
     always = f"found in all frames: {len(marks) - len(missed)} of {counted(len(marks), 'mark')}"
@@ -109,7 +109,7 @@ def marks_table(ours: Row) -> Table:
 
 
 def taken_table(kinds: Sequence[Row], n_frames: int) -> Table:
-    """One row for each hue: share of the picture that its keys select, its ratio to the marks' area, faulty frames."""
+    """One row for each hue: share of the picture that its keys select, ratio to the marks' area, faulty frames."""
     heads = [["marks"], ["keys"], "of the picture", "least", "most", "ratio to marks' area", "too few", "flooded"]
     rows = []
     for row in kinds:
@@ -225,7 +225,7 @@ def faults_table(cells: Sequence[Sequence[str]]) -> Table:
 
 
 def bench_table(report: Mapping[str, Mapping[str, float] | Sequence[Mapping[str, float]]]) -> Table:
-    """One row for each figure of a benchmark; several for each mesh size."""
+    """One row for each figure of a benchmark; the benchmark of meshes has several rows for each mesh size."""
     rows = []
     for name, figures in report.items():
         if isinstance(figures, Mapping):

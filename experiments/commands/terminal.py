@@ -16,7 +16,7 @@ COMPILES = "a first run compiles"
 """Text shown at the start of a stage, because kernels compile in its first steps."""
 
 BEGUN = 0.01
-"""Completed share of a stage below which it may still compile; choice: the first few of hundreds of frames."""
+"""Largest completed share of a stage that may still be compiling; choice: the first few of hundreds of frames."""
 
 WAITS_S = 3.0
 """Time after which the progress bar shows `COMPILES` [s]; a choice."""

@@ -26,7 +26,7 @@ BATCH_S = 1.0
 """Time of a batch [s]; choice: sending and collecting a batch takes about 10 ms."""
 
 AHEAD = 2
-"""Number of batches sent for each worker: it processes one while the next one waits at the scheduler."""
+"""Number of batches sent for each worker: while it processes one batch, the next waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes of a returned batch; runs that it did not reach wait again."""
+        """The outcomes of a returned batch; runs that the batch did not reach wait again."""
         from distributed import CancelledError, KilledWorker
 
         try:

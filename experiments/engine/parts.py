@@ -18,8 +18,8 @@ KEPT = "kept"
 """The subfolder of the parts in a study's folder."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between two parts [s], and its least share of the time since the first part [1]; choice: about a thousand
-parts per day."""
+"""Least time between two parts [s], and least ratio of that time to the time since the start [1]; choice: about a
+thousand parts per day."""
 
 
 class Parts:

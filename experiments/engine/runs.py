@@ -18,7 +18,7 @@ Case = Mapping[str, Any]
 """The seed and the parameters of a run, in JSON types."""
 
 Work = Callable[[Any], Any]
-"""The work of a run: a function of a module, or a `functools.partial` of one with keywords that do not change
+"""The work of a run: a function of a module, or a `functools.partial` of it with keywords that do not change
 results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")

@@ -35,7 +35,7 @@ REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Number of runs below which this process does them all: it finishes before workers have started; choice."""
+"""Number of runs below which this process does them all, as it ends before workers would have started; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -151,7 +151,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """Modules to load first: this module or, if `python -m` runs it, its imports, since each worker runs it again."""
+    """Modules to load first: the module; if `python -m` runs the module, its imports, as each worker runs it again."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:

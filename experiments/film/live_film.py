@@ -22,7 +22,7 @@ from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
-"""Largest number of waiting pictures of a camera; then the oldest is dropped; choice: about 0.3 s at 30 frames/s."""
+"""Largest number of waiting pictures of a camera; one more replaces the oldest; choice: about 0.3 s at 30 frames/s."""
 
 
 class LiveFilm:

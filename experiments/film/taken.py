@@ -46,7 +46,7 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Pixels in each kind's colour range. State: numbers of pixels by frame and kind; frames with fewest and most."""
+    """Pixels in each kind's colour range. State: their numbers by frame and kind; frames with the fewest and most."""
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]
@@ -55,7 +55,7 @@ class Taken:
     stills: dict[tuple[int, str], tuple[int, float, Image]] = field(default_factory=dict)
 
     def take(self, time_s: float, pixels: Sequence[int], picture: Image) -> None:
-        """Count the pixels of a frame; store it if it has the least or the most of a kind."""
+        """Count the pixels of a frame; store it if it has the fewest or the most pixels of a kind."""
         self.times_s.append(time_s)
         self.pixels.append(list(pixels))
         for k, n in enumerate(pixels):

@@ -109,7 +109,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # read before the move, which an interrupt may follow; the last needs none
+                if path != paths[-1]:  # for `_put_back`, also after an interrupt; the last is never put back
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:

@@ -45,7 +45,7 @@ SAME_TIME_S = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Fix:
-    """A direct measurement of the target: time [s], position [m], (dim,), one standard deviation for each axis [m]."""
+    """A direct measurement of the target: time [s], position [m], (dim,), standard deviation on each axis [m]."""
 
     time_s: float
     position_m: Floats
@@ -219,7 +219,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Times [s], (n,), and marks of a table like marks.csv; it may name all nodes and reference marks."""
+    """Times [s], (n,), and marks of a table like marks.csv, which may name all nodes and reference marks."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -236,7 +236,7 @@ def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int
 
 
 def _spread_columns(path: Path, dim: int) -> list[str]:
-    """Columns of a table with the accuracy of its marks: sd_mm, or those of a full covariance."""
+    """Columns of a table that state the accuracy of its marks: sd_mm, or the columns of a full covariance."""
     named = next(read_rows(path, f"columns {', '.join(['time_s', 'sd_mm', *AXES[:dim], 'node'])}"))
     return cov_columns(dim) if any(column.startswith("cov_") for column in named) else ["sd_mm"]
 

@@ -30,7 +30,7 @@ NEAR_SD_MM = 0.5
 """Default standard deviation of marks for a user's scene [mm]: a webcam close to a phantom, or a tracker."""
 
 OPPOSITE = np.cos(np.radians(179.0))
-"""Cosine of 179 degrees: directions with a larger angle between them count as opposite."""
+"""Cosine of 179 degrees: directions at a larger angle count as opposite."""
 
 Share = Annotated[float, Field(ge=0, lt=1)]
 Light = Literal["webcam", "paper"]
@@ -40,8 +40,8 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Relative standard deviations, by kind, of random true constants about the scene's constants; the filter uses the
-scene's constants, and the seed determines the true ones."""
+"""Relative standard deviations, by kind, with which true constants differ at random from the scene's. The seed
+determines the true constants; the filter uses the scene's."""
 
 
 class SeenMarks(Strict):
@@ -79,7 +79,7 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """Format of the film; for a scene also the light and the number of distractors, objects with a mark's colour.
+    """Format of the film; for a scene also the light and the number of distractors, objects of other hues.
 
     stagger_s: in space, delay of each camera's exposure after the previous camera's
     """
@@ -217,7 +217,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture with the network's gravity as default; raises InputError if the direction does not change."""
+    """The posture with the network's gravity as default start; raises InputError if gravity cannot turn in this way."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)

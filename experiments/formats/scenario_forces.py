@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table: random acceleration of every free node, white up to the frequency 1 / (2 interval_s)."""
+    """Tremor of the table under the body: random acceleration of every free node, white up to 1 / (2 interval_s)."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0

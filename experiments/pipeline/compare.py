@@ -72,7 +72,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track, with the estimates of a further method and the time that it needs per frame [s] added."""
+    """The steps of a track, to which a further method's estimates and times per frame [s] are added."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps
@@ -102,7 +102,7 @@ def summary(done: Track) -> dict[str, dict[str, float | int | None]]:
 
 
 def write_smoothed(done: Track, folder: Path) -> None:
-    """Write a table of the smoother's estimates, one of the filter's, and summary.json to an existing folder."""
+    """Write tables of the smoother's and the filter's estimates, and summary.json, to an existing folder."""
     write_estimates(done, folder, {SMOOTHER: "estimates.csv", FILTER: f"estimates.{FILTER}.csv"}, summary(done))
 
 

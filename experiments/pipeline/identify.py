@@ -38,18 +38,18 @@ MOST_WORSE = 1.1
 neither filter uses the target's mark; choice: a recording of a minute determines the ratio to a tenth."""
 
 MOST_SHARED = 0.5
-"""Squared correlation of two constants above which they are reported as confounded; choice."""
+"""Largest squared correlation of two constants that are not reported as confounded; choice."""
 
 NAMED = 4
 """Largest number of constants that are named for a combination, and of pairs that are named in a line."""
 
 
 ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffness of a mesh: measure young_kpa"
-"""Reason why a recording hardly determines the tissues of a mesh."""
+"""Reason why a recording hardly determines the stiffness of a mesh's tissues."""
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """Raise InputError for nodes with marks for scoring only in films in space, because such marks are not visible."""
+    """For films in space, raise InputError if a node's mark is for scoring only: such marks are not visible."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -116,7 +116,7 @@ def identified_scene(
 
 
 def check_fit(recording: Recording, found: IdentificationResult) -> None:
-    """Raise InputError if the identified constants fit the recording worse than those of its scene."""
+    """Raise InputError if the identified constants fit the recording worse than the scene's constants."""
     if found.log_likelihood < found.log_likelihood_before:
         raise InputError.at(
             recording.folder,
@@ -276,7 +276,7 @@ def fit_lines(found: IdentificationResult, minutes: float) -> list[str]:
 
 
 def time_lines(found: IdentificationResult | TuningResult, minutes: float) -> list[str]:
-    """A line that the time limit ended the search, if it did."""
+    """A line stating that the time limit ended the search; none if it did not."""
     best = f"Best result within {minutes:g} minutes, from {counted(found.n_frames, 'frame')}; more with --minutes"
     return [] if found.in_time else [best]
 

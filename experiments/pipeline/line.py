@@ -67,7 +67,7 @@ class Step:
     scene has any
     swap: a detected exchange of marks, None in almost all frames
     refused: nodes whose marks the gate rejected
-    sight: the search for marks, None without `explain`
+    sight: the search for marks, None without the option `explain` of `Line`
     reference: result for the reference marks; None if the scene has none
     detect_s, method_s: times of finding marks, and of each method [s]; predict_s: time of the filter's prediction [s]
     """
@@ -289,7 +289,7 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
     """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
 
-    The estimate lists the used marks, except in the first frame. The counts are used only if it lists none.
+    The estimate lists the used marks, except in the first frame. The counts are used only if the estimate lists none.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))

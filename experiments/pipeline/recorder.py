@@ -53,7 +53,7 @@ class Recorder:
     """Writer of a recording that grows in pieces. Disk errors raise InputError.
 
     After an interruption at any moment, such as Ctrl-C, a piece can be finished without duplicate frames.
-    State: the film's pieces, the present piece, the last exposure time [s], the error that ended it.
+    State: the film's pieces, the present piece, the last exposure time [s], the error that ended the recording.
     """
 
     def __init__(

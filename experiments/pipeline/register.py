@@ -23,7 +23,7 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""Probability (p-value) of the residuals below which they contradict the points' stated errors [1]; choice."""
+"""Least p-value of the residuals [1]: below it, the residuals contradict the points' stated errors; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -51,7 +51,7 @@ class Track:
     truth: true position of the target [m], (n_frames, dim), NaN where unknown; truth_cov: covariance of its error [m²],
     (n_frames, dim, dim), zero unless the truth is the measured position of a mark
     counts: further figures for summary.json, such as the numbers of rejected marks and repaired covariances
-    withheld: with `check`, by node, how well a filter that does not use its mark predicts the mark
+    withheld: by node, errors of its mark as predicted by a filter that does not use this mark; only with `check`
     variance_shares: share of each source of error in the target's variance at the last frame, the largest first
     one_error: whether most of the target's variance is the constant error of its position in the tissue
     marks: by node, shares of frames in which its mark was found, refused or lost, and why

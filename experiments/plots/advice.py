@@ -66,7 +66,7 @@ MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Difference of probabilities that is invisible in print; range of a constant miss, relative to the lesion's radius."""
+"""Largest invisible difference of probabilities; largest range of a miss that counts as constant, in lesion radii."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
@@ -148,7 +148,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Probabilities of a hit; those of a later or turned insertion only if they differ from the immediate one's."""
+    """Draw the probability of a hit now, and those of a later or a turned insertion if these differ from it."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")

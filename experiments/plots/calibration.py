@@ -31,7 +31,7 @@ def _residuals(calibration: Calibration, ax: Axes) -> None:
     some = np.linspace(0, len(seen) - 1, min(MOST_ARROWS, len(seen))).astype(int)
     width, height = calibration.size_px
     rms = calibration.reprojection_rms_px
-    # an arrow for the rms residual has a fortieth of the picture's width
+    # an arrow of the rms residual is a fortieth of the picture's width long
     per_px = width / 40 / rms if rms > 0 else 1.0
     arrows = ax.quiver(
         *seen[some].T, *residuals[some].T, angles="xy", scale_units="xy", scale=1 / per_px, width=0.0015, color=OURS

@@ -28,7 +28,7 @@ LEAST_BARS = 6
 MARGIN = 0.12
 
 SAME_MM = 0.05
-"""Largest distance of drawn from rest positions that is invisible in print [mm]; one of both is then drawn."""
+"""Largest invisible distance between drawn and rest positions in print [mm]; then only one of them is drawn."""
 
 VIEW_MM = 62.0
 """Width of a view of a body in space in print [mm]."""

@@ -39,7 +39,7 @@ N_LEAST = 5
 """Least number of insertions in a drawn bin; the plot states how many insertions other bins have."""
 
 FARTHEST_MM = 20.0
-"""Distance above which a miss is not drawn [mm]; the plot states the number of such misses."""
+"""Largest miss that is drawn [mm]; the plot states the number of larger misses."""
 
 
 def write_insertion_plots(done: Trials, folder: Path, vector: str | None = None) -> None:
@@ -76,7 +76,7 @@ def hits_figure(done: Trials) -> Figure:
 
 @styled
 def misses_figure(done: Trials) -> Figure:
-    """Cumulative distribution of the miss distance; for needles that never arrived it is infinite."""
+    """Cumulative distribution of the miss distance, which is infinite for needles that never arrived."""
     figure, [[ax]] = grid_figure(COLUMN_MM, 70.0)
     ax.set_title("distance to the true target at arrival")
     for policy in POLICIES:
@@ -103,7 +103,7 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates over predicted probabilities when the policy filter-ahead commits; each run draws its own lesion."""
+    """Hit rates over the probabilities that filter-ahead predicts when it commits; each run has a random lesion."""
     return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 
 

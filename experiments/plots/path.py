@@ -138,7 +138,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """Draw the paths alone, with ellipses; returns the number of these, and of those larger than the plot."""
+    """Draw the paths alone, with ellipses; returns the number of ellipses, and of those larger than the plot."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)

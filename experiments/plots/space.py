@@ -26,7 +26,7 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""Directions of views [degrees]: to the right of z, and above it. The second view is the one that adds most marks."""
+"""View directions [degrees]: to the right of z, and above it. The first is used, and the one that adds most marks."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
@@ -146,7 +146,7 @@ def draw_springs(ax: Axes, view: View, places_m: Floats, springs: NDArray[np.int
 
 
 def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
-    """Draw marks in their hues: with names on this side, small and pale on the far side; rings only for scoring."""
+    """Draw marks in their hues: named on the near side, small and pale on the far side; marks for scoring as rings."""
     network, near = scene.network, facing(view, scene)
     places = view.seen_mm(network.positions[[network.index(mark.node) for mark in scene.marks]])
     named = [k for k, mark in enumerate(scene.marks) if near[k] and mark.measured]
@@ -169,7 +169,7 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners of names beside positions, (n, 2), that cover marks and earlier names least.
+    """Lower left corners, (n, 2), of names beside positions; names are placed to cover marks and earlier names least.
 
     scale: units of the plot per millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
     """
@@ -264,7 +264,7 @@ def keys(scene: Scene, outside: Outside, views: Sequence[View]) -> dict[str, Lin
 
 
 def _is_seen(faces: NDArray[np.bool_], outside: Outside, views: Sequence[View]) -> bool:
-    """Whether these faces are at least the share `VISIBLE` of the visible area in any view."""
+    """Whether these faces make up at least the share `VISIBLE` of the visible area in any view."""
     areas = [(outside.normals @ view.toward).clip(0.0) for view in views]
     return any(bool(area[faces].sum() > VISIBLE * area.sum()) for area in areas)
 

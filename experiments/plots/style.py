@@ -124,7 +124,7 @@ def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellips
     """The ellipse of this many standard deviations of a Gaussian in the plane; mean (2,), cov (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # of a singular covariance the least is a rounding error
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # the least of a singular matrix is a rounding error
     return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 

@@ -34,10 +34,10 @@ FRAMES_PER_S = 30.0
 """Frame rate if neither a recording nor an option states one [1/s]."""
 
 SETTLING_S, LONGEST_S = 1.0, 4.0
-"""Shortest and longest time for which the filter gets marks at rest [s]; it ends when the covariance is steady."""
+"""Least and largest time for which the filter gets marks at rest [s]; the time ends when the covariance is steady."""
 
 SETTLED = 0.01
-"""Relative change of the target's variance over a quarter of a second below which it is steady."""
+"""Largest relative change of the target's variance in a quarter of a second with which it counts as steady."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,8 +164,8 @@ def _seen(
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
     """Measured marks at rest with covariances, nodes that only one camera sees, and nodes without found marks.
 
-    Covariances are from the option, the rows of marks.csv, or a picture: the film's first, or a synthetic one. If there
-    are none of these, or no measured mark is found in them, `NEAR_SD_MM` is used.
+    Covariances are from the option, the rows of marks.csv, or a picture: the film's first, or a synthetic one. Without
+    any of these, or if no measured mark is found, `NEAR_SD_MM` is used.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -192,7 +192,7 @@ def _seen(
 
 
 def _step(line: Line, recording: Recording | None) -> Step:
-    """The result of a search for marks in each camera's first picture or, without a recording, in synthetic ones."""
+    """Result of a search for marks in each camera's first picture or, without a recording, in synthetic pictures."""
     scene, images = line.scene, {}
     x, light, rng = scene.network.positions, vision.Lighting(), np.random.default_rng(0)
     if recording is not None:

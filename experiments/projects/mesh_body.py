@@ -43,7 +43,7 @@ N_MARKS = 40
 
 FEW, MANY = 10, 80
 """Number of marks below which the target is poorly determined, and above which an estimate is too slow; choice: in a
-breast of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10; frames take 40 ms with 80, 200 with 160."""
+breast of 968 nodes the target's sd is 2.1 mm with 6 marks, 0.3 mm with 10. A frame takes 40 ms with 80 marks."""
 
 WALL_FORMS = '"y < 6" [mm], "faces 2" or "region 1"'
 """Forms of `--fixed`, for messages."""
@@ -54,7 +54,7 @@ NEAR = 0.05
 """Largest distance by which a mark is moved onto the surface, relative to the body's extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Interpolation weight of the free nodes around a target below which the target does not move [1]; numerical."""
+"""Least interpolation weight of the free nodes around a target with which the target can move [1]; numerical."""
 
 N_DRAWS = 100
 """Largest number of draws of the simulated lesion's position until one is inside the body; choice."""

@@ -39,7 +39,7 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """Assign the tissues of a body; raises InputError.
 
-    field: name of the field with the labels of `regions`, LABEL=TISSUE, or without regions with the share of gland
+    field: name of the field that has the labels in `regions` (LABEL=TISSUE) or, without regions, the share of gland
     young_pa: Young's modulus of a body of one tissue; all options are checked
     """
     if regions or field is not None:

@@ -23,7 +23,7 @@ MOVED_M = 0.01
 """Displacement of a mesh's target by breathing [m]."""
 
 POKED_M = 0.02
-"""Displacement of a continuum's softest mark if its strongest poke were constant [m]: a probe displaces it as much."""
+"""Displacement of a continuum's softest mark if the strongest poke were constant [m]; choice: as much as by a probe."""
 
 WAVE = 2.5
 """Ratio of a breath's range to the amplitude of its first wave [1]; between 2 and 3, depending on phases."""
@@ -163,7 +163,7 @@ def scenario_page(of: Template, *, what: str, scene: str, seed: int, seconds: fl
 
 
 def _soft_poke_m_s2(scene: Scene) -> float:
-    """Acceleration [m/s²] of a poke that would move a continuum's softest mark by `POKED_M` if it were constant."""
+    """Acceleration [m/s²] by a poke that would move a continuum's softest mark by `POKED_M` if it stayed constant."""
     network = scene.network
     compliance = np.linalg.inv(network.continuum.stiffness)  # type: ignore[union-attr]
     own = [network.coordinates(node) for node in scene.measured_nodes]

@@ -24,7 +24,7 @@ N_LOWEST = 3
 """Number of frequencies that are listed, lowest first."""
 
 SURE = 0.9
-"""Hit probability with the best aim below which there is a warning; it equals the default threshold of GO."""
+"""Least hit probability with the best aim that gives no warning; it equals the default threshold of GO."""
 
 SURER = 0.95
 """Least ratio of the filter's sigma at rest to the lower bound of sigma that gives no warning [1]."""
@@ -284,7 +284,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Probability that the estimate lies in the target if its error equals the lower bound without pushes."""
+    """Hit probability of the best aim if the target's sd equals the lower bound without pushes."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))

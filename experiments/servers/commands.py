@@ -87,7 +87,7 @@ def read_command(found: Any) -> Command:
 
 
 def is_needle(found: Any) -> bool:
-    """Whether a decoded JSON object, or its text, is a needle command, valid or not; an invalid one means `UNSEEN`."""
+    """Whether a decoded JSON object, or its text, is a needle command, valid or not."""
     if isinstance(found, str | bytes):
         try:
             found = json.loads(found)

@@ -27,7 +27,7 @@ MOST_REQUESTS = 64
 """Largest number of waiting requests; further ones are refused; choice."""
 
 PICTURE_S = 1.0 / 30.0
-"""Least interval between pictures [s]; choice: viewers cannot distinguish more, and each takes 3 ms to compress."""
+"""Least interval between pictures [s]; choice: more would be indistinguishable; compressing one takes 3 ms."""
 
 QUALITY = 80
 """JPEG quality, out of 100; choice: marks and their rims are clearly visible."""

@@ -64,7 +64,7 @@ class LastEvents(logging.Handler):
 
 
 class Shows:
-    """An `Attendant` that uses a link. State: the link; the last events; whether the run is paused or recorded."""
+    """`Attendant` that shows a run through a link. State: link; last events; whether the run is paused or recorded."""
 
     def __init__(self, link: Link, scene: Scene, plan: NeedlePlan | None, source: str) -> None:
         self.link = link

@@ -77,7 +77,7 @@ def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, 
 def inserted(
     world: World, guidance: Guidance, between_s: tuple[float, float], state: Floats, tip_noise: Floats
 ) -> AdvisedInsertion:
-    """Result of an insertion that starts at the first time of between_s [s] and must arrive before the second."""
+    """Result of an insertion that starts at the first time of between_s [s] and must arrive before the second time."""
     (now, until_s), plan = between_s, world.case.plan
     arrival_s, deeper, p = guidance.arrival_s, guidance.depth_m, guidance.probability
     if arrival_s is None or deeper is None or p is None or arrival_s > until_s:
@@ -115,7 +115,7 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with 95 % interval, their difference with its sd.
+    """Number of insertions, mean predicted probability, hit rate with 95 % interval, difference of both with its sd.
 
     The difference's sd is by a jackknife over runs, because the insertions of one run are not independent.
     """

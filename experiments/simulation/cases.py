@@ -1,6 +1,6 @@
 """The case of an insertion: a scenario's tissue, the scene of the filter, the needle and its lesion.
 
-The filter has the study's settings for the shipped tissue, and its file's for a user's scene (`docs/insertion.md`).
+The filter has the study's settings for the phantom, and the scene file's for a user's tissue (`docs/insertion.md`).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ ELSEWHERE = 0.1
 [1]; choice: sagging, registration or another mesh of the same body move marks less."""
 
 AT_REST_M = 1e-9
-"""Distance between drawn and rest positions up to which a network is drawn at rest [m]; numerical: rounding."""
+"""Largest distance between drawn and rest positions that count as equal [m]; numerical: rounding."""
 
 TIP = Needle(hit=Hit.TIP)
 """The needle in the phantom, and its uncertainty, see `docs/guidance.md`."""

@@ -34,8 +34,8 @@ SMALLEST_M, LARGEST_M = 2e-4, 10e-3
 """Range of the random lesion radius with which probabilities are tested [m], log-uniform; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Hit probabilities for the start; they are low, because poked tissue cannot be predicted half a second ahead. At the
-commitment, a policy that may retract does so below the probability `go` of the needle's file."""
+"""Thresholds of hit probability for the start; low, because poked tissue cannot be predicted half a second ahead. At
+the commitment, a policy that may retract does so below the probability `go` of the needle's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle after the warm-up; state: the tissue's state then; policy: after its warm-up."""
+    """Insert the needle; policy, state: the policy and the tissue's state at the end of the warm-up."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -156,7 +156,7 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """A commitment: its time [s], time left to arrival [s], sideways motion in it [m], predicted tip and target."""
+    """A commitment: its time [s], time until arrival [s], sideways motion in that time [m], predicted tip, target."""
 
     now_s: float
     left_s: float

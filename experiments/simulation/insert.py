@@ -62,7 +62,7 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """Reliability of `filter-ahead`'s probabilities at its commitments; each run draws its own lesion."""
+    """Reliability of `filter-ahead`'s probabilities at its commitments; each run has a random lesion."""
     committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
     predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
     return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])
@@ -133,7 +133,7 @@ def table(done: Trials) -> pd.DataFrame:
 
 
 def advised_table(done: Trials) -> pd.DataFrame:
-    """Content of advised.csv: a row for each advice; empty if no needle was inserted."""
+    """Content of advised.csv: a row for each advice; results are empty if no needle was inserted."""
     rows = [
         {
             "seed": done.case.seed + k,

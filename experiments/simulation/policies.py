@@ -41,8 +41,8 @@ SETTLED_S = 0.5
 """Time after which the breathing model starts [s], because first estimates have large errors; a study parameter."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""Prediction range: factor on the needle's insertion time and additional time [s], for later starts and targets that
-move away; a study parameter."""
+"""The target is predicted for this factor times the insertion time, plus this time [s], because the needle may start
+later or the target move away; study parameters."""
 
 
 class Policy:

@@ -34,7 +34,7 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 
 
 def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of positions [m], (..., dim): for this share of them `MISPLACED_M` in any direction, zero for others."""
+    """Errors of positions [m], (..., dim): `MISPLACED_M` in any direction for this share of positions, else zero."""
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:-1], 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)
     return np.where(rng.random((*shape[:-1], 1)) < share, ways, 0.0)

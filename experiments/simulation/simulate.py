@@ -100,7 +100,7 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
 
 
 def kept_motion(path: Path, network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """`true_motion` from a .npy file of its positions, which is computed and written if it does not exist yet."""
+    """The result of `true_motion`, read from a .npy file of positions; if there is none, computed and written."""
     if path.exists():
         return Truth(exposures(scenario), np.load(path))
     motion, content = true_motion(network, scenario, rng), io.BytesIO()
@@ -194,7 +194,7 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """Copy the scene's file, with contents of the camera files that it names.
+    """Copy the scene's file, with the contents of the camera files that it names.
 
     The copy lists the step `simulate`, unless the truth has other constants than the scene.
     """

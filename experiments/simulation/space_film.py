@@ -68,7 +68,7 @@ def write_space_films(
 ) -> None:
     """Write `video.NAME.avi` and `frames.NAME.csv` of each camera.
 
-    times_s: exposure times of each camera [s], all of them sampling times of the truth
+    times_s: exposure times of each camera [s]; the truth must be sampled at all of them
     """
     stored, rate = scenario.video, max(1.0, 1.0 / scenario.frame_interval_s)
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()

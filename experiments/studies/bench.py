@@ -5,7 +5,7 @@ models, with its unscented filter for each mode and the same states, noise, swit
 sigma point at a time, in plain NumPy or in compiled code.
 full_step: one frame of the filter that also associates interchangeable marks; `considered_ms`: with ten uncertain
 constants, too.
-bodies: one frame for grids in space with springs along edges and diagonals: 18 free nodes and 17 marks, or 48 and 40.
+bodies: one frame for grids in space with springs along edges and diagonals: 18 nodes, 17 marks; or 48 nodes, 40 marks.
 advice: prediction of the target's path at 30 times in one second; advice on 21 starts within 2 s for a known path, in
 the plane and in space; a plan of 500 straight paths; one hit probability in space.
 live_frame: advice in a live frame, which fits the breathing model, computes 1.5 s of the path from tables, and advises

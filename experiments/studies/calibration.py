@@ -68,7 +68,7 @@ def miscalibrated_camera(error_m: float, kind: str) -> PlaneCamera:
 
 
 def run(seed: int, case: tuple[str, str, float], cache: Path, duration_s: float = 5.0) -> Run:
-    """Both filters on the same marks, with a camera miscalibrated by a random draw along its directions."""
+    """Both filters on the same marks, with a camera whose calibration has a random error of this size."""
     kind, scenario, error_m = case
     rng = np.random.default_rng([seed, round(1e6 * error_m)])
     trial = Trial(scenario, seed, duration_s=duration_s, mark_sd_m=MARK_SD_M)

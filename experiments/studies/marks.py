@@ -65,7 +65,7 @@ PREDICTED_SD_PX = 3.0
 
 
 def run(case: Case) -> list[dict[str, object]]:
-    """A row for each mark and frame: visible, found, error du dv [px], covariance uu vv [px²], right name."""
+    """A row for each mark and frame: visible, found, error du dv [px], covariance uu vv [px²], whether named right."""
     frames = iter(synthetic_run(case["seed"], case["n_frames"], case["level"]))
     first = next(frames)
     view, radius_m = first.camera.view, first.marks[0].radius_m

@@ -17,7 +17,7 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark by the other marks; inflate too small covariances.")
+        bool, typer.Option("--check", help="Predict each mark from the others; inflate covariances that are too small.")
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,

@@ -22,8 +22,8 @@ FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 """Statuses of usable estimates; for other statuses the exports have only the status."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""Tolerance with which a row's time matches a frame, relative to the time, and its limit relative to the shortest frame
-interval [1]; older tables have times of nine digits."""
+"""Largest difference between the times of a row and its frame [1]: relative to the time, and as a limit relative to the
+shortest frame interval. Older tables have times of nine digits."""
 
 Entry = float | str | bool | None
 

@@ -72,7 +72,7 @@ def read_films(
     read_times: reads the exposure times of a `frames.NAME.csv`
     """
     if scene.network.dim == 2:
-        source_in(folder)  # raises an error for more than one camera
+        source_in(folder)  # raises InputError for several cameras
     if scene.reference.marks:
         raise InputError.at(f"{scene_path}: reference.mark", "none with films of cameras in space", "some")
     others = [name for name in (*VIDEOS, FRAMES, MARKS) if (folder / name).exists()]

@@ -13,19 +13,19 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Root mean square distance of marks from the drawing, relative to the body's size, above which they do not fit;
+"""Largest root mean square distance from the drawing, relative to the body's size, of marks that fit the drawing;
 choice: pokes and weight move the marks of a body that is drawn at rest by less."""
 
 FITS = 0.1
-"""Distance, relative to the body's size, below which another interpretation of the numbers fits; it must also be below
-a quarter of the distance without this interpretation; choice."""
+"""Largest distance, relative to the body's size, with which another interpretation of the numbers fits; the distance
+must also be below a quarter of that without this interpretation; choice."""
 
 ALIKE = 1.5
-"""Interpretations whose distances are at most this factor above the least distance fit equally well [1]; the message
-names the simplest; choice."""
+"""Factor on the least distance up to which interpretations fit equally well [1]; the message names the simplest;
+choice."""
 
 FLAT = 0.2
-"""Ratio of the second largest to the largest spread of marks below which they are collinear [1]; choice."""
+"""Least ratio of the second largest to the largest spread of marks that are not collinear [1]; choice."""
 
 N_FRAMES = 10
 """Number of frames with marks after which the test is done, even if some marks were never visible; choice."""
@@ -62,7 +62,7 @@ class FirstMarks:
 
 
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks, by node [m], (dim,), are closer together or farther apart than tissue can deform.
+    """A message if marks, by node [m], (dim,), are closer together or farther apart than deformed tissue can be.
 
     None for fewer than three marks of the body, since two marks of a cord may come close to each other.
     """
@@ -124,7 +124,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether another interpretation fits; rms, plain: distances with and without it; size: the body's size [m]."""
+    """Whether another interpretation fits; rms, plain: distances with it and without it; size: the body's size [m]."""
     return rms <= min(FITS * size, 0.25 * plain)
 
 

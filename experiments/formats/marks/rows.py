@@ -17,7 +17,7 @@ LEAST_SHARE = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
-    """A mark from another tracker: its node, its position [m], (dim,), one standard deviation for each axis [m].
+    """A mark from another tracker: its node, its position [m], (dim,), the standard deviation on each axis [m].
 
     full_cov: its covariance [m²], (dim, dim), if the file states it; sd_m is then its mean standard deviation
     """

@@ -27,7 +27,7 @@ UNITS = {
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
     """The unit with which a stated number is nearest to an expected time [s].
 
-    None if this unit is the second, or if the times differ by more than the factor `most` in every unit.
+    None if seconds are nearest, or if the times differ by more than the factor `most` in every unit.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])

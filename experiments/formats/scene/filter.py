@@ -1,4 +1,4 @@
-"""Filter tables of a scene file: `[uncertainty]` of the constants; `[filter]` with noise levels and led nodes."""
+"""Filter tables of a scene file: `[uncertainty]` of the constants; `[filter]` with noise levels and other priors."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ SPACING, EDGES = 0.05, 1.5
 force acts on a patch of this radius, and points in one element cannot move independently."""
 
 APART_M = 1e-5
-"""Distance of two points below which they coincide [m]; choice: finer than any mark."""
+"""Least distance of two points that do not coincide [m]; choice: finer than any mark."""
 
 ON_SKIN_M = 1e-3
 """Largest distance of the first point of a line from the skin [m]; choice: entries are rounded."""
@@ -70,9 +70,9 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network with the same points and tissues, and with all responses to smooth forces on the surface.
+        """The network with the same points and tissues, and with all modes that smooth forces on the surface excite.
 
-        It still lacks those modes of the mesh that smooth forces on the surface do not excite.
+        It still lacks the mesh's other modes.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)

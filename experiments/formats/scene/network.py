@@ -15,7 +15,7 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
-"""Distance of two nodes below which a spring between them has no direction [mm]; choice: finer than any drawing."""
+"""Least distance of two nodes with which a spring between them has a direction [mm]; choice: finer than any drawing."""
 
 
 def is_node_name(name: str) -> bool:

@@ -24,7 +24,7 @@ from vision import PlaneCamera
 class ReferenceMark:
     """A reference mark, which does not move.
 
-    name: its name in tables and lines; node: its anchor, None for a mark at position_m [m], (dim,)
+    name: its name in tables and live marks; node: its anchor, None for a mark at position_m [m], (dim,)
     look: its appearance in a film, as a `Mark` with this name in place of a node; None without a camera
     """
 
@@ -106,7 +106,7 @@ def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
 
 
 def reference_lines(reference: Reference) -> list[str]:
-    """Lines of `[reference]`; none without content."""
+    """Lines of the file's table `[reference]`; none if the table would be empty."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
     lines = ["", "[reference]", *key_lines(in_millimetres({"drift_sd_m": reference.drift_sd_m}))]

@@ -16,13 +16,13 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""Factor from a plausible value above which a number probably has another unit; choice: units differ by 100 or 1000."""
+"""Least factor between a number and a plausible one that suggests another unit; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
 """Share of the weight that springs of drawn length may leave unbalanced, because rest lengths are rounded; choice."""
 
 LONGEST = 2.0
-"""Ratio of a spring's length in the rest shape to its unloaded length above which a body is stretched; choice."""
+"""Least ratio of a spring's length in the rest shape to its unloaded length that shows a stretched body; choice."""
 
 DENSITY = 100.0
 """Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom

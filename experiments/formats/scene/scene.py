@@ -121,7 +121,7 @@ class Scene:
 
     @property
     def n_cameras(self) -> str:
-        """Text for a message: the number of cameras, and that lenses lack a pose."""
+        """Text for a message: the number of cameras, and which lens lacks a pose."""
         lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
         return f"{len(self.cameras) + len(self.space_cameras)}{lacking}"
 
@@ -139,7 +139,7 @@ class Scene:
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """Uncertain directions of each space camera's calibration, (n_calibration, 15) [px, 1, rad, m], one sd."""
+        """One sd along each uncertain direction of each camera's calibration, (n_calibration, 15) [px, 1, rad, m]."""
         return principal_steps(self.space_cameras, self.network.positions)
 
     @property

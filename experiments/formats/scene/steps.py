@@ -1,6 +1,6 @@
 """Steps done on a scene: written to `[[provenance]]`.
 
-The scene file omits the times of steps, so that the same steps give the same file; its provenance file has them.
+The scene file omits times of steps, so that the same steps give the same file; the times are in its provenance file.
 """
 
 from __future__ import annotations

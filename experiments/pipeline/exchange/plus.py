@@ -62,7 +62,7 @@ def _fields(of: Exported) -> Iterator[dict[str, str]]:
 
 
 def _by_frame(rows: Results | None) -> dict[int, int]:
-    """Index of the row of each frame that has one, by the frame's index."""
+    """Index of each frame's row, by the frame's index; frames without a row are omitted."""
     return {} if rows is None else {int(frame): row for row, frame in enumerate(rows.frames) if frame >= 0}
 
 

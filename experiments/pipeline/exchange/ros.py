@@ -104,7 +104,7 @@ def _fixes(of: Exported) -> Iterator[Message]:
 
 
 def _estimates(of: Exported) -> Iterator[Message]:
-    """For each row: a message with the target's pose if the estimate is usable, and one with all values."""
+    """For each row: a message with the target's pose if the estimate is usable, and a message with all values."""
     rows = of.estimates
     if rows is None:
         return

@@ -23,7 +23,7 @@ class Act(StrEnum):
     """Kind of action of the loop."""
 
     BEGIN = "begin"
-    """The journal begins; values: the source, and whether the run begins here."""
+    """The journal begins; values: the source, and whether the run begins at this time."""
     PAUSE = "pause"
     """Pause or resume the use of frames; value: whether there is a pause now."""
     ORIGIN = "origin"

@@ -122,7 +122,7 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of rows that both tables have, and the number, from 1, of the first row that differs, or None.
+    """Number of rows that both tables have; number, from 1, of the first row that differs, None if all are equal.
 
     An incomplete last row, after a kill, is ignored.
     """

@@ -49,7 +49,7 @@ class LiveSettings:
     """Settings of a live run: times to wait for frames.
 
     wait_s: time without a frame after which the target is predicted and shown [s]; choice
-    behind_s: time by which the filter is behind the present, beyond two frame intervals, to use late frames [s]; choice
+    behind_s: delay of the filter, in addition to two frame intervals, so that it can use late frames [s]; choice
     """
 
     wait_s: float = 0.1
@@ -63,7 +63,7 @@ LiveFrame = vision.Frame | vision.Exposure | MarksFrame
 """A picture of one camera, pictures of several cameras at one time, or marks of another tracker."""
 
 SOURCE = vision.SourceSettings()
-"""Settings of a live source; hung_s: delay of the filter before two frames determine the frame interval [s];
+"""Settings of a live source; hung_s: delay of the filter until two frames have determined the frame interval [s];
 settled_frames: number of frames over which the median interval is computed."""
 
 

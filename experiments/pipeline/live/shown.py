@@ -18,7 +18,7 @@ from experiments.pipeline.live.advice import words
 from experiments.pipeline.live.outputs import Latencies
 
 SETTLED_FRAMES = 60
-"""Number of frames after which all code is loaded, so that this no longer increases memory; choice."""
+"""Number of frames after which all code is loaded, so that loading no longer increases memory; choice."""
 
 STATM = Path("/proc/self/statm")
 
@@ -36,7 +36,7 @@ class Counters:
     """Performance counters of the loop since the run began.
 
     frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
-    dropped: number of frames that a newer one replaced before they were used
+    dropped: number of frames that newer frames replaced before their use
     late: number of frames whose estimate took longer than the usual frame interval
     latencies: times from exposure to estimate; latency_ms: that of the newest frame
     stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise

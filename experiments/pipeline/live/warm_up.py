@@ -39,7 +39,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Rehearse frames of marks at these positions [m], (n_marks, dim), with an outlier and without marks, and a fix."""
+    """Rehearse frames of marks at these positions [m], (n_marks, dim), with an outlier, without marks, with a fix."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]

@@ -18,14 +18,14 @@ SETTLED = (Status.TRACKING, Status.DIVERGED)
 """Statuses of frames whose innovations are tested; frames at a start are not, because the prior is then wide."""
 
 COVERED = (0.9, 0.995)
-"""Shares of frames inside the 95 % region below and above which the covariance is reported as too small or too large
-[1]; choice."""
+"""Least and largest share of frames inside the 95 % region if the covariance is neither too small nor too large [1];
+choice."""
 
 ONE_ERROR = 0.999
-"""Probability of the region for an error common to all frames [1]; outside it the covariance is too small; choice."""
+"""Probability of the region outside which an error common to all frames shows a too small covariance [1]; choice."""
 
 MOST_NEES = 2.0
-"""Ratio of mean NEES to its dimension above which some errors are too large, whatever the coverage; choice."""
+"""Largest ratio of mean NEES to its dimension; above it some errors are too large, whatever the coverage; choice."""
 
 NOISY = 1.5
 """Factor on the stated standard deviation of marks above which this deviation is reported as too small [1]; choice."""

@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Share of frames in which a mark is not used, above which it is reported; choice: the share outside 95 % regions."""
+"""Largest share of frames without a mark that is not reported; choice: the share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"
@@ -43,7 +43,7 @@ LOOK_AT: Mapping[str, str] = {
 class MarkShares:
     """Shares of frames in which a mark was found and used, found and refused by the gate, and not found.
 
-    reason: the most frequent reason why it was not used, and that reason's share of frames
+    reason: the most frequent reason why the mark was not used, and that reason's share of frames
     """
 
     measured: bool

@@ -1,4 +1,4 @@
-"""Marks found in a picture and measured on the plane; reference marks, and the pose estimated from them."""
+"""Positions on the plane of marks found in a picture; the camera's pose, estimated from reference marks."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def looked_for(camera: PlaneCamera, mark: Mark, mean: Floats, cov: Floats) -> vi
 def on_plane(
     camera: PlaneCamera, by_name: Mapping[str, Mark], found: Sequence[AssociatedMark]
 ) -> tuple[MarkMeasurement, ...]:
-    """The marks found in a picture as measurements on the plane; by_name: the marks by name."""
+    """Positions on the plane of the marks found in a picture; by_name: the scene's marks by name."""
     if not found:
         return ()
     marks = [by_name[f.name] for f in found]
     centers_px = np.array([f.detection.center_px for f in found])
     covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-    # perspective does not shift a ball's outline as it does a disc's
+    # perspective shifts the centre of a disc's outline, but not that of a ball's
     radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
     centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
     positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
@@ -103,7 +103,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """Errors of a corrected mark at this position [m], (dim,), from the pose's errors, which all marks share."""
+        """Shift of a corrected mark at a position [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

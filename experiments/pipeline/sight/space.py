@@ -23,19 +23,19 @@ from vision.tracking.association import AssociatedMark
 from vision.tracking.settings import STAGE_NAMES, FinderSettings
 
 LEAST_COSINE = 0.3
-"""Cosine of the angle between a mark's normal and the direction to a camera below which the mark is not searched;
+"""Least cosine of the angle between the normal of a searched mark and the direction to the camera;
 choice: 73 degrees. The detector rejects shapes whose width is below a quarter of their length."""
 
 MISFIT = 1e-4
-"""Probability (p-value) of the distance between a mark's rays below which two cameras see different objects [1];
-choice: equal to the finder's gate in one picture."""
+"""Least p-value of the distance between the rays to a mark [1]: below it, two cameras see different objects; choice:
+equal to the finder's gate in one picture."""
 
 PATIENCE, AGAIN = 3, 6
 """Number of frames after which a mark that a camera does not find counts as hidden, and interval in frames between
-searches for hidden marks [1]; choice: each is a search of the whole picture."""
+searches for hidden marks [1]; choice: each search covers the whole picture and is slow."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Stages of the finders; the slowest is omitted: a mark that a camera misses when light changes is seen by others."""
+"""Search stages of the finders, without the slowest: if changed light hides a mark from one camera, others see it."""
 
 
 class CameraSight:
@@ -58,7 +58,7 @@ class CameraSight:
         expected: Sequence[vision.Expected],
         after_impulse: Callable[[str], vision.Expected],
     ) -> list[AssociatedMark]:
-        """The expected marks found in a picture, (height, width, 3) BGR; hidden marks are searched in few frames."""
+        """The expected marks found in a picture, (height, width, 3) BGR; hidden marks are only sometimes searched."""
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
         if self.finder.missed is not None:
@@ -106,7 +106,7 @@ class SpaceSight:
         """The marks in pictures taken at one time; raises InputError for a picture of another size.
 
         predict: expected positions of the marks of nodes [m], (n, 3), and the covariances [m²], (n, 3, 3)
-        after_impulse: as `predict`, for one node, assuming an impulse on it since its mark was last found
+        after_impulse: the same for one node, if an impulse has acted on it since its mark was last found
         """
         means, covs = predict(list(self.marks))
         self.expected = dict(zip(self.marks, zip(means, covs, strict=True), strict=True))
@@ -121,7 +121,7 @@ class SpaceSight:
                 expected,
                 lambda node, camera=sight.camera: self._one(camera, node, *after_impulse(node)),  # type: ignore[misc]
             )
-            # without candidates, which are positions in the picture of one camera
+            # candidates are omitted: they are positions in the picture of one camera
             self.lost |= {node: replace(one, candidate_px=None) for node, one in sight.lost.items() if node not in away}
             self.came += sight.finder.came
             if found:
@@ -211,9 +211,9 @@ def check_size(camera: SpaceCamera, image: Image) -> None:
 
 
 def calibration_shifts(scene: Scene) -> Callable[[Floats], Floats]:
-    """Function from positions of marks [m], (n, 3), to shifts [m], (n, 3, k), by one sd of each calibration error.
+    """Function from positions of marks [m], (n, 3), to their shifts by one sd of each calibration error [m], (n, 3, k).
 
-    It is the shift of the triangulated position; a position that no camera sees is not shifted.
+    A shift is that of the triangulated position; it is zero for a position that no camera sees.
     """
     steps, extent_m = scene.calibration_steps, float(np.linalg.norm(np.ptp(scene.network.positions, axis=0)))
 

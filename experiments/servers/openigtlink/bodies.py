@@ -87,7 +87,7 @@ def read_points(content: bytes) -> list[PointBody]:
 
 
 def pack_surface(points_mm: Floats, polygons: Sequence[Sequence[int]]) -> bytes:
-    """Content of POLYDATA: points, (n, 3), and polygons as lists of their indices, without attributes."""
+    """Content of POLYDATA: points, (n, 3), and polygons as lists of indices of points, without attributes."""
     cells: list[int] = []
     for polygon in polygons:
         cells += [len(polygon), *polygon]

@@ -62,7 +62,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of one moment as bytes; the needle's message is separate: clients that send the needle do not get it."""
+    """Messages of one moment as bytes; the needle's message is separate, as clients that send it do not get it."""
 
     common: bytes
     needle: bytes = b""
@@ -94,7 +94,7 @@ def status_message(device: str, status: StatusBody, utc_s: float) -> bytes:
 
 
 def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
-    """Validity of the transforms of a state; None if none is sent, because the target is lost."""
+    """Validity of the transforms of a state; None if no transform is sent, because the target is lost."""
     status = Status(state["status"])
     if status is Status.LOST:
         return None

@@ -1,4 +1,4 @@
-"""Access rights: exact Host and Origin, against foreign pages and DNS rebinding, and a token.
+"""Access rights: a token, and exact Host and Origin headers against foreign pages and DNS rebinding.
 
 `Guard` wraps the application, so that refused requests do not reach it.
 """

@@ -25,7 +25,7 @@ MOST_UNSENT = 8 * 2**20
 MOST_HEAD = 16_384
 """Largest number of bytes of a request's line and headers; choice: those of our page have 1000."""
 MOST_PIECES = 256
-"""Largest number of frames in one message; choice: needed because empty frames do not add to its size."""
+"""Largest number of WebSocket frames in one message; choice. Empty frames would pass a limit on size."""
 
 
 END_OF_HEAD = re.compile(rb"\n\r?\n")

@@ -26,9 +26,9 @@ NEXT = "next"
 WRONG_TOKEN, TOO_MANY, NOT_TEXT = 4401, 1013, 1003
 """WebSocket closing codes: wrong token, too many clients, not text."""
 GONE = (WebSocketDisconnect, WebSocketDisconnected, TimeoutError)
-"""Exceptions for a client that is gone, at the first send and at later ones, or that is stuck."""
+"""Exceptions when sending to a client that is gone (at the first send, at later sends) or stuck."""
 LONGEST_ERROR = 200
-"""Largest number of letters of an error in an answer, because it may quote the client's input."""
+"""Largest number of letters of an error in an answer; a limit is needed as errors may quote the client's input."""
 
 
 class Stream:

@@ -55,7 +55,7 @@ class Scale:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A moving body: a user's network of it, and its true motion.
+    """A moving body: its true motion, and the network with which a user models it.
 
     network: the user's network with the best-known constants, in the shape that a user would draw
     times_s: times of the frames [s], (n_frames,); positions: true positions of nodes [m], (n_frames, n_nodes, dim)

@@ -26,7 +26,7 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend at which a spring over two segments has the same energy as the joint [rad]; at smaller bends it has less. Value:
+"""Bend [rad] at which a spring over two segments has the joint's energy; at smaller bends the spring has less. Value:
 root mean square of the bends of these cables, at both speeds."""
 
 DRAG_N_S_M = 0.002
@@ -37,7 +37,7 @@ HIDDEN_OF_CABLE = (5, 6, 7)
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
     """A pendulum of rigid links in the plane, whose outer end is visible at 100 Hz.
 
-    If mass or stiffness is scaled, true links are springs, because neither affects rigid links.
+    If mass or stiffness is scaled, true links are springs, because neither changes the motion of rigid links.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])

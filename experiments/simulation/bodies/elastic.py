@@ -27,7 +27,7 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest pressure on a block's lower face, relative to Young's modulus; radius of the pressed area, per side."""
+"""Largest pressure on a block's lower face, in Young's moduli; radius of the pressed area, relative to a side."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""

@@ -40,7 +40,7 @@ def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Figures of the filter without the mechanism `off` on the recording of a case.
 
     error_m: mean over hidden points and frames; covered: share of truths in the 95 % region; nees: NEES per dimension
-    lost: number of frames that are not TRACKING; failed: why the run ended early; figures are of the frames done
+    lost: number of frames that are not TRACKING; failed: why the run ended early, if it did
     """
     given, switch = recording(case["body"], case["seed"], case["lungs"]), SWITCHES[case["off"]]
     with switch.patched():

@@ -103,7 +103,7 @@ SWITCHES: Mapping[str, Switch] = {
         "8",
         disturbances={
             "poke_m_s2": FORCES.calm_m_s2,
-            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # stiff bodies still raise other strengths
+            "bent": FORCES.bent * FORCES.calm_m_s2 / FORCES.poke_m_s2,  # other strengths still rise for stiff bodies
         },
     ),
     "led mode": Switch("14", disturbances={"led_m_s2": FORCES.poke_m_s2}),

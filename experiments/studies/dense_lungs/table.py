@@ -30,7 +30,7 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """Results for a lung with some marks, by method: errors [m], (n_hidden,), NEES if it has a covariance, failures."""
+    """Results for a lung with some marks, by method: errors [m], (n_hidden,), NEES (with a covariance), failures."""
 
     lung: str
     where: str

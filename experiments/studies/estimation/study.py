@@ -47,7 +47,7 @@ CONSTANT_SDS = dict.fromkeys(KINDS, 0.1) | {"rest_length": 0.01}
 
 SCENARIOS = ("quiet", "poked", "shoved")
 FAR_M = 0.04
-"""Error of the hidden mass above which it counts as large [m]."""
+"""Least error of the hidden mass that counts as large [m]."""
 
 UNREPORTED_S = 0.5
 """Time within which a filter must report a large error [s]."""
@@ -108,7 +108,7 @@ def figures(runs: pd.DataFrame) -> Row:
 
 
 def perturbed(seed: int, *, known: bool = False) -> Model:
-    """A model with random errors of constants by `CONSTANT_SDS`; known: whether it states their uncertainty."""
+    """A model with random errors of constants, with sd `CONSTANT_SDS`; known: whether it states their uncertainty."""
     network = four_mass_phantom()
     which = parameters(network)
     sds = np.array([CONSTANT_SDS[one.kind] for one in which])

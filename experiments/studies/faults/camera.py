@@ -27,7 +27,7 @@ def _unplugged(arrivals: list[Arrival], _rng: np.random.Generator, lasts_s: floa
 
 
 def _kept(keeps: Callable[[int, np.random.Generator], bool]) -> Arrives:
-    """A fault during which only some reads return a picture; `keeps` gets their number since the onset."""
+    """A fault during which only some reads return a picture; `keeps` selects them by their number since the onset."""
 
     def arrives(arrivals: list[Arrival], rng: np.random.Generator, lasts_s: float) -> list[Arrival]:
         first = sum(one.at_s - BEGAN_S < ONSET_S for one in arrivals)

@@ -29,7 +29,7 @@ HIDDEN_S = 2.0
 """Time limit for detecting a fault that single frames do not show, or until the covariance covers its error [s]; a
 requirement."""
 WRONG = 0.999
-"""Probability of the region outside which the truth makes an estimate wrong, if the error is above `LEAST_M`."""
+"""Probability of an estimate's region: an estimate is wrong if the truth is outside and over `LEAST_M` away."""
 LEAST_M = 1e-3
 """Least error that matters to a needle [m]; choice."""
 STALE_S = 0.2
@@ -135,7 +135,7 @@ def quiet_folder() -> Iterator[Path]:
 
 
 def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
-    """Whether the truth [m], (dim,), lies outside the estimate's region of `WRONG`, by more than `LEAST_M`."""
+    """Whether the truth [m], (dim,), is over `LEAST_M` away and outside the region of probability `WRONG`."""
     if cov is None or not np.isfinite(mean).all() or not np.isfinite(cov).all():
         return True
     off = truth_m - mean
@@ -145,10 +145,7 @@ def is_wrong(mean: Floats, cov: Floats | None, truth_m: Floats) -> bool:
 
 
 def verdict(fault: Fault, moments: list[Moment], lasts_s: float) -> Judged:
-    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays.
-
-    A run that displayed nothing more has ended before the last moment.
-    """
+    """The verdict on a fault from a run's moments; it began at ONSET_S and lasted for lasts_s [s], inf if it stays."""
     stays, ends_s = np.isinf(lasts_s), ONSET_S + lasts_s
     before = [one for one in moments if ONSET_S - 1.0 <= one.time_s < ONSET_S]
     during = [one for one in moments if ONSET_S <= one.time_s < ends_s]

@@ -53,7 +53,7 @@ def _touches(since_s: float, plan: Insertion) -> NeedlePose:
 
 
 def _displaced(by_m: float) -> Callable[[Session], None]:
-    """A function that displaces all nodes in the mean of each of the filter's modes [m], but not its covariance."""
+    """A function that displaces all nodes by `by_m` [m] in the means of the filter's modes; covariances stay."""
 
     def upsets(session: Session) -> None:
         tissue = session.line.filter

@@ -124,7 +124,7 @@ def cells(rows: pd.DataFrame) -> list[list[str]]:
 
 
 def by_shown(rows: pd.DataFrame) -> dict[str, list[str]]:
-    """Descriptions of faults by the beginning of what they display, in the order of the first fault with each."""
+    """Descriptions of faults, grouped by the beginning of the displayed text; groups in the order of first faults."""
     groups: dict[str, list[str]] = {}
     for row in rows.itertuples():
         notes = [_slowest(row.noticed, row.noticed_ms, row.seeds)] if row.noticed else []

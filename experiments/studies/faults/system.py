@@ -40,14 +40,14 @@ N_WARNINGS, AT_ONCE = 1500, 20
 USUAL_PORT = 8765
 """Default port of a run's page."""
 IN_VAIN = json.dumps({"command": "hue", "node": "a mark that the scene does not have", "place_px": [0, 0]})
-"""A refused request that does not affect the advice; the refusal of a needle's pose would end the advice."""
+"""A request that is refused without effect on the advice; refusing a needle's pose would end the advice."""
 
 Acts = Callable[[LiveRun], None]
 
 
 @dataclass(frozen=True, slots=True)
 class SystemFault(Fault):
-    """A `Fault` of a real process: `softaim live` on a film, which records it and has a client of its stream.
+    """A `Fault` of a real process: `softaim live` on a film, with a recording and a client of the stream.
 
     before: action before the process starts; begins, ends: actions at the onset, and lasts_s later
     writes: whether the process can still write after the onset

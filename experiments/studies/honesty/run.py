@@ -36,8 +36,8 @@ AFTER_S = 1.0
 def run(case: Mapping[str, Any]) -> dict[str, Any]:
     """Do a run, and return its row; the case has body, forces, seed, and true and stated noise (`sd_m`, `stated`).
 
-    frames, lost: numbers of all frames, and of those whose status permits no guidance. covered, wrong, nees of others:
-    number with the truth in the 95 % region, number with a wrong estimate, mean NEES per dimension
+    frames, lost: numbers of all frames, and of those whose status permits no guidance. covered, wrong, nees: for the
+    other frames, number with the truth in the 95 % region, number with a wrong estimate, mean NEES per dimension
     error_mm, sd_mm: root mean squares of the error and of the standard deviation for each axis
     """
     scene, frames, truth = recorded(case)

@@ -69,7 +69,7 @@ def lung_frames(lung: Lung, marked: NDArray[np.int64], sd_m: float) -> Frames:
 
 
 def followed_lung(lung: Lung, marked: NDArray[np.int64], constants: LungConstants) -> Followed:
-    """The inner landmarks of a lung by the filter, all in one run."""
+    """The filter's estimates of a lung's inner landmarks, all in one run."""
     network = lung_network(lung.positions[0], constants)
     inner = [node_name(i) for i in lung.inner]
     begun = partial(TissueFilter, network, inner[0], [node_name(i) for i in marked])

@@ -38,7 +38,7 @@ class Lung:
         return np.arange(len(self.positions)) * np.float64(PHASE_S)
 
     def seen(self, n: int | None) -> NDArray[np.int64]:
-        """Indices of n landmarks of the hull that are far from each other; None: of all."""
+        """Indices of n landmarks of the hull that are far from each other; None: of all landmarks of the hull."""
         if n is None or n >= len(self.hull):
             return self.hull
         places = self.positions[0][self.hull]

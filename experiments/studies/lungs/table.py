@@ -44,7 +44,7 @@ def _complete(table: pd.DataFrame, column: str) -> bool:
 
 
 def _mean(table: pd.DataFrame, column: str) -> str:
-    """Mean of the column; empty if a value is missing, because the mean would be over other landmarks."""
+    """Mean of the column; empty if a value is missing, because the mean would then omit landmarks."""
     return f"{table[column].mean():.2f}" if _complete(table, column) else ""
 
 

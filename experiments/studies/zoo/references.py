@@ -12,7 +12,7 @@ from experiments.simulation.bodies.body import Body
 from experiments.studies.estimation.trials import Frames
 
 FLAT = 1e-3
-"""Extent of a body in a direction, relative to its largest extent, below which it is flat in that direction."""
+"""Largest extent of a body in a direction in which it counts as flat, relative to its largest extent."""
 
 
 def open_loop(network: MassSpringNetwork, body: Body, frames: Frames) -> Floats | None:

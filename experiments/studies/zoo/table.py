@@ -153,7 +153,7 @@ PAGE_HEAD = ["body", "filter [mm]", "ratio", "coverage [%]", "scaled: largest ra
 
 
 def page_tables(cells: Sequence[Cell]) -> str:
-    """The table of docs/zoo.md and the summary: a row per body with its usual cells, and extremes of scaled cells."""
+    """The table of docs/zoo.md and the summary: a row per body with unscaled cells, and extremes of scaled cells."""
     bodies: dict[str, tuple[dict[str, Cell], list[Cell]]] = {}
     for cell in cells:
         body, kind = cell.name.split(", ")

@@ -30,7 +30,7 @@ class SenderClock:
     last settings.remembered_frames frames, so it follows a drifting clock. It includes the least transmission delay,
     which is unknown: converted times are late by this delay.
 
-    A time is refused if it does not increase, or increases by over settings.hung_s more than this machine's clock. If
+    A time is refused if it does not increase, or if it gains over settings.hung_s on this machine's clock. If
     only such frames come for settings.blocked_s, in order, the sender has a new clock, for example after a restart;
     the new clock is then adopted.
 

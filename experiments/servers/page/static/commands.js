@@ -121,7 +121,7 @@ export class Commands {
     return true;
   }
 
-  // Twice, because it discards the state
+  // Must be pressed twice, because it discards the state
   reset() {
     const again = this.armed !== null;
     clearTimeout(this.armed);

@@ -3,10 +3,10 @@
     python -m experiments.studies.faults.wrong_worlds --out FOLDER         # all rows; --page writes the table
     python -m experiments.studies.faults.wrong_worlds --out FOLDER --only "nothing" --seeds 3
 
-Truth, a poked and breathing body, is by SciPy's DOP853; a tracker sends its marks, and a live session
-estimates the target and advises a needle at every frame, with a scripted clock. One property differs from the scene;
-for anything not stated, the scene has defaults. The study counts moments of GO, and those on a wrong estimate: the
-truth is outside the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
+SciPy's DOP853 computes the truth, a poked and breathing body. A tracker sends its marks. With a scripted clock, a live
+session estimates the target and gives advice at every frame. One property of the world differs from the scene; what the
+scene does not state has defaults. The study counts moments of GO, and those with a wrong estimate: the truth is outside
+the 99.9 % region and more than 1 mm away. Latest figures: docs/faults.md.
 """
 
 from __future__ import annotations

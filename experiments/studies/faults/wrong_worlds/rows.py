@@ -143,14 +143,14 @@ def _truly(change: Becomes) -> Truth:
 
 
 def _of_target(factor: float) -> Callable[[Scene], Floats]:
-    """Factors for the springs at the target, (n_springs,)."""
+    """Function that returns factors of springs, (n_springs,): `factor` at the target, 1 elsewhere."""
     return lambda scene: np.where(
         (scene.network.springs == scene.network.index(scene.target.node)).any(axis=1), factor, 1.0
     )
 
 
 def _of_most_loaded(factor: float) -> Callable[[Scene], Floats]:
-    """Factors for the spring at the target with the largest load at rest, (n_springs,)."""
+    """The same with `factor` only for the spring at the target that has the largest load at rest."""
 
     def factors(scene: Scene) -> Floats:
         network, at_target = scene.network, _of_target(0.0)(scene) == 0.0
@@ -174,7 +174,7 @@ def _loose(scene: Scene, _rng: np.random.Generator) -> MassSpringNetwork:
 
 def _rests_at(by_m: float) -> Truth:
     def moved(scene: Scene, rng: np.random.Generator) -> MassSpringNetwork:
-        """The body with the target's rest moved in a random direction; without equilibrium, another is drawn."""
+        """The body with the target's rest position moved in a random direction that has an equilibrium."""
         places = scene.network.positions.copy()
         places[scene.network.index(scene.target.node)] += by_m * _way(scene.network.dim, rng)
         try:
@@ -186,7 +186,7 @@ def _rests_at(by_m: float) -> Truth:
 
 
 def _dragged(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network with ten times the drag; nodes without drag get one that stops a free mass within about 0.1 s."""
+    """The network with ten times the drag; nodes without drag get a drag that stops a free mass within about 0.1 s."""
     without = np.where(network.fixed, 0.0, 10.0 * network.masses)
     return replace(network, drag=np.where(network.drag > 0.0, 10.0 * network.drag, without))
 

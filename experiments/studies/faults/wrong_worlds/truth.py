@@ -50,7 +50,7 @@ PUSHES = Pushes()
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """Differences of the true body from the scene's, from the first exposure on and from the onset on; its forces."""
+    """How the true body differs from the scene's from the start and from the onset on, and the forces on it."""
 
     network: Changes = lambda scene, _rng: scene.network
     becomes: Becomes = lambda network: network
