@@ -35,6 +35,9 @@ REFUTED_S = 0.5
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
 """Longest steps of `predict_at` and `predict_modes`, and under a known force [s]; numerical. Others take one step."""
 
+UNMEASURED = 0.5
+"""Standard deviation beyond which a mark's coordinate counts as not measured, relative to the extent [1]; choice."""
+
 FIX = "fix"
 """Name of a direct measurement of the target."""
 
@@ -237,7 +240,7 @@ class TissueFilter(TissuePosterior):
         if marks and before is Status.LOST:
             self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # the marks after a restart were refused
         taken, nis, shift = self._taken(marks, starting=starting)
-        self.health = after_frame(self.health, self.time_s, nis, len(taken) * self.network.dim, self.settings)
+        self.health = after_frame(self.health, self.time_s, nis, self._measured(taken), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
             taken, nis = self._again(marks, before)
         self.rejected.update(mark.node for mark in marks if mark not in taken)
@@ -246,7 +249,13 @@ class TissueFilter(TissuePosterior):
         self._seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         self._placed = self.filter.mean[self.process.parts["position"]] if taken else self._placed
         estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
-        return replace(estimate, information_share=self.shares(marks) if marks else {}, shift=shift)
+        shares = self.shares(marks) if marks else {}
+        return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
+
+    def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
+        """Number of measured coordinates, along the axes of each mark's covariance."""
+        variances = np.linalg.eigvalsh(np.reshape([mark.cov for mark in marks], (-1, *[self.network.dim] * 2)))
+        return int((variances < (UNMEASURED * self.process.extent_m) ** 2).sum())
 
     def _taken(
         self, marks: Sequence[MarkMeasurement], *, starting: bool

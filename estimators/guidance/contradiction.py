@@ -90,7 +90,6 @@ class Contradiction:
         ]
         if not back or estimate.nis is None:
             return None
-        degrees = estimate.marks_used * len(estimate.mean)
-        if chi2.sf(estimate.nis, degrees) >= self._settings.improbable:
+        if chi2.sf(estimate.nis, estimate.degrees) >= self._settings.improbable:
             return None
         return f"mark {back[0]} came back elsewhere than expected: look at it, then reset"

@@ -1,14 +1,15 @@
 """Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis on when it was last moved.
 
-A reference mark at x is measured at p = R (x - c) + c + t + B k + n. The rigid motion (R, t) about the centre c is the
-pose error. The calibration errors k have unit variance and are considered, not estimated (Schmidt-Kalman filter); n is
-noise. The motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the
-camera was moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
+A reference mark at x + e is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t) about the centre c
+is the pose error. The calibration errors k, of unit variance, and errors e of the stated places are considered, not
+estimated (Schmidt-Kalman filter); n is noise. For a camera in space the positions of p in its picture are measured. The
+motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the camera was
+moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +19,9 @@ from estimators.pose.rigid import RigidMotion
 from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
-ITERATIONS, NEAR_RAD = 5, 1e-3
-"""Most iterations of an update, and change of the rotation below which they end [rad]: the error is half its square;
-numerical."""
+ITERATIONS, NEAR = 5, 1e-3
+"""Most iterations of an update, and change of the motion below which they end [m], [rad]: the error is about half its
+square; numerical."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
@@ -52,6 +53,7 @@ class PoseEstimate:
 
     motion: rigid motion from the true positions of points to the measured ones
     cov: covariance of the motion's error, first the translation [m], then the rotation [rad], (n, n)
+        errors of stated places count as such errors
     columns: change of the motion by one standard deviation of each calibration error [m, rad], (n, n_calibration)
     """
 
@@ -78,8 +80,9 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hypothesis:
-    """A Gaussian of the motion and its rates: cov P (2 n, 2 n), columns (2 n, n_calibration); rate (n,); log weight.
+    """A Gaussian of the motion and its rates: cov P (2 n, 2 n), columns (2 n, n_errors); rate (n,); log weight.
 
+    columns: change by one standard deviation of each calibration error, then of each coordinate of each stated place
     wrong: names of the reference marks that it rejects in this frame
     """
 
@@ -91,22 +94,36 @@ class _Hypothesis:
     wrong: frozenset[str] = frozenset()
 
 
+def _as_they_are(points: Floats) -> tuple[Floats, Floats]:
+    """Points [m], (k, dim), and their derivatives by themselves, (k, dim, dim)."""
+    return points, np.broadcast_to(np.eye(points.shape[1]), (*points.shape, points.shape[1]))
+
+
 class PoseFilter:
     """Filter that estimates the pose error of a camera or tracker, frame by frame.
 
-    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of columns of the
-    marks' `shared`
+    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of columns of
+    the marks' `shared`; place_sd_m: standard deviation of the error of `places` on each axis [m]
+    seen: measured values of points [m], (k, dim), as (k, m), and their derivatives, (k, m, dim), not finite where there
+    are none; the values should be in about the same unit as the marks' distances [m]. Default: the points themselves.
     State: time_s, None before the first frame; hypotheses, the most probable first; time of the last mark; motion of
     the last report; moves: reports that were not fetched yet; wrong: names of the marks not used in the last frame.
     """
 
     def __init__(
-        self, places: Mapping[str, Floats], settings: PoseSettings | None = None, *, n_calibration: int = 0
+        self,
+        places: Mapping[str, Floats],
+        settings: PoseSettings | None = None,
+        *,
+        n_calibration: int = 0,
+        place_sd_m: float = 0.0,
+        seen: Callable[[Floats], tuple[Floats, Floats]] = _as_they_are,
     ) -> None:
         if not places:
             raise ValueError("reference marks: expected one or more, found none")
         self.places = {name: np.asarray(place, dtype=np.float64) for name, place in places.items()}
         self.settings = s = settings or PoseSettings()
+        self._seen = seen
         centre = np.mean(list(self.places.values()), axis=0)
         dim, turns = len(centre), len(centre) * (len(centre) - 1) // 2
         self.n = n = dim + turns
@@ -114,7 +131,10 @@ class PoseFilter:
         self._moved_var = np.repeat([s.moved_m, s.moved_rad], [dim, turns]) ** 2
         start = np.diag(np.concatenate([np.repeat([s.start_m, s.start_rad], [dim, turns]) ** 2, self._rate_var]))
         none = RigidMotion.none(centre)
-        self._hypotheses = [_Hypothesis(none, np.zeros(n), start, np.zeros((2 * n, n_calibration)))]
+        self._n_calibration, n_places = n_calibration, len(self.places) if place_sd_m > 0.0 else 0
+        self._place_errors = dict(zip(self.places, place_sd_m * np.eye(len(self.places), n_places), strict=True))
+        no_columns = np.zeros((2 * n, n_calibration + n_places * dim))
+        self._hypotheses = [_Hypothesis(none, np.zeros(n), start, no_columns)]
         self.time_s: float | None = None
         self._seen_s: float | None = None
         self._reported = none
@@ -130,13 +150,17 @@ class PoseFilter:
         spread = np.einsum("k,ki,kj->ij", weights, changes - mean, changes - mean)
         own = np.einsum("k,kij->ij", weights, np.array([one.P[:n, :n] for one in self._hypotheses]))
         columns = np.einsum("k,kij->ij", weights, np.array([one.columns[:n] for one in self._hypotheses]))
-        return PoseEstimate(first.motion.changed(mean), _symmetric(own + spread), columns)
+        return self._pose(first.motion.changed(mean), own + spread, columns)
 
     @property
     def after_move(self) -> PoseEstimate:
         """Pose error under the hypothesis that the camera was just moved."""
         first, n = self._hypotheses[0], self.n
-        return PoseEstimate(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
+        return self._pose(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
+
+    def _pose(self, motion: RigidMotion, cov: Floats, columns: Floats) -> PoseEstimate:
+        by_calibration, by_places = columns[:, : self._n_calibration], columns[:, self._n_calibration :]
+        return PoseEstimate(motion, _symmetric(cov + by_places @ by_places.T), by_calibration)
 
     def predict(self, time_s: float) -> None:
         """Predict the state at this time [s]."""
@@ -177,6 +201,8 @@ class PoseFilter:
         updated = [self._updated(one, marks) for one in (*self._hypotheses, born)]
         order = sorted(range(len(updated)), key=lambda k: -updated[k].log_weight)
         best = updated[order[0]].log_weight
+        if best == -np.inf:
+            return None
         kept = [updated[k] for k in order[: s.n_hypotheses] if updated[k].log_weight > best + np.log(s.least)]
         total = float(np.logaddexp.reduce([one.log_weight for one in kept]))
         self._hypotheses = [replace(one, log_weight=one.log_weight - total) for one in kept]
@@ -214,20 +240,26 @@ class PoseFilter:
         R = np.zeros((z.size, z.size))
         for k, mark in enumerate(marks):
             R[k * dim : (k + 1) * dim, k * dim : (k + 1) * dim] = mark.cov
-        none = np.zeros((dim, C.shape[1]))
-        B = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
+        none = np.zeros((dim, self._n_calibration))
+        by_calibration = np.concatenate([none if mark.shared is None else mark.shared for mark in marks])
+        errors = np.array([self._place_errors[mark.node] for mark in marks])
         change = np.zeros(2 * n)
         for _ in range(ITERATIONS):
             motion = one.motion.changed(change[:n])
-            seen = motion.moved(places)
+            moved = motion.moved(places)
+            seen, by_place = self._seen(moved)
+            if not np.isfinite(seen).all():
+                return replace(one, log_weight=-np.inf), np.inf
             H = np.zeros((z.size, 2 * n))
-            H[:, :n] = motion.change_of(seen).reshape(z.size, n)
+            H[:, :n] = (by_place @ motion.change_of(moved)).reshape(z.size, n)
+            by_places = np.einsum("kmd,kN->kmNd", by_place @ motion.rotation, errors).reshape(z.size, -1)
+            B = np.concatenate([by_calibration, by_places], axis=1)
             considered = H @ C + B
             S = H @ one.P @ H.T + considered @ considered.T + R
             y = (z - seen).ravel() + H @ change
             K = np.linalg.solve(S, H @ one.P + considered @ C.T).T
             before, change = change, K @ y
-            if np.abs(change - before)[dim:n].max() < NEAR_RAD:
+            if np.abs(change - before)[:n].max() < NEAR:
                 break
         kept = np.eye(2 * n) - K @ H
         P = _symmetric(kept @ one.P @ kept.T + K @ R @ K.T)

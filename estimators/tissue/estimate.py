@@ -124,6 +124,7 @@ class TargetEstimate:
     information_share: for each node, relative increase of the target's variance without its mark in this frame
     shift: how well a common shift of all marks explains their innovations; None without marks, and for the first marks
     noise: root mean square of the factor on the stated standard deviation of marks [1]; 1 if it is not estimated
+    measured: number of measured coordinates of the used marks, without depths for a single camera; None: all
     """
 
     time_s: float
@@ -138,6 +139,12 @@ class TargetEstimate:
     information_share: Mapping[str, float] = field(default_factory=dict)
     shift: CommonShift | None = None
     noise: float = 1.0
+    measured: int | None = None
+
+    @property
+    def degrees(self) -> int:
+        """Degrees of freedom of `nis`."""
+        return self.marks_used * len(self.mean) if self.measured is None else self.measured
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,7 @@ from experiments.arrays import Floats
 from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
-from experiments.pipeline.sight.space import LEAST_COSINE
+from experiments.pipeline.sight.camera import LEAST_COSINE
 from vision import PlaneCamera, SpaceCamera
 
 ON_LINE = 500

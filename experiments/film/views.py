@@ -83,7 +83,9 @@ def pictures_of(
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images
-    return {name: (image, overlay_of(line, step, cameras[name], guidance, plan)) for name, image in images.items()}
+    posed = {} if frame is None or line.space is None else {k: one.camera for k, one in line.space.cameras.items()}
+    standing = {**cameras, **posed}
+    return {name: (image, overlay_of(line, step, standing[name], guidance, plan)) for name, image in images.items()}
 
 
 def ground(camera: PlaneCamera | SpaceCamera) -> Image:

@@ -136,9 +136,9 @@ def pose_line(scene: Scene) -> str | None:
     return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 
-def report_move(moved: CameraMove) -> None:
-    """Report a move or drift of the camera or tracker."""
-    report_event(moved.time_s, "camera", move_line(moved))
+def report_move(moved: CameraMove, camera: str = "") -> None:
+    """Report a move or drift of the camera or tracker; camera: name of the camera, if there are several."""
+    report_event(moved.time_s, f"camera {camera}".rstrip(), move_line(moved))
 
 
 def move_line(moved: CameraMove) -> str:

@@ -145,6 +145,7 @@ class Line:
         self._measured = frozenset(measured)
         self._explain = explain
         self._marks: dict[str, Mark] = {}
+        self.space: SpaceSight | None = None
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
@@ -152,7 +153,9 @@ class Line:
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
-        self.space = SpaceSight(self.scene, explain=self._explain) if self.scene.space_cameras else None
+        if self.scene.space_cameras:
+            poses = None if self.space is None else self.space.poses
+            self.space = SpaceSight(self.scene, explain=self._explain, poses=poses)
 
     @property
     def camera(self) -> PlaneCamera:
@@ -181,7 +184,8 @@ class Line:
         marks = self.space.find(exposure, self.filter.expected_of, self.filter.expected_after_impulse)
         found = time.perf_counter()
         sight = Sight(self.space.expected, self.space.lost, self.space.came) if self._explain else None
-        return self._estimated(exposure.exposure_s, marks, found - predicted, predicted - began, sight)
+        step = self._estimated(exposure.exposure_s, marks, found - predicted, predicted - began, sight)
+        return replace(step, reference=self.space.reference)
 
     def take(self, exposure_s: float, marks: Sequence[MarkMeasurement]) -> Step:
         """Estimates at this exposure time [s] from another tracker's marks."""

@@ -94,7 +94,7 @@ def grouped(sigma: Floats) -> list[np.ndarray]:
 def consistency_figure(done: Track) -> Figure | None:
     """NIS, and with truth NEES, over time, with the 95 % bounds of a consistent filter; None without either."""
     ours, dim = table(done, FILTER), done.recording.scene.network.dim
-    freedom = {"nees": np.full(len(ours), dim), "nis": dim * ours["marks_used"].to_numpy()}
+    freedom = {"nees": np.full(len(ours), dim), "nis": np.array([e.degrees for e in done.estimates(FILTER)])}
     keys = [key for key in freedom if ours[key].notna().any()]
     if not keys:
         return None

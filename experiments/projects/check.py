@@ -118,9 +118,8 @@ def checked(
     interval_s = _interval_s(recording) if frames_per_s is None else 1.0 / frames_per_s
     seen, single, unfound = _seen(scene, rest, recording, sd_mm)
     line = Line(scene, baseline=False)
-    estimate = _after_rest(
-        line, (*seen, *_reference_marks(scene, seen)), interval_s, lambda share: advance(0.1 + 0.6 * share)
-    )
+    reference = _reference_marks(scene, [mark for mark in seen if mark.node not in single] or seen)
+    estimate = _after_rest(line, (*seen, *reference), interval_s, lambda share: advance(0.1 + 0.6 * share))
     settings, prior = line.filter.settings, line.filter.process.disturbances
     covs = {mark.node: mark.cov for mark in seen}
     calm, poked = (replace(settings.poked, white=prior.white, poke=poke) for poke in prior.short_m_s2[:2])
@@ -174,7 +173,7 @@ def _seen(
     if sd_mm is None and recording is not None and recording.marks is not None:
         covs, without = _in_rows(scene, [row for frame in recording.marks for row in frame], covs)
         unfound = dict.fromkeys(without)
-    elif sd_mm is None and (scene.cameras or (scene.space_cameras and not scene.reference.marks)):
+    elif sd_mm is None and (scene.cameras or scene.space_cameras):
         line = Line(scene, baseline=False, explain=True)
         step = _step(line, recording)
         found = {mark.node: mark for mark in step.marks}
@@ -208,17 +207,18 @@ def _step(line: Line, recording: Recording | None) -> Step:
 
 def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
     """Shared error of a mark at a position due to the camera's calibration; None for an exact calibration."""
-    if scene.space_cameras and scene.n_calibration and not scene.reference.marks:
-        return calibration_shifts(scene)(place[None])[0]
+    if scene.space_cameras and scene.n_calibration:
+        shifts = calibration_shifts(scene)(place[None])[0]
+        return np.pad(shifts, ((0, 0), (0, scene.n_calibration - scene.n_pose - shifts.shape[1])))
     camera = scene.cameras[0] if scene.cameras else None
     return None if camera is None or not camera.n_calibration else camera.calibration_error(place[None])[0]
 
 
 def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-    """The reference marks at their positions, with the mean covariance of the tissue's marks."""
+    """The reference marks at their positions, with the mean covariance of these marks of the tissue."""
     cov = np.mean([mark.cov for mark in seen], axis=0)
     places = reference_places(scene.reference, scene.network)
-    return tuple(MarkMeasurement(name, place, cov) for name, place in places.items())
+    return tuple(MarkMeasurement(name, place, cov, _calibration_error(scene, place)) for name, place in places.items())
 
 
 def _in_rows(

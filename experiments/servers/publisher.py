@@ -120,7 +120,7 @@ class Shows:
                 counters=counters_message(shown.counters, shown.interval_s, self._memory_mb),
                 overlay=overlay,
                 nodes_m=nodes_m,
-                nis_band=nis_band(shown.estimate.marks_used * line.scene.network.dim),
+                nis_band=nis_band(shown.estimate.degrees),
                 guidance=shown.guidance,
                 needle=None if shown.plan is None else shown.plan.insertion,
                 fault=shown.fault,

@@ -13,8 +13,10 @@ from experiments.arrays import Floats
 from experiments.formats.films.several import film_name
 from experiments.formats.recording import write_frames_csv
 from experiments.formats.scenario import Scenario
+from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene
-from experiments.formats.scene.space_marks import across, facing, mark_shapes_px, outward
+from experiments.formats.scene.space_marks import TOWARD, across, facing, mark_shapes_px, outward
+from experiments.simulation.plane_film import hues_of
 from experiments.simulation.seen_marks import Truth
 from experiments.threads import ahead
 from vision import SpaceCamera
@@ -40,15 +42,17 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """A camera's picture of the measured marks that face it, with the nodes at these positions [m], (n_nodes, 3).
+    """A camera's picture of the measured and reference marks that face it; positions of nodes [m]: (n_nodes, 3).
 
     covered: nodes whose marks are covered
     """
     network = scene.network
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]
     nodes = [mark.node for mark in marks]
-    places = positions[[network.index(node) for node in nodes]].reshape(-1, 3)
-    normals = outward(scene, nodes)
+    looks, still = scene.reference.looks, reference_places(scene.reference, network)
+    places = np.vstack([positions[[network.index(node) for node in nodes]], *(still[look.node] for look in looks)])
+    normals = np.vstack([outward(scene, nodes), np.tile(TOWARD, (len(looks), 1))])
+    marks += looks
     inside, places_px, J = camera.viewed(places)
     shapes_px = mark_shapes_px(marks, camera, places, across(normals), J)
     shown = np.flatnonzero(inside & facing(camera, places, normals, 0.0))
@@ -72,7 +76,7 @@ def write_space_films(
     """
     stored, rate = scenario.video, max(1.0, 1.0 / scenario.frame_interval_s)
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
-    hues = list(dict.fromkeys(mark.hue_deg for mark in scene.marks))
+    hues = hues_of(scene)
     done, n_frames = 0, sum(len(own) for own in times_s)
     for i, (camera, own_s) in enumerate(zip(scene.space_cameras, times_s, strict=True)):
         name = film_name(camera.name, i)

@@ -7,6 +7,7 @@ World axes: x right, y up, z toward the viewer, metres. Image axes: u right, v d
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -136,6 +137,7 @@ class SpaceCamera:
         return ways * self.lens.matrix[[0, 1], [0, 1]] + self.lens.matrix[:2, 2], depth
 
 
+@lru_cache(maxsize=16)
 def _fold_px(lens: Lens, size_px: tuple[int, int]) -> float:
     """Distance of ideal positions from mid-picture up to which a lens model does not fold the picture [px]."""
     radii, angles = 0.5 * np.hypot(*size_px) * RADII, 2.0 * np.pi * np.arange(16) / 16

@@ -44,8 +44,8 @@ def track(
         for step in done.steps:
             if step.swap is not None:
                 report_swap(step.swap)
-            if step.reference is not None and step.reference.moved is not None:
-                report_move(step.reference.moved)
+            for camera, moved in step.reference.moves.items() if step.reference is not None else ():
+                report_move(moved, camera)
     figures = summary(done)
     ours = figures[FILTER]
     shown = [track_table(figures), *fit_lines(ours)]

@@ -73,8 +73,6 @@ def read_films(
     """
     if scene.network.dim == 2:
         source_in(folder)  # raises InputError for several cameras
-    if scene.reference.marks:
-        raise InputError.at(f"{scene_path}: reference.mark", "none with films of cameras in space", "some")
     others = [name for name in (*VIDEOS, FRAMES, MARKS) if (folder / name).exists()]
     if others:
         raise InputError.at(folder, "no other source beside films of named cameras", " and ".join(others))

@@ -43,17 +43,21 @@ class Reference:
     """Reference marks of a scene.
 
     drift_sd_m: standard deviation of an undetected drift of the camera or tracker on each axis [m]; None: not stated
+    position_sd_m: standard deviation of the error of each mark's stated position on each axis [m]
     """
 
     marks: tuple[ReferenceMark, ...] = ()
     drift_sd_m: float | None = None
+    position_sd_m: float = 0.0
 
     @property
     def looks(self) -> tuple[Mark, ...]:
         """Looks of the marks that a film shows."""
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
-    def check(self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark]) -> None:
+    def check(
+        self, network: MassSpringNetwork, cameras: Sequence[PlaneCamera], marks: Sequence[Mark], *, filmed: bool
+    ) -> None:
         """Raise SceneError if the reference marks do not fit the network, the cameras, or the tissue's marks."""
         check_own_names("reference.mark", [mark.name for mark in self.marks])
         for i, mark in enumerate(self.marks):
@@ -62,8 +66,9 @@ class Reference:
             if mark.name in network.names and mark.name != mark.node:
                 raise SceneError(f"{key}.name: expected its own node's name or a new one, found {shown(mark.name)}")
             self._check_place(key, mark, network)
-            for j, camera in enumerate(cameras):
+            if filmed:
                 self._check_look(key, mark, marks)
+            for j, camera in enumerate(cameras):
                 try:
                     camera.project(mark.place(network)[None])
                 except ValueError:
@@ -109,7 +114,8 @@ def reference_lines(reference: Reference) -> list[str]:
     """Lines of the file's table `[reference]`; none if the table would be empty."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
-    lines = ["", "[reference]", *key_lines(in_millimetres({"drift_sd_m": reference.drift_sd_m}))]
+    keys = {"drift_sd_m": reference.drift_sd_m, "position_sd_m": reference.position_sd_m or None}
+    lines = ["", "[reference]", *key_lines(in_millimetres(keys))]
     for mark in reference.marks:
         place = in_millimetres({"node": mark.node, "position_m": mark.position_m or None})
         look = {} if mark.look is None else mark_keys(mark.look) | {"node": mark.node, "measured": None}

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from dynamics import MassSpringNetwork, NetworkError, ParameterUncertainty, parameter_label
 from estimators import FilterSettings
 from experiments.arrays import Floats
@@ -17,7 +19,7 @@ from experiments.formats.scene.filter import filter_table, settings_of, uncertai
 from experiments.formats.scene.marks import Mark, mark_lines, mark_of
 from experiments.formats.scene.mesh import SceneMesh, mesh_lines, mesh_network
 from experiments.formats.scene.network import check_name, network_lines, network_of, spring_groups
-from experiments.formats.scene.reference import Reference, reference_lines, reference_of
+from experiments.formats.scene.reference import Reference, reference_lines, reference_of, reference_places
 from experiments.formats.scene.rest import check_rest
 from experiments.formats.scene.schema import (
     CameraTable,
@@ -74,7 +76,7 @@ class Scene:
         if self.target.offset_m:
             check_dim("target.offset_mm", self.target.offset_m, self.network.dim)
         self._check_cameras()
-        self.reference.check(self.network, self.cameras, self.marks)
+        self.reference.check(self.network, self.cameras, self.marks, filmed=bool(self.cameras or self.space_cameras))
 
     def _check_cameras(self) -> None:
         check_own_names("camera", [one.name for one in self.cameras] + [one.name for one in self.space_cameras])
@@ -129,18 +131,22 @@ class Scene:
     def n_calibration(self) -> int:
         """Number of uncertain directions of the calibration: of the first camera or, in space, of all cameras.
 
-        Reference marks add the directions of the estimated pose at the end; in space, only marks.csv has such marks.
+        Reference marks add the directions of each camera's or the tracker's estimated pose at the end.
         """
-        dim = self.network.dim
-        n_pose = dim * (dim + 1) // 2 if self.reference.marks else 0
-        if self.space_cameras and not self.reference.marks:
-            return len(self.calibration_steps[0])
-        return (self.cameras[0].n_calibration if self.cameras else 0) + n_pose
+        if self.space_cameras:
+            return len(self.calibration_steps[0]) + self.n_pose * len(self.space_cameras)
+        return (self.cameras[0].n_calibration if self.cameras else 0) + self.n_pose
+
+    @property
+    def n_pose(self) -> int:
+        """Number of coordinates of a pose that reference marks correct; 0 without such marks."""
+        return self.network.dim * (self.network.dim + 1) // 2 if self.reference.marks else 0
 
     @property
     def calibration_steps(self) -> list[Floats]:
         """One sd along each uncertain direction of each camera's calibration, (n_calibration, 15) [px, 1, rad, m]."""
-        return principal_steps(self.space_cameras, self.network.positions)
+        places = reference_places(self.reference, self.network)
+        return principal_steps(self.space_cameras, np.vstack([self.network.positions, *places.values()]))
 
     @property
     def mark_names(self) -> tuple[str, ...]:

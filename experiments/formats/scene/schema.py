@@ -142,9 +142,10 @@ class ReferenceMarkTable(_LookTable):
 
 
 class ReferenceTable(Strict):
-    """`[reference]`: fixed marks that correct the pose of a camera or tracker; sd of the pose's uncorrected drift."""
+    """`[reference]`: fixed marks that correct the pose of a camera or tracker; sd of drift, and of places."""
 
     drift_sd_mm: NotNegative | None = None
+    position_sd_mm: NotNegative = 0.0
     mark: list[ReferenceMarkTable] = Field(default_factory=list)
 
 

@@ -18,6 +18,9 @@ from experiments.formats.scene.marks import Mark
 from experiments.formats.scene.scene import Scene
 from vision import SpaceCamera
 
+TOWARD = (0.0, 0.0, 1.0)
+"""Unit normal of reference marks: they are parallel to the board that defined the axes, and face the cameras."""
+
 
 def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
     """Outward unit normals of these nodes' marks, (n, 3), from the mesh as drawn or, without one, the network."""

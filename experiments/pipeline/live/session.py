@@ -188,9 +188,8 @@ class Session:
         if step.swap is not None:
             swap = step.swap
             report_swap(replace(swap, time_s=self._own_s(swap.time_s), since_s=self._own_s(swap.since_s)))
-        if step.reference is not None and step.reference.moved is not None:
-            moved = step.reference.moved
-            report_move(replace(moved, time_s=self._own_s(moved.time_s)))
+        for camera, moved in step.reference.moves.items() if step.reference is not None else ():
+            report_move(replace(moved, time_s=self._own_s(moved.time_s)), camera)
         return step
 
     @property

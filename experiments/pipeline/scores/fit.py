@@ -47,8 +47,8 @@ CHECK = "(do times, positions and nodes of the table fit the scene?)"
 class Fit:
     """Mean NIS of the frames of a run, and its 95 % band for a correct model with correct noise levels.
 
-    frames: number of frames; degrees: mean degrees of freedom of a frame, two or three per mark; low, high: the band
-    noise: mean estimated factor on the stated standard deviation of marks [1]
+    frames: number of frames; degrees: mean degrees of freedom of a frame, one per measured coordinate
+    low, high: the band; noise: mean estimated factor on the stated standard deviation of marks [1]
     """
 
     mean_nis: float
@@ -73,7 +73,7 @@ def fit_of(estimates: Sequence[TargetEstimate]) -> Fit | None:
     """The fit of a method's estimates; None without finite NIS."""
     judged = [e for e in estimates if e.nis is not None and e.marks_used > 0 and e.status in SETTLED]
     nis = np.array([e.nis for e in judged], dtype=float)
-    degrees = np.array([len(e.mean) * e.marks_used for e in judged], dtype=float)
+    degrees = np.array([e.degrees for e in judged], dtype=float)
     known = np.isfinite(nis)
     if not known.any():
         return None

@@ -12,7 +12,7 @@ import vision
 from estimators import CameraMove, MarkMeasurement, PoseEstimate, PoseFilter, PoseSettings
 from experiments.arrays import Floats
 from experiments.formats.scene.marks import Mark
-from experiments.formats.scene.reference import reference_places
+from experiments.formats.scene.reference import Reference, reference_places
 from experiments.formats.scene.scene import Scene
 from vision import PlaneCamera
 from vision.tracking.association import AssociatedMark
@@ -50,12 +50,25 @@ class ReferenceSeen:
     """Result of a frame for the reference marks.
 
     seen: names of the visible reference marks; wrong: names of those that contradict the others
-    moved: a move of the pose to report, None in almost all frames
+    moves: moves to report, by name of the camera in space, otherwise ""; empty in almost all frames
     """
 
     seen: tuple[str, ...]
     wrong: frozenset[str]
-    moved: CameraMove | None
+    moves: Mapping[str, CameraMove]
+
+    @classmethod
+    def of(cls, cameras: Sequence[ReferenceSeen]) -> ReferenceSeen:
+        """The results of several cameras together."""
+        seen = dict.fromkeys(name for one in cameras for name in one.seen)
+        wrong = frozenset(name for one in cameras for name in one.wrong)
+        return cls(tuple(seen), wrong, {name: move for one in cameras for name, move in one.moves.items()})
+
+
+def pose_settings(stated: Reference) -> PoseSettings:
+    """Settings of the pose filter for a scene's reference marks."""
+    usual = PoseSettings()
+    return usual if stated.drift_sd_m is None else replace(usual, start_m=max(stated.drift_sd_m, LEAST_M))
 
 
 class ReferenceMarks:
@@ -65,13 +78,17 @@ class ReferenceMarks:
     """
 
     def __init__(self, scene: Scene) -> None:
-        stated, usual = scene.reference, PoseSettings()
-        settings = usual if stated.drift_sd_m is None else replace(usual, start_m=max(stated.drift_sd_m, LEAST_M))
+        stated = scene.reference
         self._calibrated = scene.cameras[0] if scene.cameras else None
-        n_calibration = 0 if self._calibrated is None else self._calibrated.n_calibration
         self._places = reference_places(stated, scene.network)
         self._looks = {mark.node: mark for mark in stated.looks}
-        self.filter = PoseFilter(self._places, settings, n_calibration=n_calibration)
+        self._place_cov = stated.position_sd_m**2 * np.eye(scene.network.dim)
+        self.filter = PoseFilter(
+            self._places,
+            pose_settings(stated),
+            n_calibration=scene.n_calibration - scene.n_pose,
+            place_sd_m=stated.position_sd_m,
+        )
         self.pose: PoseEstimate = self.filter.estimate
         self._finder = vision.MarkFinder([mark.hue for mark in stated.looks])
 
@@ -91,7 +108,9 @@ class ReferenceMarks:
         """Update with the visible reference marks."""
         moved = self.filter.update(marks)
         self.pose = self.filter.estimate
-        return ReferenceSeen(tuple(mark.node for mark in marks), self.filter.wrong, moved)
+        return ReferenceSeen(
+            tuple(mark.node for mark in marks), self.filter.wrong, {} if moved is None else {"": moved}
+        )
 
     def is_one(self, name: str) -> bool:
         """Whether a mark of this name is a reference mark."""
@@ -113,7 +132,7 @@ class ReferenceMarks:
         place = self._places[name]
         seen = pose.motion.moved(place[None])[0]
         shared = pose.seen_shared(seen, self._calibration_error(seen))
-        return looked_for(self._calibrated, self._looks[name], seen, shared @ shared.T)
+        return looked_for(self._calibrated, self._looks[name], seen, self._place_cov + shared @ shared.T)
 
     def _calibration_error(self, place: Floats) -> Floats | None:
         camera = self._calibrated

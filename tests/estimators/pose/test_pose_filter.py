@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from scipy.stats import chi2
 
 from estimators import MarkMeasurement, PoseFilter, PoseSettings, RigidMotion
+from tests.vision.cameras.test_space_camera import camera_at
+from vision import Pose
 
 SD_M = 1e-3
 DT = 1.0 / 30.0
@@ -78,6 +81,24 @@ def test_nees_of_a_drifting_pose_is_within_its_bounds(dim):
             estimate, at = pose.estimate, true
             true, rate = true.changed(DT * rate), a * rate + np.sqrt(1.0 - a**2) * sds * rng.normal(size=n)
         error = estimate.motion.change_to(at)
+        runs.append(error @ np.linalg.solve(estimate.cov, error))
+    low, high = chi2.ppf([5e-4, 1.0 - 5e-4], n * len(runs)) / len(runs)
+    assert low < np.mean(runs) < high
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_nees_of_a_moved_pose_is_within_its_bounds_where_stated_places_are_wrong(dim):
+    sd_m, n, runs = 3e-3, N_CHANGES[dim], []
+    for seed in range(12):
+        rng = np.random.default_rng([dim, seed])
+        true = centred(dim).changed(np.repeat([0.03, 0.03], [dim, n - dim]) * rng.normal(size=n))
+        stated = {name: np.array(place) + rng.normal(0.0, sd_m, dim) for name, place in PLACES[dim].items()}
+        pose = PoseFilter(stated, place_sd_m=sd_m)
+        run(pose, [centred(dim)] * 5 + [true] * 15, dim, rng)
+        estimate = pose.estimate
+        at = estimate.motion
+        shift = true.moved(at.centre[None])[0] - at.centre
+        error = at.change_to(RigidMotion(true.rotation, shift, at.centre))
         runs.append(error @ np.linalg.solve(estimate.cov, error))
     low, high = chi2.ppf([5e-4, 1.0 - 5e-4], n * len(runs)) / len(runs)
     assert low < np.mean(runs) < high
@@ -194,3 +215,36 @@ def test_an_error_of_the_calibration_is_considered_in_pose_and_marks():
 def test_what_cannot_be_is_refused(call):
     with pytest.raises(ValueError, match="expected"):
         PoseFilter({}) if call == "no marks" else made(2).update([])
+
+
+@pytest.mark.parametrize("names", ["ABCD", "ABC"])
+def test_a_camera_in_space_is_posed_as_by_solvepnp(names):
+    """From exact pixels, scaled to metres; OpenCV's iterative pose is the reference."""
+    camera = camera_at(np.array([-0.2, 0.1, 0.5]), np.zeros(3))
+    scale, true = 0.5 / 800.0, centred(3, names).changed(np.array([6e-3, -4e-3, 8e-3, 0.02, -0.01, 0.015]))
+    places = np.array([PLACES[3][name] for name in names])
+    pixels = camera.project(true.moved(places))
+
+    def scaled(points):
+        return tuple(scale * one for one in camera.viewed(points)[1:])
+
+    pose = PoseFilter(dict(zip(names, places, strict=True)), seen=scaled)
+    pose.predict(0.0)
+    pose.update([MarkMeasurement(n, scale * p, 1e-14 * np.eye(2)) for n, p in zip(names, pixels, strict=True)])
+    own, motion = camera.pose, pose.estimate.motion
+    found = own.after(Pose(motion.rotation, motion.moved(np.zeros((1, 3)))[0]))
+    start = cv2.Rodrigues(own.rotation)[0], own.translation_m.copy()
+    inner = camera.lens.matrix, camera.lens.distortion
+    _, turn, shift = cv2.solvePnP(places, pixels, *inner, *start, useExtrinsicGuess=True, flags=cv2.SOLVEPNP_ITERATIVE)
+    np.testing.assert_allclose(found.rotation, cv2.Rodrigues(turn)[0], atol=1e-5)
+    np.testing.assert_allclose(found.translation_m, shift.ravel(), atol=1e-5)
+    assert pose.estimate.motion.change_to(true) == pytest.approx(np.zeros(6), abs=1e-5)
+
+
+def test_marks_behind_a_camera_leave_the_pose():
+    camera = camera_at(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, 1.0]))
+    pose = PoseFilter({"A": np.zeros(3)}, seen=lambda points: camera.viewed(points)[1:])
+    pose.predict(0.0)
+    before = pose.estimate
+    assert pose.update([MarkMeasurement("A", np.array([300.0, 200.0]), np.eye(2))]) is None
+    np.testing.assert_array_equal(pose.estimate.cov, before.cov)

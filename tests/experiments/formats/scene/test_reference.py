@@ -20,6 +20,7 @@ GOOD = (Path(__file__).parents[2] / "good_scene.toml").read_text(encoding="utf-8
 MARKS = """
 [reference]
 drift_sd_mm = 1.5
+position_sd_mm = 0.5
 
 [[reference.mark]]
 name = "R1"
@@ -46,7 +47,7 @@ def test_reads_every_key_in_si_units(tmp_path):
     scene = scene_of(GOOD + MARKS, tmp_path)
     first = ReferenceMark("R1", "In1", (), Mark("R1", 300.0, 0.03))
     second = ReferenceMark("R2", None, (0.15, 0.02), Mark("R2", 300.0, 0.02, ball=True))
-    assert scene.reference == Reference((first, second), 1.5e-3)
+    assert scene.reference == Reference((first, second), 1.5e-3, 5e-4)
     places = reference_places(scene.reference, scene.network)
     np.testing.assert_allclose([places["R1"], places["R2"]], [[0.0, 0.0], [0.15, 0.02]], atol=1e-15)
     assert scene.mark_names == ("M1", "M2", "R1", "R2")
@@ -64,6 +65,7 @@ def test_what_is_written_is_read_and_counts_in_the_digest(tmp_path, text):
 
 
 FAULTS = r"""
+position_sd_mm = 0.5 | position_sd_mm = -0.5 | reference.position_sd_mm: expected 0 or more
 drift_sd_mm = 1.5 | drift_sd_mm = -1.5 | reference.drift_sd_mm: expected 0 or more
 node = "In1" |  | reference.mark[0]: expected node or position_mm, found neither
 node = "In1" | node = "In1"\nposition_mm = [0.0, 1.0] | expected node or position_mm, found both

@@ -88,8 +88,7 @@ def test_a_film_of_a_camera_that_was_moved_loses_no_mark_and_says_so_once(change
     steps += [filmed(line, moved_camera(scene, change), k * DT) for k in range(8, 14)]
     assert {step.estimates[FILTER].marks_used for step in steps} == {len(scene.measured_nodes)}
     assert all(len(step.reference.seen) == 3 for step in steps)
-    reports = [step.reference.moved for step in steps if step.reference.moved is not None]
-    (report,) = reports
+    (report,) = [move for step in steps for move in step.reference.moves.values()]
     assert report.time_s == pytest.approx(8 * DT)
     assert report.distance_m == pytest.approx(np.hypot(*change[:2]), abs=1e-3)
     assert report.angle_rad == pytest.approx(change[2], abs=5e-3)

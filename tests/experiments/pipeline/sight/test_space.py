@@ -16,7 +16,9 @@ from experiments.formats.recording import read_recording
 from experiments.formats.scenario import read_scenario
 from experiments.formats.scene.scene import Scene, write_scene
 from experiments.pipeline.identify import check_shown
-from experiments.pipeline.sight.space import AGAIN, PATIENCE, SpaceSight
+from experiments.pipeline.line import FILTER, Line
+from experiments.pipeline.sight.camera import AGAIN, PATIENCE
+from experiments.pipeline.sight.space import SpaceSight
 from experiments.simulation.simulate import simulate
 from experiments.simulation.space_film import draw_in_space
 from tests.experiments.command import softaim
@@ -222,3 +224,18 @@ def test_constants_are_not_identified_from_films_that_do_not_show_the_target(tmp
     found = "films of cameras in space, which show no inner marks"
     assert capsys.readouterr().err == f"softaim: {folder}: expected {what}, found {found}\n"
     check_shown(read_recording(folder), ["S1"])  # on the skin, which films show
+
+
+def test_nis_counts_the_coordinates_that_cameras_measure() -> None:
+    """Three of a mark that both cameras see, two of one that a single camera sees."""
+    scene, rng = breast(), np.random.default_rng(8)
+    line, degrees = Line(scene, baseline=False), []
+    for k, by in enumerate([("left", "right"), ("left",)]):
+        seen = pictures(scene, rng, by=by, moved_m=np.zeros(3))
+        estimate = line.see_all(Exposure(k / 30.0, seen.images)).estimates[FILTER]
+        assert line.space is not None
+        assert estimate.degrees == 3 * estimate.marks_used - len(line.space.single)
+        assert line.filter.health.innovations[-1][2] == estimate.degrees
+        degrees.append(estimate.degrees / estimate.marks_used)
+    assert degrees[0] > 2.5
+    assert degrees[1] == 2.0
