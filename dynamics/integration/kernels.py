@@ -1,4 +1,4 @@
-"""Compiled algebra of the implicit step of second order: its two stages and its derivative.
+"""Compiled algebra of the implicit step of second order: its stages, its derivative, and the noise of several steps.
 
 Letters as in `dynamics.integration.rosenbrock`: J the derivative of the rates, g = gamma h, S = (M + g C + g² K)^-1,
 which serves to apply (1 - g J)^-1 to rates of coordinates and velocities.
@@ -89,3 +89,51 @@ def by_push(h, S, K, M, pushes):  # type: ignore[no-untyped-def]
     found = np.empty((2 * n, pushes.shape[1]))
     _put(found, 0, once, TWICE * twice + ONCE * once, g)
     return found
+
+
+@njit(cache=True, nogil=True)
+def _add(to, columns, scale):  # type: ignore[no-untyped-def]
+    """Add scale times C C' to the leading k x k block of a matrix, with C the `columns`, (k, any)."""
+    squares = columns @ columns.T
+    for i in range(len(squares)):
+        for j in range(len(squares)):
+            to[i, j] += scale * squares[i, j]
+
+
+@njit(cache=True, nogil=True)
+def along_steps(by_states, fadings, steps_s, sources, n_sources, white):  # type: ignore[no-untyped-def]
+    """Jacobian of the motion (2 n, m), decay of forces (n_f,), noises (1 + n_sources, m, m).
+
+    The m states are n positions, n velocities and n_f forces that only decay. Noises have unit variance: white noise of
+    velocities, then the noise of each source of forces; sources (n_f,): index of each force's source.
+    by_states (n_steps, 2 n, m), fadings (n_steps, n_f): derivatives of each step; steps_s (n_steps,): their lengths [s]
+    white (n,): standard deviation of the white noise of each velocity
+    """
+    n_steps, moving, m = by_states.shape
+    half = moving // 2
+    motion, force = np.eye(moving, m), np.ones(m - moving)  # Jacobians of the motion from a step to the end
+    noises = np.zeros((1 + n_sources, m, m))
+    for step in range(n_steps - 1, -1, -1):
+        if step == n_steps - 1:  # the last step
+            for f in range(m - moving):
+                noises[1 + sources[f], moving + f, moving + f] = 1.0 - fadings[step, f] ** 2
+            before = by_states[step].copy()
+        else:
+            before = np.ascontiguousarray(motion[:, :moving]) @ by_states[step]
+            drive = np.sqrt(1.0 - fadings[step] ** 2)
+            driven = motion[:, moving:] * drive
+            before[:, moving:] += motion[:, moving:] * fadings[step]
+            for source in range(n_sources):
+                _add(noises[1 + source], driven[:, sources == source], 1.0)
+            for f in range(m - moving):
+                noise, kept = noises[1 + sources[f]], force[f] * drive[f]
+                noise[moving + f, moving + f] += kept**2
+                for i in range(moving):
+                    noise[i, moving + f] += driven[i, f] * kept
+                    noise[moving + f, i] += driven[i, f] * kept
+        # Simpson's rule over the time of the noise in the step: F F' + (F + L) (F + L)' + L L', first and last
+        first, last = before[:, half:moving] * white, motion[:, half:moving] * white
+        _add(noises[0], np.sqrt(2.0) * first + np.sqrt(0.5) * last, steps_s[step] / 6.0)
+        _add(noises[0], np.sqrt(1.5) * last, steps_s[step] / 6.0)
+        motion, force = before, force * fadings[step]
+    return motion, force, noises

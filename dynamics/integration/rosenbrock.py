@@ -8,14 +8,16 @@ keep their energy to second order in the step. Source: [verwer1999], with gamma 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dynamics.arrays import Floats
 from dynamics.elements.assembly import Assembly
 from dynamics.elements.reduced import ReducedAssembly
-from dynamics.integration.kernels import GAMMA, ONCE, TWICE, by_push, by_state, first_stage, second_stage
+from dynamics.integration.kernels import GAMMA, ONCE, TWICE, along_steps, by_push, by_state, first_stage, second_stage
 from dynamics.integration.stepping import SAME_STEP
 
 SHORTEST_SHARE = 1.0 / 128.0
@@ -41,6 +43,13 @@ class Move:
     def pushed(self, accelerations: Floats) -> Floats:
         """Change of coordinates and velocities in the step, (2 n, k), by constant accelerations [m/s²], (n, k)."""
         return np.asarray(by_push(self.step_s, self.S, self.K, self.M, np.ascontiguousarray(accelerations)))
+
+
+def along(moves: Sequence[Move], sources: NDArray[np.int64], n_sources: int, white: Floats) -> tuple[Floats, ...]:
+    """Derivative of several steps and their noises, see `dynamics.integration.kernels.along_steps`."""
+    by_states, fadings = np.array([move.by_state for move in moves]), np.array([move.fading for move in moves])
+    steps_s = np.array([move.step_s for move in moves])
+    return tuple(along_steps(by_states, fadings, steps_s, sources, n_sources, white))
 
 
 class Rosenbrock:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
-from estimators.filters.kernels import joseph_update
+from estimators.consistency.joseph import joseph_update
 from estimators.filters.unscented import CovarianceError
 from estimators.process.process_model import ForceMode, TissueModel
 

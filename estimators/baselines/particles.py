@@ -11,9 +11,10 @@ from scipy.linalg import expm
 from dynamics import MassSpringNetwork
 from estimators.arrays import Floats
 from estimators.baselines.baseline import Baseline
+from estimators.consistency.joseph import joseph_update
 from estimators.core.disturbances import Disturbances
 from estimators.core.moments import mixed
-from estimators.filters.kernels import joseph_update, moments, symmetric_points
+from estimators.filters.kernels import moments, symmetric_points
 from estimators.filters.unscented import positive_points
 from estimators.process.process_model import QUIET, ForceMode
 from estimators.process.target import TargetPoint

@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 from dynamics import MassSpringNetwork, all_positions, motion, unpack
 from estimators.arrays import Floats
-from estimators.filters.kernels import joseph_update
+from estimators.consistency.joseph import joseph_update
 from estimators.process.process_model import ForceMode, TissueModel
 
 SHIFT = 1e-6

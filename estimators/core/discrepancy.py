@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from dynamics import MassSpringNetwork
 from dynamics.elements import matern
 from estimators.arrays import Floats
+from estimators.core.innovations import inverse_roots
 from estimators.core.kernels import withheld_log_likelihoods
 from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
@@ -122,8 +123,8 @@ class LevelPosterior:
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
-        weights = np.exp(self.log_weights - np.logaddexp.reduce(self.log_weights))
-        return float(np.sqrt(weights @ values**2))
+        weights = np.exp(self.log_weights - self.log_weights.max())
+        return float(np.sqrt(weights @ values**2 / weights.sum()))
 
     def forget(self, dt: float) -> None:
         """Discount earlier evidence after dt [s]."""
@@ -152,7 +153,7 @@ class LevelPosterior:
         covs = S + other[:, None, None] * fresh + noisier[:, None, None] * R
         rows = np.concatenate([group.ravel() for group in groups])
         ends, own = np.cumsum([group.size for group in groups]), np.array([group.shape[1] for group in groups])
-        found = withheld_log_likelihoods(covs, innovation, rows, ends, own)
+        found = withheld_log_likelihoods(inverse_roots(covs), innovation, rows, ends, own)
         self.log_withheld = float(np.logaddexp.reduce(self.log_weights + found) - np.logaddexp.reduce(self.log_weights))
         self.log_weights = self.log_weights + self.prior.weight * found
         self.log_weights -= np.logaddexp.reduce(self.log_weights)

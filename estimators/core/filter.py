@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.linalg.blas import dgemm
 
 from estimators.arrays import Floats
 from estimators.core.discrepancy import LevelPosterior
@@ -17,15 +18,13 @@ from estimators.core.innovations import (
     are_same,
     block_diagonal,
     each_alone,
-    inverse_roots,
     joined,
     named,
+    solved,
     together,
 )
-from estimators.core.kernels import has_outlier, without_outliers
-from estimators.core.moments import Move, Prior, add_noise, mixed, mixed_each, moved, of_each
+from estimators.core.moments import Move, Predicted, Prior, mixed, of_each
 from estimators.core.protocols import Observation, ProcessModel, Transition
-from estimators.filters.unscented import CovarianceError
 
 DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
@@ -50,7 +49,7 @@ CURVED = 0.1
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
 """Shape of the gamma prior of the factor on rates of onsets [1]; time constant to forget past onsets [s]; choice."""
 
-STATE = ["means", "covs", "weights", "log_likelihood", "outlying", "found"]
+STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
 """Attributes of `HypothesisFilter` that each step replaces."""
 
@@ -115,7 +114,8 @@ class HypothesisFilter:
         """Reset to the prior of the process."""
         mean, covs = self.process.prior(self._level)
         k = len(covs)
-        self.means, self.covs, self.weights = np.tile(mean, (k, 1)), covs, np.full(k, 1.0 / k)
+        self.means, self.weights = np.tile(mean, (k, 1)), np.full(k, 1.0 / k)
+        self._covs: Predicted | Floats = covs
         self._before, self._latest, self.log_likelihood, self._dt = None, None, 0.0, 0.0
         self.outlying = np.zeros(0, dtype=bool)
         self.found: Innovations | None = None
@@ -133,6 +133,17 @@ class HypothesisFilter:
         self._latest = None
         if self.level is not None:
             self.level.log_weights = state["levels"]
+
+    @property
+    def covs(self) -> Floats:
+        """Covariances of the hypotheses, (k, n, n)."""
+        if isinstance(self._covs, Predicted):
+            self._covs = self._covs.each(np.arange(len(self.weights)))
+        return self._covs
+
+    def times(self, H: Floats) -> Floats:
+        """Product of a matrix (m, n) with the covariance of each hypothesis, (k, m, n)."""
+        return self._covs.times(H) if isinstance(self._covs, Predicted) else np.asarray(H @ self.covs)
 
     @property
     def variances(self) -> Floats:
@@ -154,8 +165,7 @@ class HypothesisFilter:
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
         """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
         live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
-        own = rows[:, seen]
-        covs = own @ self.covs[np.ix_(live, seen, seen)] @ own.T
+        covs = [rows[:, seen] @ self.covs[k][seen] @ rows.T for k in live]
         return mixed(self.weights[live], self.means[live] @ rows.T, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
@@ -178,8 +188,8 @@ class HypothesisFilter:
         self.exposure = kept * self.exposure + dt * float(self.weights @ np.triu(self.process.rates, 1).sum(axis=1))
         if self.level is not None:
             self.level.forget(dt)
-        covs = tuple(self.covs[k] for k in live)
-        before = Prior(self.means[live], covs, self.weights[live], shares, chain, dt, 0.0 if kick is None else kick)
+        own = self.means[live], tuple(self.covs[k] for k in live), self.weights[live]
+        before = Prior(*own, shares, chain, dt, 0.0 if kick is None else kick)
         self.weights, self._before, self._dt = weights, before, dt
         self._move(before, before.weights @ before.means, lambda: before.cov(int(np.argmax(weights))))
         if self.trace is not None:
@@ -191,13 +201,11 @@ class HypothesisFilter:
         found = self.process.linearize(reference, before.dt, cov)
         means = found.mean + (before.means - reference) @ found.matrix.T + before.kick
         self.means = before.shares.T @ means
-        self.covs = mixed_each(before.shares, means, self.means, moved(before.covs, found.matrix))
-        add_noise(self.covs, found, self.variances)
+        alike = np.zeros(len(reference))
         if error is not None:
-            alike = np.zeros_like(error)
             for own in self.process.parts.values():
                 alike[own] = (error[own] ** 2).mean() if error[own].size else 0.0
-            np.einsum("kii->ki", self.covs)[:] += alike
+        self._covs = Predicted.of(before, means, found, self.variances, alike)
         self._transition, self._reference, self._latest = found, reference, None
 
     def _traced(self, before: Prior) -> Move:
@@ -222,32 +230,9 @@ class HypothesisFilter:
         H = np.array([joined(row) for row in matrices])
         y = value - predicted if points is None else value - predicted - of_each(H, self.means - points)
         seen = np.flatnonzero(H.any(axis=(0, 1)))  # the states that the observation depends on
-        HP = H[:, :, seen] @ self.covs[:, seen]
+        HP = self.times(H[0]) if len(H) == 1 else H[:, :, seen] @ self.covs[:, seen]
         S = HP[:, :, seen] @ H[:, :, seen].swapaxes(1, 2) + R
-        overall = mixed(self.weights, y, S)
-        with np.errstate(divide="ignore"):  # an omitted hypothesis stays omitted until the next prediction
-            logs, outlying = np.log(self.weights), np.zeros((len(y), 0), dtype=bool)
-        root = inverse_roots(S)
-        white = of_each(root, y)
-        if not np.isfinite(white).all():
-            raise CovarianceError("innovation: expected finite, found otherwise")
-        if self._outliers is not None:
-            names, blocks = named(observations)
-            ends, densities = np.array([block.stop for block in blocks]), self._outliers.log_densities(names, blocks)
-            outlying = np.zeros((len(y), len(blocks)), dtype=bool)
-            found = np.flatnonzero(has_outlier(root, white, ends, densities))
-            if len(found):
-                own = y[found], S[found]
-                outlying[found], added = without_outliers(*own, ends, densities, self._outliers.far_m2)
-                y[found], S[found] = own
-                logs[found] += added
-                root[found] = inverse_roots(S[found])
-                white[found] = of_each(root[found], y[found])
-                # outliers contain no information about the state
-                HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
-        nis = (white * white).sum(axis=1)
-        logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
-        result = Innovations(y, S, H, HP, root, white, nis, logs, outlying, overall)
+        result = solved((y, S, H, HP), self.weights, observations, self._outliers)
         if points is None:
             self._latest = observations, result
         return result
@@ -272,13 +257,18 @@ class HypothesisFilter:
             found = self.innovations(observations, means)
         if self.level is not None:
             self._weigh_levels(self.level, observations, found)
-        self.log_likelihood, own, covs = log_likelihood, self._considered, np.zeros(self.covs.shape)
-        for k, gain in zip(live, gains, strict=True):
-            if weights[k] > 0.0:
-                np.subtract(self.covs[k], gain.T @ gain, out=covs[k])
-                covs[k][np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
+        self.log_likelihood, own, kept = log_likelihood, self._considered, weights[live] > 0.0
+        if isinstance(self._covs, Predicted):
+            covs = self._covs.each(live[kept])
+        else:
+            covs = np.where((weights > 0.0)[:, None, None], self._covs, 0.0)
+        for k, gain in zip(live[kept], gains[kept], strict=True):
+            cov = covs[k]
+            dgemm(-1.0, gain.T, gain.T, 1.0, cov.T, trans_b=True, overwrite_c=True)  # subtracts the product in place
+            if len(own):
+                cov[np.ix_(own, own)] += gain[:, own].T @ gain[:, own]
         means[:, own] = self.means[:, own]
-        self.means, self.covs, self.weights = means, covs, weights
+        self.means, self._covs, self.weights = means, covs, weights
         self._before, self._latest, self.found = None, None, found
         self._dt = 0.0  # a part of the new discrepancy is now known: it is no longer independent noise
         self.outlying = found.outlying[int(np.argmax(self.weights))]
@@ -309,14 +299,15 @@ class HypothesisFilter:
             transition, start = self._transition, self._reference
             assert transition is not None  # a prediction sets it
             counted = found.HP[best].any(axis=1)  # names that are no outliers
-            by_start = counted[:, None] * (found.H[best % len(found.H)] @ transition.matrix)
-            wanted = by_start.T @ (found.root[best].T @ found.white[best])
+            H = found.H[best % len(found.H)] * counted[:, None]
+            wanted = transition.matrix.T @ (H.T @ (found.root[best].T @ found.white[best]))
             step = prior + before.times(best, wanted) - start
             step[self._considered] = 0.0
             end = self.process.moved(start + step, before.dt)
             error = end - transition.mean - transition.matrix @ step
             if (np.abs(error) <= self.process.tolerance).all():
                 break
+            by_start = H @ transition.matrix
             weighing = found.S[best] - by_start @ before.times(best, by_start.T), counted
             now, share = misfit(start, dual, transition.mean, *weighing), 1.0
             while share and misfit(start + share * step, dual + share * (wanted - dual), end, *weighing) >= now:

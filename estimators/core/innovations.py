@@ -8,9 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from estimators.arrays import Floats
+from estimators.core.kernels import without_outliers
+from estimators.core.moments import mixed, of_each
 from estimators.core.protocols import Observation
 from estimators.filters.unscented import CovarianceError
 
@@ -90,12 +92,12 @@ def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
 
 def inverse_roots(S: Floats) -> Floats:
     """Inverses of the lower Cholesky factors of covariances of innovations (k, m, m); raises CovarianceError."""
-    try:
-        roots = np.asarray(np.linalg.cholesky(S), dtype=float)
-    except np.linalg.LinAlgError:
-        raise CovarianceError("innovation covariance: expected a positive definite matrix, found another") from None
-    for root in roots:
-        root[:] = dtrtri(root.T)[0].T  # the transpose of a C array is a Fortran array: nothing is copied
+    roots = np.empty_like(S)
+    for own, root in zip(S, roots, strict=True):
+        factor, failed = dpotrf(own.T)  # the transpose of a C array is a Fortran array: nothing is copied
+        if failed:
+            raise CovarianceError("innovation covariance: expected a positive definite matrix, found another")
+        root[:] = dtrtri(factor, overwrite_c=True)[0].T
     return roots
 
 
@@ -134,3 +136,31 @@ class Outliers:
     def far_m2(self) -> float:
         """Variance that represents an outlier [m²]."""
         return FAR * self.reach_m**2
+
+
+def solved(
+    found: tuple[Floats, ...], weights: Floats, observations: Sequence[Observation], outliers: Outliers | None
+) -> Innovations:
+    """Innovations with these y, S, H, HP, without outliers, of hypotheses with weights (k,); raises CovarianceError."""
+    y, S, H, HP = found
+    overall = mixed(weights, y, S)
+    with np.errstate(divide="ignore"):  # an omitted hypothesis stays omitted until the next prediction
+        logs, outlying = np.log(weights), np.zeros((len(y), 0), dtype=bool)
+    root = inverse_roots(S)
+    white = of_each(root, y)
+    if not np.isfinite(white).all():
+        raise CovarianceError("innovation: expected finite, found otherwise")
+    if outliers is not None:
+        names, blocks = named(observations)
+        ends, densities = np.array([block.stop for block in blocks]), outliers.log_densities(names, blocks)
+        outlying, added = without_outliers(y, S, root, ends, densities, outliers.far_m2)
+        own = np.flatnonzero(outlying.any(axis=1))
+        if len(own):
+            logs += added
+            root[own] = inverse_roots(S[own])
+            white[own] = of_each(root[own], y[own])
+            # outliers contain no information about the state
+            HP[np.repeat(outlying, [block.stop - block.start for block in blocks], axis=1)] = 0.0
+    nis = (white * white).sum(axis=1)
+    logs += np.log(root.diagonal(0, 1, 2)).sum(axis=1) - 0.5 * nis
+    return Innovations(y, S, H, HP, root, white, nis, logs, outlying, overall)

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from estimators.arrays import Floats
+from estimators.core.kernels import mixed_rows, move
 from estimators.core.protocols import Transition
 
 
@@ -15,7 +17,8 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
     """Mean (n,) and covariance (n, n) of a mixture of k Gaussians with these weights, means (k, n) and covariances."""
     mean = weights @ means
     apart = means - mean
-    return mean, np.tensordot(weights, np.asarray(covs), 1) + (apart.T * weights) @ apart
+    cov = weights @ np.reshape(covs, (len(weights), -1))
+    return mean, cov.reshape(covs[0].shape) + (apart.T * weights) @ apart
 
 
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
@@ -23,34 +26,14 @@ def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
 
     To save time, trailing states that only decay are scaled, and trailing zero columns of other rows are skipped.
     """
-    T, fading = matrix, matrix.diagonal()
-    acting = T != 0.0
+    acting, found = matrix != 0.0, np.empty((len(covs), *matrix.shape))
     np.fill_diagonal(acting, False)
     r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
     c = max(r, int(np.flatnonzero(acting.any(axis=0)).max(initial=-1)) + 1)
-    rows, fading, faded = T[:r, :c], fading[r:], np.outer(fading[r:], fading[r:])
-    found = np.empty((len(covs), *matrix.shape))
+    rows, fading = matrix[:r, :c].copy(), matrix.diagonal().copy()
     for P, after in zip(covs, found, strict=True):
-        half = rows @ P[:c]
-        corner = 0.5 * (half[:, :c] @ rows.T)
-        np.add(corner, corner.T, out=after[:r, :r])
-        np.multiply(half[:, r:], fading, out=after[:r, r:])
-        after[r:, :r] = after[:r, r:].T
-        np.multiply(P[r:, r:], faded, out=after[r:, r:])
+        move(np.ascontiguousarray(P), rows, fading, after)
     return found
-
-
-def mixed_each(shares: Floats, means: Floats, centres: Floats, covs: Floats) -> Floats:
-    """Covariances of k mixtures of l Gaussians, (k, n, n).
-
-    shares (l, k): share of each Gaussian in each mixture; centres (k, n): means of the mixtures
-    """
-    out = (shares.T @ covs.reshape(len(covs), -1)).reshape(-1, *covs.shape[1:])
-    for k, share in enumerate(shares.T):
-        if np.count_nonzero(share) > 1:
-            apart = np.sqrt(share[:, None]) * (means - centres[k])
-            out[k] += apart.T @ apart
-    return np.asarray(out)
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
@@ -103,6 +86,51 @@ class Prior:
         for share, P in zip(shares, self.covs, strict=True):
             if share:
                 found += share * (P @ columns)
+        return np.asarray(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Predicted:
+    """Covariances of k modes after a transition: mixtures of l moved Gaussians, plus noise. Each is computed on demand.
+
+    shares (l, k), apart (l, k, n): see `mixed_rows`; covs (l, n, n): of the moved Gaussians; variances (k, n_sources),
+    noises (n_sources, m, m): of the noise; added (k, n): variance of further independent noise in each state
+    """
+
+    shares: Floats
+    apart: Floats
+    covs: Floats
+    variances: Floats
+    noises: Floats
+    added: Floats
+
+    @classmethod
+    def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
+        """Covariances, given the means of the moved Gaussians (l, n), and variances of further noise, added (n,)."""
+        shares, noises, n = before.shares, transition.noises, len(transition.noises)
+        apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
+        covs = moved(before.covs, transition.matrix)
+        if transition.spread is not None:
+            covs[:, : len(transition.spread), : len(transition.spread)] += transition.spread
+        each = np.tile(added, (len(variances), 1))
+        if len(transition.independent):
+            each += variances[:, n:] @ transition.independent
+        return cls(shares, apart, covs, variances[:, :n], noises, each)
+
+    def each(self, modes: NDArray[np.int64]) -> Floats:
+        """Covariances of these modes, and zeros for all others, (k, n, n)."""
+        found = mixed_rows(modes, self.shares, self.apart, self.apart, self.covs, self.variances, self.noises)
+        np.einsum("kii->ki", found)[modes] += self.added[modes]
+        return np.asarray(found)
+
+    def times(self, H: Floats) -> Floats:
+        """Product of a matrix (m, n) with the covariance of each mode, (k, m, n)."""
+        seen = np.flatnonzero(H.any(axis=0))
+        own, modes = seen[seen < self.noises.shape[1]], np.arange(len(self.added))
+        covs, noises = H[:, seen] @ self.covs[:, seen], H[:, own] @ self.noises[:, own]
+        found = mixed_rows(modes, self.shares, self.apart @ H.T, self.apart, covs, self.variances, noises)
+        first = int(self.added.any(axis=0).argmax())
+        found[:, :, first:] += H[:, first:] * self.added[:, None, first:]
         return np.asarray(found)
 
 

@@ -124,7 +124,9 @@ class TissuePosterior:
     @property
     def is_finite(self) -> bool:
         """Whether all numbers of the state are finite."""
-        return bool(np.isfinite(self.filter.means.sum() + self.filter.covs.sum()))
+        own = self.filter
+        squares = [np.vdot(own.covs[k], own.covs[k]) for k in np.flatnonzero(own.weights)]
+        return bool(np.isfinite(own.means.sum() + sum(squares)))
 
     @property
     def by_calibration(self) -> Floats:
@@ -216,15 +218,15 @@ class TissuePosterior:
         dim, root = self.network.dim, inverse_roots(S[None])[0]
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
-    def shares(self, marks: Sequence[MarkMeasurement]) -> dict[str, float]:
+    def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
         """For each node whose last mark is no outlier, relative increase of the target's variance without that mark.
 
-        The increase is computed for the most probable hypothesis.
+        The increase is computed for the most probable hypothesis. variance: trace of the target's covariance [m²]
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
             return {}
-        best, variance = int(np.argmax(self.filter.weights)), float(np.trace(self.place_of(self.target)[1]))
+        best = int(np.argmax(self.filter.weights))
         W = found.root[best].T @ found.root[best]
         gain = self.rows_of(self.target) @ found.HP[best].T @ W
         shares = (block_contributions(gain, W, self.network.dim) / variance).tolist()
@@ -240,8 +242,8 @@ class TissuePosterior:
         if shared is not None and calibration is not None:
             rows = rows.copy()
             rows[:, calibration] = shared
-        covs = {k: rows @ self.filter.covs[k] @ rows.T for k in self._possible}
-        widest = max(covs, key=lambda k: float(covs[k].trace()))
+        covs = self.filter.times(rows) @ rows.T
+        widest = max(self._possible, key=lambda k: float(covs[k].trace()))
         return rows @ self.filter.means[widest] + self._residual(node), covs[widest]
 
     def _residual(self, node: str) -> Floats:
@@ -277,7 +279,7 @@ class TissuePosterior:
         dim, possible = self.network.dim, self._possible
         rows = np.vstack([self._maps[node] for node in nodes])
         each = rows.reshape(len(nodes), dim, -1).transpose(0, 2, 1)
-        covs = np.array([(rows @ self.filter.covs[k]).reshape(len(nodes), dim, -1) @ each for k in possible])
+        covs = self.filter.times(rows)[possible].reshape(len(possible), len(nodes), dim, -1) @ each
         widest = covs.trace(axis1=2, axis2=3).argmax(axis=0)
         means = (self.filter.means[possible] @ rows.T).reshape(len(possible), len(nodes), dim)
         one_each = np.arange(len(nodes))

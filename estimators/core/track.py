@@ -249,7 +249,7 @@ class TissueFilter(TissuePosterior):
         self._seen_s |= dict.fromkeys((mark.node for mark in taken), self.time_s)
         self._placed = self.filter.mean[self.process.parts["position"]] if taken else self._placed
         estimate = self._estimate(self.time_s, len(taken), None if nis is None else self._nis)
-        shares = self.shares(marks) if marks else {}
+        shares = self.shares(marks, float(np.trace(np.asarray(estimate.cov)))) if marks else {}
         return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:

@@ -1,7 +1,6 @@
-"""Compiled loops of the unscented filter: sigma points, moments, the Joseph update.
+"""Compiled loops of the unscented filter: sigma points and moments.
 
-Letters as in the textbook: x mean, P covariance, W weights, Q process noise, z measurement, H its matrix, R its noise,
-y innovation, S its covariance, K gain. For about twenty states, plain loops are faster than a call of LAPACK.
+Letters as in the textbook: x mean, P covariance, W weights, Q process noise, y innovation, S its covariance. For about twenty states, plain loops are faster than a call of LAPACK.
 """
 
 from __future__ import annotations
@@ -99,41 +98,6 @@ def moments(points, Wm, Wc, Q):  # type: ignore[no-untyped-def]
             P[i, j] = entry
             P[j, i] = entry
     return x, P
-
-
-@njit(cache=True, nogil=True)
-def joseph_update(x, P, z, H, R):  # type: ignore[no-untyped-def]
-    """Kalman update in Joseph's form: x, P, y, S, K, nis y' S^-1 y, log det S, and whether S was positive definite."""
-    y, PH = z - H @ x, P @ H.T
-    S = H @ PH + R
-    S = 0.5 * (S + S.T)
-    C, definite = chol_lower(S)
-    n, m = PH.shape
-    K = np.zeros((n, m))
-    nis, log_det = 0.0, 0.0
-    if definite:
-        w = np.empty(m)
-        for a in range(m):
-            w[a] = y[a]
-            for b in range(a):
-                w[a] -= C[a, b] * w[b]
-            w[a] /= C[a, a]
-            nis += w[a] * w[a]
-            log_det += 2.0 * np.log(C[a, a])
-        for i in range(n):  # K S = P H', by two triangular solves per row
-            for a in range(m):
-                entry = PH[i, a]
-                for b in range(a):
-                    entry -= C[a, b] * K[i, b]
-                K[i, a] = entry / C[a, a]
-            for a in range(m - 1, -1, -1):
-                entry = K[i, a]
-                for b in range(a + 1, m):
-                    entry -= C[b, a] * K[i, b]
-                K[i, a] = entry / C[a, a]
-    keep = np.eye(n) - K @ H
-    updated = keep @ P @ keep.T + K @ R @ K.T
-    return x + K @ y, 0.5 * (updated + updated.T), y, S, K, nis, log_det, definite
 
 
 @njit(cache=True, nogil=True)

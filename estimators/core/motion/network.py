@@ -21,12 +21,11 @@ from dynamics.elements import (
     smooth_shapes,
 )
 from dynamics.forces.parameters import ParameterForces
-from dynamics.integration.rosenbrock import Move, Rosenbrock
+from dynamics.integration.rosenbrock import Move, Rosenbrock, along
 from dynamics.integration.stepping import Stepper
 from estimators.arrays import Floats
 from estimators.core.discrepancy import factor
 from estimators.core.disturbances import Disturbances
-from estimators.core.kernels import along_steps
 from estimators.core.motion.model import SOURCES, Along
 
 LONGEST_S = 1.0 / 60.0
@@ -139,14 +138,7 @@ class NetworkMotion:
     def along(self, state: Floats, dt: float) -> Along:
         """Motion from a state (2 n + n_f,) over dt [s], linearised at each step of the trajectory."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
-        motion, fading, noises = along_steps(
-            np.array([move.by_state for move in moves]),
-            np.array([move.fading for move in moves]),
-            np.array([move.step_s for move in moves]),
-            self.driving - 1,
-            len(SOURCES) - 3,
-            self.span.white,
-        )
+        motion, fading, noises = along(moves, self.driving - 1, len(SOURCES) - 3, self.span.white)
         by_constants = self._moved_by_constants(state[: len(motion)], moves)
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 

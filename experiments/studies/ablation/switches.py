@@ -123,9 +123,7 @@ SWITCHES: Mapping[str, Switch] = {
     "short discrepancy": Switch("4", discrepancy={"short": 0.0}),
     "levels chosen by marks": Switch(f"{LEVELS} 14", discrepancy={"levels": FIELD.levels[1:2]}),
     "noise of marks": Switch("17", discrepancy={"noises": FIELD.noises[:1]}),
-    "outliers": Switch(
-        "innovations.Outliers kernels.without_outliers kernels.has_outlier 24", settings={"outlier_odds": 1e-300}
-    ),
+    "outliers": Switch("innovations.Outliers kernels.without_outliers 21", settings={"outlier_odds": 1e-300}),
     "second linearisation": Switch(
         "filter.HypothesisFilter._fitted tissue.TissueProcess.moved 20", patches={"tissue.TOLERANCE": np.inf}
     ),

@@ -252,6 +252,37 @@ def test_covariances_are_propagated_by_the_whole_matrix(acting: int, columns: in
         np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
+@pytest.mark.parametrize("is_independent", [False, True])
+@pytest.mark.parametrize("is_spread", [False, True])
+def test_predicted_covariances_and_products_are_those_of_mixtures_with_noise(
+    is_independent: bool, is_spread: bool
+) -> None:
+    """Of three Gaussians in four modes, of which one has a single Gaussian."""
+    rng = np.random.default_rng(2)
+    T, roots, means, H = rng.normal(size=(7, 7)), rng.normal(size=(5, 7, 7)), rng.normal(size=(3, 7)), np.zeros((2, 7))
+    H[:, 1:6:2] = rng.normal(size=(2, 3))
+    P, noises, independent = roots[:3] @ roots[:3].swapaxes(1, 2), roots[3:, :4, :4], rng.random((2, 7))
+    noises, spread = noises @ noises.swapaxes(1, 2), 0.1 * np.eye(3)
+    variances, added, shares = rng.random((4, 4 if is_independent else 2)), rng.random(7), rng.random((3, 4))
+    shares[:, 0] = 1.0, 0.0, 0.0
+    shares /= shares.sum(axis=0)
+    own = {"independent": independent} if is_independent else {}
+    transition = Transition(np.zeros(7), T, noises, **own, spread=spread if is_spread else None)
+    before = moments.Prior(means, tuple(P), np.ones(3) / 3.0, shares, np.eye(4), 0.1, 0.0)
+    found = moments.Predicted.of(before, means, transition, variances, added)
+    expected = np.zeros((4, 7, 7))
+    for k, (share, variance) in enumerate(zip(shares.T, variances, strict=True)):
+        apart = means - share @ means
+        expected[k] = np.tensordot(share, T @ P @ T.T, 1) + (apart.T * share) @ apart + np.diag(added)
+        expected[k, :4, :4] += np.tensordot(variance[:2], noises, 1)
+        expected[k, :3, :3] += spread if is_spread else 0.0
+        expected[k] += np.diag(variance[2:] @ independent) if is_independent else 0.0
+    np.testing.assert_allclose(found.times(H), H @ expected, atol=1e-12)
+    np.testing.assert_allclose(found.each(np.arange(4)), expected, atol=1e-12)
+    expected[[0, 2]] = 0.0
+    np.testing.assert_allclose(found.each(np.array([1, 3])), expected, atol=1e-12)
+
+
 class Constant(Seen):
     """Has one derivative for all states, as marks have; that of `Seen` is made new for each."""
 

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from dynamics import HIDDEN, OUTER
 from estimators import MarkMeasurement, Status, TissueFilter, normalised_error_squared
 from estimators.core import track
-from estimators.core.innovations import Outliers
+from estimators.core.innovations import Outliers, inverse_roots
 from estimators.core.kernels import without_outliers
 from experiments.simulation.bodies.zoo import make_body
 from tests.estimators.conftest import driven, followed, marks_of, poke_forces
@@ -30,7 +30,7 @@ def log_density(y, S, ends, logs, out):
 def found_of(y, S, ends, logs):
     """What the compiled choice is of one hypothesis, and the log-density of all."""
     y, S = y[None].copy(), S[None].copy()
-    out, added = without_outliers(y, S, ends, logs, FAR)
+    out, added = without_outliers(y, S, inverse_roots(S), ends, logs, FAR)
     whole = multivariate_normal.logpdf(y[0], np.zeros(y.shape[1]), S[0]) + added[0]
     return {int(k) for k in np.flatnonzero(out[0])}, float(whole)
 

@@ -111,13 +111,13 @@ def test_an_update_is_schmidts_and_leaves_considered_states(phantom):
     for k in range(20):
         tissue.predict(k * HZ)
         marks = rest_marks(phantom, seed=k, shared=shared)
-        before, places = tissue.filter.state(), tissue.places(marks)
+        covs, before, places = tissue.filter.covs, tissue.filter.state(), tissue.places(marks)
         tissue.update(marks)
         assert not tissue.filter.outlying.any()
         if k in (0, 19):
             modes = np.flatnonzero(tissue.filter.weights)
             assert len(modes) > 1
-            means, covs = before["means"], before["covs"]
+            means = before["means"]
             for mode in modes:
                 predicted, H = places.linearize(means[mode])
                 mean, cov = schmidt(means[mode], covs[mode], H, places.cov, places.value - predicted, own)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dynamics import HIDDEN, OUTER, four_mass_phantom, node_forces
+from dynamics.integration.kernels import along_steps
 from estimators.core.disturbances import Disturbances
-from estimators.core.kernels import along_steps
 from estimators.core.tissue import SOURCES, TissueProcess
 from tests.estimators.core.bodies import cable
 
