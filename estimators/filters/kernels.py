@@ -1,6 +1,7 @@
 """Compiled loops of the unscented filter: sigma points and moments.
 
-Letters as in the textbook: x mean, P covariance, W weights, Q process noise, y innovation, S its covariance. For about twenty states, plain loops are faster than a call of LAPACK.
+Letters as in the textbook: x mean, P covariance, W weights, Q process noise, y innovation, S its covariance. For about
+twenty states, plain loops are faster than a call of LAPACK.
 """
 
 from __future__ import annotations

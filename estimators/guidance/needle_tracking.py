@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from estimators.arrays import Floats
-from estimators.filters.kernels import joseph_update
+from estimators.consistency.joseph import joseph_update
 from estimators.filters.unscented import CovarianceError
 
 
