@@ -19,7 +19,8 @@ always loaded; at the greater strength its load changes faster."""
 class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
-    Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). Slow
+    Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). A poke
+    pushes few nodes, so with many marks short forces are weaker, and the sum of their variances is limited. Slow
     forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
     acceleration, as if gravity turned. Short and slow forces each follow a Markov chain; a mode is a pair of their
     states. A continuum has only slow forces. For a stiff body, `raised` multiplies all strengths but calm and white.
@@ -45,6 +46,8 @@ class Disturbances:
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
         Number of states of short forces: three; 1 for a continuum.
+    n_poked : int
+        Largest sum of the variances of short forces, in variances of one force at full strength; choice.
     bent : float
         Share of its extent by which a poke bends a stiff body at rest [1]; choice.
     """
@@ -59,12 +62,13 @@ class Disturbances:
     smooth_s: float = 0.3
     calm_s: float = 20.0
     poked_s: float = 0.3
-    led_each_s: float = 60.0
+    led_each_s: float = 120.0
     led_s: float = 1.0
-    rise_s: float = 30.0
+    rise_s: float = 120.0
     fall_s: float = 30.0
     smooth: float = 0.25
     n_short: int = 3
+    n_poked: int = 3
     bent: float = 0.1
 
     @classmethod
@@ -72,7 +76,8 @@ class Disturbances:
         """The prior with strength and duration of pokes from the settings. solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
-        return replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, n_short=1) if solid else pokes
+        slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
+        return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
         """Factor on the strengths for a stiff body [1], at least `least`.
