@@ -55,4 +55,6 @@ Processes = Annotated[
 Scheduler = Annotated[
     str | None, typer.Option("--scheduler", help="Address of a Dask scheduler that distributes the runs.")
 ]
-Minutes = Annotated[float, typer.Option("--minutes", min=0.01, help="Time limit [min]; the best result is written.")]
+Minutes = Annotated[
+    float, typer.Option("--minutes", min=0.01, help="Time limit [min]; then the best result is written.")
+]

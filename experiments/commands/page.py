@@ -25,8 +25,12 @@ COMMON = {"--json", "--verbose", "--force", "--vector"}
 SEVERAL = 3
 """An option that at least this many commands share is described only once; a choice."""
 
-TYPES = re.compile(r" <(path|str|list\[.*\])>")
+TYPES = re.compile(r" <(path|str|int|float|list\[.*\])( range)?>")
 """Types that add nothing to the text of an option."""
+
+RANGE = r"(?:[\d.e+-]+<=)?x[<>]=[\d.e+-]+"
+LIMITS = re.compile(rf" \[(required|{RANGE})\]$|; {RANGE}(?=\]$)")
+"""Notes at the end of an option that the usage repeats, and ranges, which are only in the help."""
 
 
 def sections() -> Iterator[str]:
@@ -42,7 +46,7 @@ def sections() -> Iterator[str]:
         used = [use for row, use in rows[name].items() if row in shared or not use.startswith("[--")]
         usage = sorted(used, key=lambda use: "--" in use)  # arguments first
         text = " ".join((command.help or "").split())
-        shown = " ".join([name, *usage, *(["[OPTIONS]"] if any(row.startswith("- `-") for row in own) else [])])
+        shown = " ".join([name, *usage])
         yield f"### {name}\n\n{text}\n\n`softaim {shown}`\n"
         if own:
             yield "".join(own)
@@ -57,7 +61,7 @@ def _rows(command: Any, context: Any) -> Iterator[tuple[str, str]]:
         (left, right), (use, *_) = found, one.get_usage_pieces(context) or one.opts
         if one.param_type_name == "option":
             use = use if one.required else f"[{use}]"
-        yield f"- `{TYPES.sub('', left).replace(' range>', '>')}` {' '.join(right.split())}\n", use
+        yield f"- `{TYPES.sub('', left)}` {LIMITS.sub('', ' '.join(right.split()))}\n", use
 
 
 def page(text: str) -> str:

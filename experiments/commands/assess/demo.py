@@ -9,7 +9,7 @@ from experiments.commands.run import Answer, Run
 
 
 def demo(run: Run, out: Out = Path("demo"), vector: Vector = None, force: Force = False) -> Answer:
-    """Simulate, film and track the paper's two scenarios, and compare the results with the paper's."""
+    """Simulate, film and track the two scenarios of the paper, and compare errors with the published ones."""
     from experiments.commands.console import demo_table
     from experiments.studies.demo import demo as done
 

@@ -16,7 +16,9 @@ def identify(
     recording: Annotated[Path, typer.Argument(help="Calibration recording that also shows the target's mark.")],
     out: SceneOut,
     scene: SceneFile = None,
-    at_rest: Annotated[bool, typer.Option("--at-rest", help="Correct only rest lengths, from tissue at rest.")] = False,
+    at_rest: Annotated[
+        bool, typer.Option("--at-rest", help="Correct only rest lengths, from a recording at rest.")
+    ] = False,
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:

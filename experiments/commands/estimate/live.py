@@ -27,7 +27,7 @@ def live(
         list[str] | None,
         typer.Option(
             "--source",
-            help="Camera index, device, film, folder, stream, recording, phantom; for marks: udp://:PORT, -, "
+            help="Camera index, device, film, folder, stream, recording, phantom; for marks: udp://:PORT, - (pipe), "
             "marks.csv; for several cameras: NAME=SOURCE each. Default: phantom.",
         ),
     ] = None,

@@ -17,7 +17,10 @@ def track(
     out: Out,
     scene: SceneFile = None,
     check: Annotated[
-        bool, typer.Option("--check", help="Predict each mark from the others; inflate covariances that are too small.")
+        bool,
+        typer.Option(
+            "--check", help="Predict each mark from the others; if errors are too large, enlarge covariances."
+        ),
     ] = False,
     film: WithFilm = False,
     vector: Vector = None,

@@ -14,7 +14,7 @@ def tune(
     minutes: Minutes = 5.0,
     force: Replace = False,
 ) -> Answer:
-    """Estimate the noise levels of the model from a recording without truth, and write a scene with them."""
+    """Estimate the size of model errors from a recording without truth, and write a scene with it."""
     from experiments.commands.console import levels_table
     from experiments.engine.spare import spare_cores
     from experiments.formats.outputs import check_new

@@ -25,27 +25,31 @@ def import_table(
         Path | None, typer.Option("--frames", help="Table frames.csv of exposure times; replaces --fps.")
     ] = None,
     least: Annotated[
-        float, typer.Option("--least", min=0.0, max=1.0, help="Least likelihood of used positions.")
+        float, typer.Option("--least", min=0.0, max=1.0, help="Positions with a lower likelihood are omitted.")
     ] = 0.6,
     sd_px: Annotated[
         float,
-        typer.Option("--sd-px", min=1e-3, max=1e3, help="Error of a position, SD per axis [px]."),
+        typer.Option("--sd-px", min=1e-3, max=1e3, help="Standard deviation of a position per axis [px]."),
     ] = 1.0,
     rename: Annotated[
         list[str] | None,
-        typer.Option("--rename", help="PART=NODE: the body part PART is the node NODE; PART= omits the part."),
+        typer.Option("--rename", help="PART=NODE renames the body part PART to NODE; PART= omits it."),
     ] = None,
     mm_per_px: Annotated[
         float | None,
         typer.Option(
-            "--mm-per-px", min=1e-6, max=1e3, help="Scale [mm/px] of a perpendicular camera, instead of the scene's."
+            "--mm-per-px",
+            min=1e-6,
+            max=1e3,
+            help="Scale [mm/px] of a camera that faces the plane; replaces the scene's camera.",
         ),
     ] = None,
     origin_px: Annotated[
         str | None, typer.Option("--origin-px", help="With --mm-per-px: pixel U,V at the plane's origin.")
     ] = None,
     individual: Annotated[
-        str | None, typer.Option("--individual", help="With several animals: name of the animal (SLEAP: track) to use.")
+        str | None,
+        typer.Option("--individual", help="With several animals: name of the animal (in SLEAP: track) to use."),
     ] = None,
     force: Force = False,
 ) -> Answer:

@@ -18,10 +18,14 @@ def calibrate(
     square_mm: Annotated[float, typer.Option("--square-mm", help="Side of a square [mm].")],
     out: Annotated[Path, typer.Option("--out", help="Camera file to write; for several cameras, a folder.")],
     pictures: Annotated[list[Path] | None, typer.Argument(help="Pictures, a picture folder, or a film.")] = None,
-    camera: Annotated[list[str] | None, typer.Option("--camera", help="NAME=FOLDER of each camera.")] = None,
+    camera: Annotated[
+        list[str] | None, typer.Option("--camera", help="Name and picture folder of a camera, NAME=FOLDER; repeat.")
+    ] = None,
     charuco: Annotated[str | None, typer.Option("--charuco", help="ChArUco marker dictionary, such as 4X4_50.")] = None,
     marker_mm: Annotated[float | None, typer.Option("--marker-mm", help="Side of a ChArUco marker [mm].")] = None,
-    plane: Annotated[Path | None, typer.Option("--plane", help="Picture of the board in the phantom's plane.")] = None,
+    plane: Annotated[
+        Path | None, typer.Option("--plane", help="Picture of the board in the plane of the marks.")
+    ] = None,
     opencv_yaml: Annotated[Path | None, typer.Option("--opencv-yaml", help="Lens file to write for OpenCV.")] = None,
     ros_yaml: Annotated[Path | None, typer.Option("--ros-yaml", help="Lens file to write for ROS.")] = None,
     vector: Vector = None,

@@ -18,7 +18,7 @@ def new(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the project; new or empty.")],
     kind: Annotated[
         Literal["plane", "breast", "mesh"],
-        typer.Option("--kind", help="plane: flat phantom; breast: soft hemisphere on a wall; mesh: your mesh."),
+        typer.Option("--kind", help="plane: flat phantom; breast: soft hemisphere on a wall; mesh: your own body."),
     ] = "plane",
     masses: Annotated[
         int | None, typer.Option("--masses", help="Number of masses; default: 5 for plane, 10 for breast.")
@@ -45,19 +45,21 @@ def new(
         Literal["mm", "cm", "m"] | None, typer.Option("--unit", help="With --mesh: length unit of the file; required.")
     ] = None,
     size_mm: Annotated[
-        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of a new mesh [mm].")
+        float | None, typer.Option("--size-mm", min=0.1, help="With --mesh: edge length of new tetrahedra [mm].")
     ] = None,
     fixed: Annotated[
         str | None,
         typer.Option("--fixed", help='With --mesh: fixed nodes, e.g. "y<6" [mm], "faces 2" or "region 1"; required.'),
     ] = None,
-    driven: Annotated[bool, typer.Option("--driven", help="With --fixed: the wall moves.")] = False,
+    driven: Annotated[
+        bool, typer.Option("--driven", help="With --mesh: the wall, which --fixed selects, moves.")
+    ] = False,
     marks: Annotated[
         str | None,
         typer.Option("--marks", help="With --mesh: number of marks, or a CSV file: name,x_mm,y_mm,z_mm; default: 40."),
     ] = None,
     target: Annotated[
-        str | None, typer.Option("--target", help="With --mesh: x,y,z of the target [mm]; default: the middle.")
+        str | None, typer.Option("--target", help="With --mesh: x,y,z of the target [mm]; default: middle of the body.")
     ] = None,
     target_sd_mm: Annotated[
         float | None,

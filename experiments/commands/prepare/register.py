@@ -16,7 +16,8 @@ def register(
     scene: Annotated[Path, typer.Argument(help="Scene file.")],
     points: Annotated[Path, typer.Option("--points", help="Points in the form of marks.csv, or a recording.")],
     out: Annotated[
-        Path, typer.Option("--out", help="Scene file to write; its mesh is written beside it.", show_default=False)
+        Path,
+        typer.Option("--out", help="Scene file to write; a mesh is written into the same folder.", show_default=False),
     ],
     seconds: Annotated[
         float, typer.Option("--seconds", min=0.0, help="Initial time over which points are averaged [s].")

@@ -24,7 +24,6 @@ PARTS = {
     "Poisson's ratio": [f"poisson_{name}" for name in PLANES],
     "shear modulus [kPa]": [f"shear_{name}_pa" for name in PLANES],
     "bulk modulus [kPa]": ["bulk_pa"],
-    "E, free sides [kPa]": [f"free_sided_{name}_pa" for name in AXES],
 }
 """Columns of the properties that springs cannot reproduce."""
 

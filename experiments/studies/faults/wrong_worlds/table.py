@@ -41,11 +41,12 @@ def markdown(rows: pd.DataFrame) -> str:
         if own.empty:
             continue
         if _is_harmless(own):
-            harmless.append(world)
+            harmless.append("no difference" if world == "nothing" else world)
         else:
             lines.append(_cells(world, own))
     wrong, every = rows["go_wrong"].sum(), rows["go"].sum()
-    named = f"Error ≤ {HARMLESS[0]:g} mm, coverage ≥ {HARMLESS[1]:g} %, no wrong GO: {'; '.join(harmless)}.\n\n"
+    bounds = f"error ≤ {HARMLESS[0]:g} mm, coverage ≥ {HARMLESS[1]:g} %, no wrong GO"
+    named = f"Differences with {bounds}: {'; '.join(harmless)}.\n\n"
     return markdown_table(HEADS, lines) + f"\n{named if harmless else ''}Wrong GO: {wrong} of {every:,}.\n"
 
 

@@ -215,7 +215,7 @@ def test_harmless_worlds_are_named_below_the_table():
     assert markdown(rows_of(runs)).splitlines()[2:] == [
         "| a scale error of 3 % | 0/1200 | 1.2 | 99.3% |",
         "",
-        "Error ≤ 1 mm, coverage ≥ 99 %, no wrong GO: nothing; half of the frames are lost.",
+        "Differences with error ≤ 1 mm, coverage ≥ 99 %, no wrong GO: no difference; half of the frames are lost.",
         "",
         "Wrong GO: 0 of 3,600.",
     ]
