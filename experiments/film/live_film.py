@@ -22,16 +22,16 @@ from vision import Frame
 from vision.arrays import Image
 
 WAITING = 8
-"""Largest number of waiting pictures of a camera; one more replaces the oldest; choice: about 0.3 s at 30 frames/s."""
+"""Largest number of a camera's waiting pictures; a further one replaces the oldest; choice: 0.3 s at 30 frames/s."""
 
 
 class LiveFilm:
     """A film for each camera, written in pieces to the folder `growing` and joined at the end.
 
-    growing: is created with the first frame; after a kill, `softaim record --recover` joins the pieces
-    In the loop, `take` only projects; drawing and compression run in a thread for each camera.
-    State: the threads; number of pictures dropped because threads were too slow; the first fault that ended a thread;
-    the files written.
+    growing: folder created with the first frame; if the run is killed, `softaim record --recover` joins the pieces
+    `take`, which the loop calls, only projects; a thread for each camera draws and compresses.
+    State: the threads; the number of pictures dropped because a thread was too slow; the first fault that ended a
+    thread; the files written.
     """
 
     def __init__(self, scene: Scene, growing: Path, plan: NeedlePlan | None = None) -> None:

@@ -52,12 +52,12 @@ class Fate(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkDrawn:
-    """A mark as drawn: its name, its hue [degrees], its result in the frame.
+    """A mark as drawn: its name, its hue [degrees], and its result in the frame, `fate`.
 
-    center_px, cov_px2: its detection, (2,), (2, 2); None for a lost mark
-    expected_px, expected_cov_px2: its prediction; None if it is not known
+    center_px, cov_px2: the detection, (2,), (2, 2); None for a lost mark
+    expected_px, expected_cov_px2: the prediction, (2,), (2, 2); None if it is not known
     shape_px: matrix that maps the unit disc to the mark's image about its center, (2, 2)
-    candidate_px: a rejected detection, (2,); why: the reason in words; measured: False if only for scoring
+    candidate_px: a rejected detection, (2,); why: reason in words for this fate; measured: False if only for scoring
     """
 
     name: str
@@ -75,7 +75,11 @@ class MarkDrawn:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedleDrawn:
-    """A needle: its entry and tip, (2, 2), the ends of its line beyond the tip, (2, 2), the aim and its covariance."""
+    """A needle.
+
+    shaft_px: its entry and tip, (2, 2); ahead_px: ends of its line beyond the tip, (2, 2)
+    aim_px, aim_cov_px2: the aim, (2,), and its covariance, (2, 2); None if not known
+    """
 
     shaft_px: Floats
     ahead_px: Floats
@@ -87,10 +91,10 @@ class NeedleDrawn:
 class Overlay:
     """Annotation of one frame.
 
-    status, status_colour: a word, and its colour; facts: text beside it, such as the time
-    nodes_px: (n, 2), NaN for nodes outside the view; names: of the nodes, empty for none; fixed: whether fixed, (n,)
-    springs: pairs of nodes, (m, 2)
-    target_px, target_cov_px2: (2,), (2, 2), None if not known; target_shape_px: as `shape_px` of a mark, (2, 2)
+    status, status_colour: a word and its colour; facts: text beside the status, such as the time
+    nodes_px: positions of the nodes, (n, 2), NaN outside the view; names: names of the nodes, "" for those not labelled
+    fixed: whether each node is fixed, (n,); springs: pairs of nodes, (m, 2)
+    target_px, target_cov_px2: estimate, (2,), (2, 2), None if not known; target_shape_px: as `shape_px` of a mark
     trusted: whether the target's ellipse is reliable; otherwise it is faint
     advice, advice_colour: a word and its colour, both empty without a needle
     """
@@ -135,7 +139,7 @@ def sketched(image: Image, overlay: Overlay) -> Image:
 
 
 def scale_of(image: Image) -> float:
-    """Scale of lines and letters relative to 640x480, at least 1."""
+    """Factor on the size of lines and letters, relative to a picture of 640x480; at least 1."""
     return max(1.0, min(image.shape[:2]) / 480.0)
 
 

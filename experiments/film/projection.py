@@ -64,7 +64,7 @@ class PlaneView:
         return self.places(ends_m)
 
     def seen(self, mean_m: Floats, cov_m2: Floats | None) -> tuple[Floats, Floats | None]:
-        """Projection of a position [m], (dim,), and its covariance [m²], (dim, dim): [px] (2,), [px²] (2, 2)."""
+        """Projection [px], (2,), of a position [m], (dim,); and its covariance [px²], (2, 2), from [m²], (dim, dim)."""
         place_px = self._place(mean_m)
         if cov_m2 is None or not np.isfinite(place_px).all():
             return place_px, None
@@ -80,13 +80,13 @@ class PlaneView:
         return self.camera.disc_shape(place_m, radius_m) if is_seen else np.zeros((2, 2))
 
     def faces(self, node: str, place_m: Floats | None) -> bool:
-        """Whether a node's mark may be visible at a position [m], (dim,); None: unknown, which in space gives False."""
+        """Whether a node's mark may be visible at a position [m], (dim,). In space, False for an unknown one (None)."""
         return True
 
 
 @dataclass(frozen=True, slots=True)
 class SpaceView:
-    """The view of a camera on a body in space; normals: outward unit normals of its marks as drawn, by node, (3,)."""
+    """The view of a camera on a body in space; normals: by node, outward unit normals of the marks as drawn, (3,)."""
 
     camera: SpaceCamera
     normals: Mapping[str, Floats]

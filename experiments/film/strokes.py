@@ -31,7 +31,7 @@ FONT_PX = 30.0
 
 
 def draw_segments(image: Image, segments: Floats, colour: Colour, width: int, *, edge: int = 1) -> None:
-    """Draw the parts of line pieces, (n, 2, 2) [px], that lie in the picture; edge: width of the dark edge [px]."""
+    """Draw the visible parts of line segments [px], (n, 2, 2); edge: width of their dark edge [px]."""
     inside = segments if _is_near(segments) else clipped(segments, image.shape[1::-1])
     if len(inside):
         _draw(image, list(_fixed(inside)), colour, width, edge)
@@ -68,7 +68,7 @@ def draw_dashes(image: Image, points_px: Floats, dash_px: float, colour: Colour,
 
 
 def clipped(segments: Floats, size_px: Sequence[int]) -> Floats:
-    """The parts of segments (n, 2, 2) within a picture and its margin; segments outside or not finite are dropped."""
+    """The parts of segments, (n, 2, 2), within a picture with a margin; segments outside or not finite are omitted."""
     finite = segments[np.isfinite(segments).all(axis=(1, 2))]
     start, along = finite[:, 0], finite[:, 1] - finite[:, 0]
     edges = np.array([[[-MARGIN_PX] * 2], [np.array(size_px) - 1.0 + MARGIN_PX]])
@@ -95,7 +95,7 @@ def _circle(n: int) -> Floats:
 
 
 def dashed(points_px: Floats, dash_px: float) -> Floats:
-    """Every second dash of a line through points, (n, 2), as line pieces, (k, 2, 2)."""
+    """Every second dash of a line through points, (n, 2), as line segments, (k, 2, 2)."""
     lengths = np.linalg.norm(np.diff(points_px, axis=0), axis=1)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     if not np.isfinite(along[-1]) or along[-1] == 0.0:
@@ -127,7 +127,7 @@ def draw_word(image: Image, text: str, at_px: tuple[float, float], colour: Colou
 
 
 def _room(image: Image, at_px: tuple[float, float], ink: Picture) -> Image:
-    """The part of a picture that the letters at this place cover, shifted to lie inside."""
+    """The part of a picture that letters at a position cover; it is shifted if it would cross the picture's edge."""
     (height, width), (rows, columns) = ink.shape[:2], image.shape[:2]
     left = int(np.clip(round(at_px[0]), 0, max(columns - width, 0)))
     top = int(np.clip(round(at_px[1]), 0, max(rows - height, 0)))
@@ -139,7 +139,7 @@ def _mix(part: Image, mixed: Picture) -> None:
 
 
 def darken(image: Image, top: float, bottom: float) -> None:
-    """Halve the light of a strip of the picture, from one row to another, as background of text."""
+    """Halve the brightness of a strip of the picture, between two rows, as background of text."""
     strip = image[max(round(top), 0) : max(round(bottom), 0)]
     strip >>= 1
 

@@ -1,4 +1,4 @@
-"""Pixels in the hue ranges of a scene's marks: their share of each frame of a film, and frames that show them."""
+"""Counts of pixels in the hue ranges of a scene's marks, for each frame of a film, with pictures of extreme frames."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TABLE, STILL = "hue.csv", "hue.png"
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Marks of one hue: nodes, colour range, total area, and the least area that the smallest mark must show [px]."""
+    """Marks of one hue; area_px: their total area [px]; least_px: area that the detector needs of the smallest [px]."""
 
     nodes: tuple[str, ...]
     hue: MarkHue
@@ -46,7 +46,10 @@ class Kind:
 
 @dataclass(slots=True, eq=False)
 class Taken:
-    """Pixels in each kind's colour range. State: their numbers by frame and kind; frames with the fewest and most."""
+    """Counter of pixels in the colour range of each kind of marks.
+
+    State: the times of the frames; pixels by frame and kind; for each kind, its frames with the fewest and most pixels.
+    """
 
     kinds: tuple[Kind, ...]
     size_px: tuple[int, int]
@@ -65,7 +68,7 @@ class Taken:
                     self.stills[k, what] = n, time_s, picture
 
     def figures(self) -> list[dict[str, Any]]:
-        """Figures by kind: marks, hue range, pixels as shares of picture and marks' area, numbers of faulty frames."""
+        """For each kind: marks, hue range, pixels relative to the picture and to the marks, shares of faulty frames."""
         whole = self.size_px[0] * self.size_px[1]
         counts = np.array(self.pixels, dtype=float)
         most = DETECTION.components.max_picture_share
@@ -120,7 +123,7 @@ def taken_over(
 ) -> Taken:
     """Count each kind's pixels in a film, folder of pictures or recording; write tables and pictures into `folder`.
 
-    folder: an existing one for hue.csv, hue.png and, with film, film.avi. Raises InputError.
+    folder: existing folder for hue.csv, hue.png and, if film is True, film.avi. Raises InputError.
     """
     scene, frames = open_source(source, scene_path, live=False, fps=fps, usual_fps=NOMINAL_FPS)
     with frames:

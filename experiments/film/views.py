@@ -50,7 +50,7 @@ GROUND = 60
 GROUND_PX = (640, 480)
 """Size of the plain background for marks without pictures [px]."""
 GROUND_SHARE = 0.6
-"""Share of the background that the network at rest covers: the rest is for its motion and for text."""
+"""Share of the background that the network at rest covers [1]; its motion and text need the remaining part."""
 MOST_NAMED = 40
 """Largest number of nodes in a network that are all labelled: more labels would hide the picture."""
 
@@ -67,7 +67,7 @@ def ground_camera(scene: Scene) -> PlaneCamera:
 
 
 def film_cameras(scene: Scene) -> dict[str, PlaneCamera | SpaceCamera]:
-    """Cameras in space by name, or under "" the ground camera of a plane; InputError in space without cameras."""
+    """Cameras in space by name or, for a flat scene, the ground camera by ""; InputError in space without cameras."""
     return {film_name(one.name, i): one for i, one in enumerate(scene.space_cameras)} or {"": ground_camera(scene)}
 
 
@@ -79,7 +79,7 @@ def pictures_of(
     guidance: Guidance | None = None,
     plan: NeedlePlan | None = None,
 ) -> dict[str, tuple[Image, Overlay]]:
-    """Each camera's picture in a frame, or a plain background for marks, and its overlay; cameras: `film_cameras`."""
+    """For each camera, its picture in a frame or, for marks, a plain background; and the overlay on it."""
     if isinstance(frame, Frame):
         return {"": (frame.image, overlay_of(line, step, line.camera, guidance, plan))}
     images = {name: ground(camera) for name, camera in cameras.items()} if frame is None else frame.images

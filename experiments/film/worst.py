@@ -26,7 +26,7 @@ SEVERE = (Status.LOST, Status.DIVERGED, Status.COASTING, Status.TRACKING, Status
 
 @dataclass(slots=True, eq=False)
 class Still:
-    """The worst frame of a kind so far: its severity, its picture, and the number of frames of that kind."""
+    """The worst frame of a kind so far; badness: its severity; count: number of frames of this kind."""
 
     badness: tuple[float, ...]
     picture: Image
@@ -34,9 +34,9 @@ class Still:
 
 
 class WorstFrames:
-    """Stores the worst frame of each kind; a kind is a status and the reason of the first faulty mark.
+    """Stores the worst frame of each kind. The kind of a frame is its status and the reason of its first faulty mark.
 
-    State: a picture for each kind.
+    State: one picture for each kind.
     """
 
     def __init__(self) -> None:

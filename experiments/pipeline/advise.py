@@ -69,7 +69,7 @@ class BreathingPath:
             self.model.update(estimate.time_s, *breathing_track(tissue, estimate.mean))
 
     def mixed(self, tissue: TissueFilter, path: TargetPath) -> TargetPath:
-        """The filter's path of the target; while the target breathes, a mixture with the breathing model's path."""
+        """The target's predicted path: the filter's or, if the target breathes, its mixture with the model's path."""
         if self.model.breath() is None:
             return path
         breath = TargetPath(path.times_s, *breathing_ahead(self.model, tissue, path.times_s))
@@ -141,8 +141,8 @@ def push_m(scene: Scene, plan: NeedlePlan) -> Floats:
 def observed_hits(done: Advised) -> Floats:
     """Observed hit rate: probability that a needle inserted as advised at each frame hits the true target, (n_frames,).
 
-    The tip and the target's displacement by the needle have random errors. NaN if the advice has no arrival time, or if
-    the truth ends before it. The truth was recorded without a needle, so the predicted displacement is added.
+    The tip and the target's displacement by the needle have random errors. The truth was recorded without a needle, so
+    the predicted displacement is added. NaN if the advice has no arrival time, or if the truth ends before that time.
     """
     scene, truth, plan = done.recording.scene, done.recording.truth, done.plan
     found = np.full(len(done.times_s), np.nan)
@@ -176,7 +176,7 @@ def observed_hits(done: Advised) -> Floats:
 
 
 def reliability(done: Advised) -> dict[str, float | int | None]:
-    """Mean predicted and observed hit rate, over all frames with truth and over frames with the advice GO."""
+    """Mean predicted and observed hit rate: of all frames with truth, and of those among them with the advice GO."""
     observed = observed_hits(done)
     predicted = np.array([np.nan if one.probability is None else one.probability for one in done.guidance])
     known = np.isfinite(predicted) & np.isfinite(observed)

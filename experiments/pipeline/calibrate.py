@@ -33,7 +33,7 @@ from vision.cameras.board import larger_board
 def board_of(text: str, square_mm: float, charuco: str | None = None, marker_mm: float | None = None) -> Board:
     """The board that the command's options describe; an InputError names the faulty option.
 
-    text: such as 9x6, the numbers of a chessboard's inner corners or of a ChArUco board's squares along both sides
+    text: columns x rows, such as 9x6, of a chessboard's inner corners or of a ChArUco board's squares
     """
     parts = re.fullmatch(r"([1-9]\d{0,2})[xX×]([1-9]\d{0,2})", text.strip())
     if parts is None:
@@ -97,7 +97,7 @@ def _expected(path: Path) -> int:
 
 
 def with_plane(pictures: Sequence[Path], plane: Path | None) -> list[Path]:
-    """The pictures, and the picture of the plane if it is a file that is not among them."""
+    """The pictures and, if `plane` is a file that is not among them, this file."""
     if plane is None or not plane.is_file():
         return [*pictures]
     among = any(path.is_file() and path.samefile(plane) for path in pictures)

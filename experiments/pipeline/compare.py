@@ -1,9 +1,9 @@
 """Comparison of the filter with the open loop and other methods on a recording's marks, for `softaim compare`.
 
-The filter and the open loop run first; the methods of `estimators.METHODS` then use the marks found by this run. Each
-method has the filter's tissue model, initial state and force model. The extended, stock unscented and ensemble filters
-use one mode of the force model, pokes. The particle filter uses all modes and approximates the optimal filter. The
-smoother uses the marks of all frames and, like the filter, direct measurements of the target (fixes).
+The filter and the open loop run first. The methods of `estimators.METHODS` then use the marks that this run has found.
+Each method has the filter's tissue model, initial state and force model. The extended, standard unscented and ensemble
+filters use one mode of the force model, pokes. The particle filter uses all modes and approximates the optimal filter.
+The smoother uses the marks of all frames and, like the filter, direct measurements of the target (fixes).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def method_names() -> tuple[str, ...]:
 
 
 def chosen(text: str | None) -> tuple[str, ...]:
-    """The methods in `text`, separated by commas, with open loop and filter; all if it is None. Raises InputError."""
+    """The method names in a comma-separated text, plus open loop and filter; all names for None. Raises InputError."""
     names = method_names()
     named = names if text is None else [name.strip() for name in text.split(",")]
     for name in named:
@@ -72,7 +72,7 @@ def tracking_problem(scene: Scene, fixes: Sequence[Fix] = ()) -> TrackingProblem
 
 
 def _with_method(done: Track, name: str, method: Method, advance: Advance) -> tuple[Step, ...]:
-    """The steps of a track, to which a further method's estimates and times per frame [s] are added."""
+    """The steps of a track, extended by another method's estimates and its computing time per frame [s]."""
     measured = frozenset(done.recording.scene.measured_nodes)
     frames = [
         (step.estimates[FILTER].time_s, [mark for mark in step.marks if mark.node in measured]) for step in done.steps

@@ -20,7 +20,8 @@ CONSTANTS = ("simulate", "identify")
 """Steps after which a scene has the tissue's constants, used for its simulation or identified from a recording."""
 
 SAGS = 1e-3
-"""Least reported distance of a node at rest from its drawn position, as a share of the network's size [1]; choice."""
+"""Largest distance between drawn and rest positions of nodes that is not reported, relative to the network's size [1];
+choice."""
 
 
 def report_event(time_s: float, kind: str, text: str) -> None:
@@ -44,10 +45,10 @@ def _edited(scene: Scene) -> bool:
 
 
 def rest_line(scene: Scene) -> str | None:
-    """A message if the network does not rest as drawn, which displaces the predicted target; else None.
+    """A message if the network's rest shape is not the drawn one, which displaces the predicted target; else None.
 
-    The usual cause is that rest lengths equal the drawn lengths, although gravity stretches the springs. None also for
-    identified rest lengths, because later changes of other constants may have moved the rest shape.
+    The usual cause is that rest lengths equal the drawn lengths, although gravity stretches the springs. If the rest
+    lengths were identified, there is no message: changes of other constants may have moved the rest shape since then.
     """
     if rest_is_known(scene):
         return None
@@ -80,7 +81,7 @@ Command = Literal["simulate", "identify", "tune", "track", "insert"]
 
 
 def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
-    """Messages on steps that a scene lacks before the command `before`, and on its other limits, by name."""
+    """By name, messages on the steps that a scene lacks for the command `before`, and on other limits of the scene."""
     lines = {"at-rest": rest_line(scene)}
     if before != "simulate" and scene.target.node in scene.measured_nodes:
         lines["hidden target"] = (
@@ -95,7 +96,7 @@ def steps_left_out(scene: Scene, before: Command) -> dict[str, str]:
 
 
 def is_identified(scene: Scene) -> bool:
-    """Whether a scene has the tissue's constants: identified from a recording, or used for the simulation."""
+    """Whether a scene's constants were identified from a recording, or are the true constants of a simulation."""
     return any(step.step in CONSTANTS for step in scene.steps) and not _edited(scene)
 
 
@@ -132,7 +133,7 @@ def report_swap(swap: IdentitySwap) -> None:
 
 
 def pose_line(scene: Scene) -> str | None:
-    """A message that moves of the camera or tracker cannot be detected; None for a scene with reference marks."""
+    """A message saying that a moved camera or tracker cannot be detected; None for a scene with reference marks."""
     return None if scene.reference.marks else "a move of the camera or tracker cannot be detected: no reference marks"
 
 

@@ -29,7 +29,7 @@ def open_source(
     usual_fps: float | None = None,
     phantom: PhantomProcess | None = None,
 ) -> tuple[Scene | None, vision.Source]:
-    """The scene of scene_path, else the source's own scene or None; and the frames of the source `spec`.
+    """The scene of scene_path or else of the source, None if neither has one; and the frames of the source `spec`.
 
     live, fps: as in `vision.open_source`, fps also for the phantom; usual_fps: frame rate of picture folders without
     fps; phantom: process of the phantom, if already started. Raises InputError, also if the scene has no camera.

@@ -8,9 +8,9 @@ from vision import NOMINAL_FPS, HueError, learn_hue
 
 
 def hue_lines(source: str, at: str, number: int) -> list[str]:
-    """Lines with hue_deg, half_width_deg, min_saturation, min_value of the mark at pixel `at`, "u,v", of a frame.
+    """Lines with the keys hue_deg, half_width_deg, min_saturation and min_value of a mark in a picture.
 
-    Raises InputError if there is no such frame, position or mark.
+    at: pixel on the mark, as "u,v"; number: number of the frame. Raises InputError if the frame has no mark there.
     """
     u, v = coordinates("--at", at, 2, "two numbers, U,V")
     _, frames = open_source(source, None, live=False, usual_fps=NOMINAL_FPS)

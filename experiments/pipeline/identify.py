@@ -38,7 +38,7 @@ MOST_WORSE = 1.1
 neither filter uses the target's mark; choice: a recording of a minute determines the ratio to a tenth."""
 
 MOST_SHARED = 0.5
-"""Largest squared correlation of two constants that are not reported as confounded; choice."""
+"""Squared correlation above which two constants are reported as confounded [1]; choice."""
 
 NAMED = 4
 """Largest number of constants that are named for a combination, and of pairs that are named in a line."""
@@ -49,7 +49,7 @@ ONLY_BY_FAST_MOTION = "forces are unknown, so only fast motion shows the stiffne
 
 
 def check_shown(recording: Recording, nodes: Sequence[str]) -> None:
-    """For films in space, raise InputError if a node's mark is for scoring only: such marks are not visible."""
+    """Raise InputError if the recording has films in space that do not show a node's mark: it is for scoring only."""
     measured = recording.scene.measured_nodes
     if recording.films and (inside := [node for node in nodes if node not in measured]):
         what = f"marks.csv with the marks of {', '.join(inside)} (softaim simulate --no-film)"
@@ -163,9 +163,10 @@ def tuned_scene(
 
 
 def constants(found: IdentificationResult, mesh: SceneMesh | None = None) -> list[dict[str, Any]]:
-    """Name, value [SI], relative standard error and change of each identified constant; mesh: the mesh of a body.
+    """Name, value [SI], relative standard error and change of each identified constant.
 
     The entry `kept` is true if the value did not change, because the recording does not determine it.
+    mesh: the mesh whose tissues have the constants; None for springs
     """
     tissues = () if mesh is None else mesh.tissues_of(found.network)
     return [
@@ -196,9 +197,10 @@ def undetermined(found: IdentificationResult) -> list[Mapping[str, object]]:
 
 
 def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
-    """Pairs of constants, or of means over whole kinds, with correlated errors, the strongest correlation first.
+    """Pairs of constants with correlated errors, the strongest correlation first.
 
-    The recording determines a combination of the two better than each one alone.
+    A pair consists of two constants, or of the means over two kinds of constants. The recording determines a
+    combination of the two better than each of them.
     """
     kinds = [group.kind for group in found.groups]
     several = [kind for kind in dict.fromkeys(kinds) if kinds.count(kind) > 1]
@@ -215,7 +217,7 @@ def confounded(found: IdentificationResult) -> list[dict[str, Any]]:
 
 
 def not_determined(found: IdentificationResult) -> dict[str, list[str]]:
-    """The constants of each kind whose values did not change, because the recording does not determine them."""
+    """By kind, the constants whose values did not change, because the recording does not determine them."""
     names: dict[str, list[str]] = {}
     for group, kept in zip(found.groups, found.kept, strict=True):
         if kept:

@@ -37,8 +37,8 @@ SEEN = "marks and disturbances"
 class UsualUncertainty:
     """Default standard deviations for a scene that states none.
 
-    stiffness, mass: relative error of each spring and node, independent [1]; choice. The balance of forces uses one
-    error for all springs, because independent errors would hide a cut spring.
+    stiffness, mass: relative errors of each spring's stiffness and of each node's mass, all independent [1]; choice. In
+    the balance of forces all springs have the same error, because independent errors would hide a cut spring.
     scale: relative error of a camera's millimetres per pixel [1]; choice: half of the largest plausible error
     position_m: error of the target's position in the tissue on each axis [m]; choice: the error of a registration from
     another picture
@@ -64,7 +64,7 @@ def balance_of(scene: Scene, tissue: TissueFilter) -> StaticBalance:
 
 
 def _calibration_error(scene: Scene) -> Callable[[Floats], Floats] | None:
-    """Function that returns the shift of marks by one sd of each calibration error; None without a camera."""
+    """Function from positions of marks to their shifts by one sd of each calibration error; None without a camera."""
     if scene.space_cameras:
         if not _is_unscaled(scene):
             return calibration_shifts(scene)
@@ -127,9 +127,9 @@ def unstated(budget: Sequence[ErrorSource]) -> Floats:
 
 
 def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Contribution of each source to the target's variance for advice [m²], over all axes; empty without a covariance.
+    """Contribution of each source to the target's variance [m²], summed over all axes; empty without a covariance.
 
-    estimate: the filter's estimate, whose covariance does not include unstated errors
+    This is the variance that advice uses: it includes unstated errors, unlike the covariance of `estimate`.
     """
     if estimate.cov is None or not np.isfinite(estimate.cov).all():
         return {}
@@ -141,14 +141,14 @@ def target_variances(budget: Sequence[ErrorSource], estimate: TargetEstimate) ->
 
 
 def variance_shares(budget: Sequence[ErrorSource], estimate: TargetEstimate) -> dict[str, float]:
-    """Share of each source in the target's variance for advice, the largest first; see `target_variances`."""
+    """Share of each source in the target's variance, the largest first; see `target_variances`."""
     found = target_variances(budget, estimate)
     whole = sum(found.values()) or 1.0
     return {name: found[name] / whole for name in sorted(found, key=lambda name: -found[name])}
 
 
 def shares_words(shares: Mapping[str, float]) -> str:
-    """Text with the largest sources of the target's variance, which explain `MOST` of it."""
+    """Text with the largest sources of the target's variance, which together explain the share `MOST` of it."""
     named, together = [], 0.0
     for name, share in shares.items():
         named.append(f"{name} {100.0 * share:.0f} %")
@@ -159,7 +159,7 @@ def shares_words(shares: Mapping[str, float]) -> str:
 
 
 def _is_unscaled(scene: Scene) -> bool:
-    """Whether the scene states no errors of its camera; in space, of any of its cameras."""
+    """Whether the scene's camera or, in space, every camera has no stated calibration error."""
     if scene.space_cameras:
         return not any(len(one.calibration) for one in scene.space_cameras)
     camera = scene.cameras[0] if scene.cameras else None
@@ -178,15 +178,16 @@ UNEVEN = "pictures come too unevenly to determine exposure times"
 class IntegrityMonitor:
     """Monitor of the estimates of a scene's filter, frame by frame in order of time.
 
-    budget: sources of the target's error; unstated: covariance of unconsidered errors [m²], (dim, dim)
-    State: the test for contradictions; the balance of forces on the marks; tested_s, when its test is complete [s],
-    None before marks; largest delay of pictures; delay that a person acknowledged; whether pictures come irregularly.
+    budget: sources of the target's error; unstated: covariance of errors that the filter ignores [m²], (dim, dim)
+    State: the test for contradictions; the balance of forces on the marks; tested_s, the time from which guidance is
+    possible [s], None before the first marks; the largest delay of pictures; the delay that a person has acknowledged;
+    whether pictures come irregularly.
     """
 
     def __init__(self, scene: Scene, tissue: TissueFilter) -> None:
         self.budget = error_budget(scene, tissue)
         self.unstated = unstated(self.budget)
-        # a body that is pulled along moves all marks together
+        # if an outside force pulls the body along, all marks move together without a contradiction
         settings = ContradictionSettings(together=0.0) if tissue.may_be_led else ContradictionSettings()
         self.contradiction = Contradiction(settings)
         self._balance = balance_of(scene, tissue)
@@ -196,8 +197,8 @@ class IntegrityMonitor:
     def take(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> str | None:
         """Update with a frame's estimate and its marks; returns the reason to withhold guidance, or None.
 
-        Guidance starts `MEANS` averaging times after the first marks, because only the balance of forces shows a cut
-        spring, and a poke may hide the cut in one average.
+        Guidance is withheld for `MEANS` averaging times of the force balance after the first marks. Only this balance
+        shows a cut spring, and a short push on the tissue may hide the cut during one averaging time.
         """
         self.contradiction.update(estimate, self._balance.update(estimate.time_s, marks))
         if marks and self.tested_s is None:
@@ -215,7 +216,7 @@ class IntegrityMonitor:
         self.tested_s = None
 
     def looked(self) -> None:
-        """Clear contradiction and delay after a person has checked tissue, marks and picture."""
+        """Clear the contradiction and the delay, after a person has checked tissue, marks and picture."""
         self.contradiction.forget()
         self._known_late_s = self._late_s
 

@@ -69,7 +69,7 @@ class Step:
     refused: nodes whose marks the gate rejected
     sight: the search for marks, None without the option `explain` of `Line`
     reference: result for the reference marks; None if the scene has none
-    detect_s, method_s: times of finding marks, and of each method [s]; predict_s: time of the filter's prediction [s]
+    detect_s: time to find marks [s]; method_s: time of each method [s]; predict_s: time of the filter's prediction [s]
     """
 
     estimates: dict[str, TargetEstimate]
@@ -104,7 +104,7 @@ class Watcher(Protocol):
 
 
 class Film(Watcher, Protocol):
-    """Protocol of a film of the run."""
+    """Protocol of a watcher that writes a film of the run."""
 
     def finish(self, folder: Path) -> None:
         """End the film after the last frame, and move it to `folder`."""
@@ -116,9 +116,9 @@ class Line:
     check: also predict each mark without using it, and inflate the covariance if these predictions reveal a wrong model
     fixes: direct measurements of the target, used at their times; the filter also estimates their common error
     explain: record in each step which marks were searched and why some were not found; estimates do not change
-    State: the filter, the association of its marks, the filters that check it, the paper's open loop
-    (omitted with baseline=False), the marks' colours, the remaining fixes; the pose from reference marks; in space the
-    cameras' finders.
+    State: the filter; the association of marks with nodes; with `check`, the filters that predict each mark; unless
+    baseline=False, the paper's open loop; the marks with their colours; the fixes not yet used; the pose from reference
+    marks; in space, the cameras' finders.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class Line:
         self.colour(scene.marks)
 
     def colour(self, marks: tuple[Mark, ...]) -> None:
-        """Search the scene's marks in these colours from now on; the appearance learnt so far is discarded."""
+        """Search for marks in these colours from now on; the appearance learnt so far is discarded."""
         self.scene = replace(self.scene, marks=marks)
         self._marks = {mark.node: mark for mark in marks}
         self.finder = vision.MarkFinder([mark.hue for mark in marks], explain=self._explain)
@@ -293,7 +293,7 @@ def check_followed(scene: Scene, place: object = "scene") -> None:
 def _refused(estimate: TargetEstimate, marks: Sequence[MarkMeasurement], counted: Mapping[str, int]) -> tuple[str, ...]:
     """Nodes of the marks that the gate rejected; counted: how often each was rejected in this frame.
 
-    The estimate lists the used marks, except in the first frame. The counts are used only if the estimate lists none.
+    If the estimate lists the marks that it used, the gate rejected all others. Otherwise the counts show which.
     """
     taken = estimate.information_share
     return tuple(mark.node for mark in marks if (mark.node not in taken if taken else mark.node in counted))

@@ -41,7 +41,11 @@ Advance = Callable[[float], None]
 
 @dataclass(slots=True)
 class _Piece:
-    """The present piece: its first row, that row's position in frames.csv [bytes], its start and frames' times [s]."""
+    """The present piece of a recording.
+
+    first_row: number of its first row; begins_at: position of this row in frames.csv [bytes]
+    began_s: clock time at its start [s]; times_s: exposure times of its frames [s]
+    """
 
     first_row: int
     begins_at: int
@@ -100,7 +104,7 @@ class Recorder:
         self._last_s = frame.exposure_s
 
     def check(self) -> None:
-        """Finish the present piece if it is a second old."""
+        """Finish the present piece if it began `PIECE_S` ago or earlier."""
         if self._piece.times_s and self._clock() - self._piece.began_s >= PIECE_S:
             self.finish_piece()
 
@@ -229,7 +233,7 @@ def _copy_scene(scene: Scene | None, scene_path: Path | None, path: Path) -> Non
 
 
 def rate_of(exposures_s: Floats) -> float:
-    """Mean frame rate [frames/s] of a film with these exposure times [s], (n_frames,), one or more."""
+    """Mean frame rate [frames/s] of a film; exposures_s: exposure times of one or more frames [s], (n_frames,)."""
     span_s = float(exposures_s[-1] - exposures_s[0])
     return float(np.clip((len(exposures_s) - 1) / span_s, 1.0, 1000.0)) if span_s > 0.0 else vision.NOMINAL_FPS
 

@@ -23,7 +23,7 @@ from experiments.formats.scene.schema import SceneError
 from experiments.pipeline.integrity import USUAL
 
 CONTRADICTED = 1e-3
-"""Least p-value of the residuals [1]: below it, the residuals contradict the points' stated errors; choice."""
+"""The p-value of the residuals below which they contradict the stated errors of the points [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,10 +40,10 @@ class Points:
 class Registered:
     """A registered scene.
 
-    left_out: by point, its distance from the position that the other points predict, and the expected distance [m]
-    suspect: the point without which the fit improves most; None if no point can be omitted
-    target_sd_m: error of the registration at the target for each axis [m]
-    stated: whether the scene states the error of the target's place
+    left_out: for each point, distance from the position that the other points predict, and expected distance [m]
+    suspect: the point without which the fit is best; None if no point can be omitted
+    target_sd_m: standard deviation of the registration at the target on each axis [m]
+    stated: whether the scene states the error of the target's position
     """
 
     scene: Scene
@@ -61,9 +61,9 @@ class Registered:
 
 
 def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Registered:
-    """The scene, moved to fit points measured in the first seconds of a table; table: its file, or its folder.
+    """The scene, moved to fit the points that a table has in its first seconds. Raises InputError.
 
-    mesh_file: file of the moved mesh. Raises InputError.
+    table: a file of points, or a folder that has it; mesh_file: file of the moved mesh
     """
     path = table / MARKS if table.is_dir() else table
     points = _points(scene, path, seconds)
@@ -88,7 +88,7 @@ def registered(scene: Scene, table: Path, seconds: float, mesh_file: Path) -> Re
 
 
 def _points(scene: Scene, path: Path, seconds: float) -> Points:
-    """Points of a table: the mean position of each in the first seconds."""
+    """The points of a table, each at its mean position in the first `seconds`."""
     times_s, rows = read_points(path, scene)
     last_s = times_s.min(initial=np.inf) + seconds + SAME_TIME_S
     used: dict[str, list[MarkRow]] = {}

@@ -72,7 +72,7 @@ def cases_of(sweep: Sweep) -> list[dict[str, Any]]:
 
 
 def _motion_of(scenario: Scenario, text: str | None, sweep: Sweep) -> dict[str, Any]:
-    """Part of a scenario that a run needs; it has the text of the scene, not its path."""
+    """The part of a scenario that determines the motion; the path of its scene is replaced by a constant name."""
     true = true_scene(text, scenario, str(sweep.scene))
     if true.network.continuum is not None:
         raise InputError.at(f"{sweep.path}: scene", "a network of springs", "a mesh")
@@ -97,7 +97,7 @@ def _check_forces(scenario: Scenario, text: str | None, sweep: Sweep) -> None:
 
 
 def _check_led(setup: Setup, text: str | None, sweep: Sweep) -> None:
-    """Before all runs, raise InputError for led nodes that the tissue does not have."""
+    """Before all runs, raise InputError if the filter's `led_nodes` name a node that the tissue does not have."""
     if setup.filter.led_nodes:
         try:
             assumed_scene(true_scene(text, setup.scenario, str(sweep.scene)), {}, setup.filter, text)
@@ -111,7 +111,7 @@ def _tables(text: str, name: str) -> SceneFile:
 
 
 def true_scene(text: str | None, scenario: Scenario, name: str = "scene") -> Scene:
-    """The scene of a scene file's text or, if None, of the scenario's phantom, which is made without cameras."""
+    """The scene of a scene file's text or, if the text is None, of the scenario's phantom; cameras are omitted."""
     if text is None:
         return replace(scene_of(scenario), cameras=())
     return scene_of_tables(_tables(text, name).model_copy(update={"camera": []}), Path(name))
@@ -142,7 +142,7 @@ def motion_of(scenario: Scenario, text: str | None, seed: int, truths: Path | No
 
 
 def swept_rows(case: Case, truths: Path | None = None) -> list[dict[str, Any]]:
-    """One run: a row for each method with the figures of `softaim compare`, and mean error relative to the open loop's.
+    """A row for each method in one run: the figures of `softaim compare`, and error relative to that of the open loop.
 
     truths: a folder for truths that runs on this machine share
     """
@@ -199,7 +199,7 @@ def summarised(runs: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """A row for each combination and method, in the order of the grid: numbers of runs and failures, and figures.
 
     mae_mm, coverage95, mean_nees, frames_lost: means over runs; rmse_mm: over all frames; ms_per_frame: median;
-    by_open_loop: mean error divided by the open loop's
+    by_open_loop: mean error divided by that of the open loop
     """
     keys = list(sweep.keys)
     rows = []

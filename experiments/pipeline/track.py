@@ -91,7 +91,8 @@ def track(
 ) -> Track:
     """Run the filter and the open loop through every frame; advance: called with the completed share.
 
-    check: also predict each mark without using it; watch: called with each frame, its step. InputError, SourceError.
+    check: also predict each mark without using it; watch: called with each frame and its step
+    Raises InputError, SourceError.
     """
     if check and len(recording.scene.measured_nodes) < 2:
         raise InputError.at("--check", "two or more measured marks", str(len(recording.scene.measured_nodes)))
@@ -153,14 +154,14 @@ def each_frame(line: Line, recording: Recording) -> Iterator[tuple[AnyFrame, Ste
 
 
 def marks_to_use(recording: Recording) -> Iterator[tuple[float, tuple[MarkMeasurement, ...]]]:
-    """The times [s] and given marks of a recording's frames; frames with repeated values have no marks."""
+    """Time [s] and given marks of each frame of a recording; a frame that repeats earlier values gets no marks."""
     used, _ = without_repeats(recording.exposures_s, recording.marks or ())
     for exposure_s, marks in zip(recording.exposures_s.tolist(), used, strict=True):
         yield exposure_s, tuple(measurement(mark) for mark in marks)
 
 
 def frames_frozen(recording: Recording) -> int:
-    """Number of frames of given marks that have repeated values and are therefore not used."""
+    """Number of frames whose given marks are not used, because they repeat earlier values."""
     if recording.marks is None:
         return 0
     used, _ = without_repeats(recording.exposures_s, recording.marks)
@@ -175,8 +176,8 @@ def measurement(mark: MarkRow) -> MarkMeasurement:
 def target_truth(recording: Recording, steps: list[Step]) -> tuple[Floats, Floats]:
     """Position of the target at each frame [m], (n_frames, dim), NaN where unknown, and the covariance of its error.
 
-    The position of the target's node comes from truth.csv or from its mark for scoring. The offset from the node to the
-    target is the same as in all estimates.
+    The position of the target's node comes from truth.csv or from the node's mark for scoring. The scene's offset from
+    the node to the target is then added, as in all estimates.
     """
     scene = recording.scene
     node = scene.target.node

@@ -66,7 +66,7 @@ MOST_CHANGES = 40
 """Largest number of advice changes drawn as lines: more would merge."""
 
 SAME, STEADY = 0.01, 0.2
-"""Largest invisible difference of probabilities; largest range of a miss that counts as constant, in lesion radii."""
+"""Largest invisible difference of probabilities; largest range of a constant miss, relative to the lesion's radius."""
 
 VIEW_MM, CLOSE_MM, ROOM_MM = 56.0, 26.0, 48.0
 """Widths in print for a body in space [mm]: its axes, a close-up, and the square that the body fills."""
@@ -118,7 +118,7 @@ def advice_figure(done: Advised) -> Figure:
 
 
 def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str, Artist]:
-    """Draw the needle and its latest aim in the body, and close up, from two sides; returns entries of a legend."""
+    """Draw the needle and its latest aim from two sides, each in the body and as a close-up; returns legend entries."""
     scene, plan = done.recording.scene, done.plan
     aimed = next((k for k in reversed(range(len(done.guidance))) if done.guidance[k].aim is not None), None)
     at_rest = scene.network.positions[scene.network.index(scene.target.node)]
@@ -148,7 +148,7 @@ def _in_space(done: Advised, figure: Figure, place: SubplotSpec) -> Mapping[str,
 
 
 def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
-    """Draw the probability of a hit now, and those of a later or a turned insertion if these differ from it."""
+    """Draw the hit probability of an insertion now; also of a later or a turned insertion, if it differs visibly."""
     times, go = rows["time_s"].to_numpy(), done.plan.settings.go
     if rows["p_hit"].notna().any():
         ax.plot(times, rows["p_hit"], color=BLACK, lw=1.6, label="inserted now")
@@ -163,7 +163,7 @@ def _probabilities(done: Advised, ax: Axes, rows: pd.DataFrame) -> None:
 
 
 def _differ(rows: pd.DataFrame, column: str) -> bool:
-    """Whether a probability differs visibly from that of an immediate insertion, in any frame."""
+    """Whether a probability differs visibly, in any frame, from the probability for an immediate insertion."""
     return bool(((rows[column] - rows["p_hit"].fillna(0.0)).abs() > SAME).any())
 
 
@@ -215,7 +215,7 @@ def _reasons(done: Advised, ax: Axes, reasons: Sequence[tuple[Advice, str, Seque
 
 
 def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
-    """The kinds of reasons, in the order of the advice: the advice, the text, and whether it applied in each frame.
+    """For each kind of reason, sorted by advice: the advice, the text, and whether the reason applied in each frame.
 
     Reasons that differ only in numbers are one kind, whose text has the range of each number.
     """
@@ -229,7 +229,7 @@ def reasons_of(done: Advised) -> list[tuple[Advice, str, list[bool]]]:
 
 
 def _with_ranges(reasons: Sequence[str]) -> str:
-    """Reasons of one kind as one text, with ranges of numbers."""
+    """Combine reasons that differ only in numbers into one text; a number that varies becomes a range."""
     columns = iter(zip(*(NUMBER.findall(reason) for reason in reasons), strict=True))
 
     def ranged(_match: re.Match[str]) -> str:

@@ -26,7 +26,7 @@ SPARED = 0.05
 """Share of frames that may lie outside the plot at either end; the plot states their number."""
 
 NARROW = 3.0
-"""Least ratio of an axis's limits for logarithmic ticks: with less, ticks at 1, 2 and 5 of a decade are too few."""
+"""Ratio of an axis's upper to its lower limit up to which ticks are linear [1]: logarithmic ticks would be too few."""
 
 LEAST_SHOWN, MOST_SHOWN = 1e-4, 1e4
 """Limits of plots of NEES and NIS, about four decades from the bounds of consistent frames."""

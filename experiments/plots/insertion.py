@@ -33,7 +33,7 @@ DASHES = dict(zip(POLICIES, ((0, (1, 1)), (0, (5, 1, 1, 1)), (0, (3, 1)), "solid
 """Line styles in addition to colours, for lines that cross."""
 
 WIDTHS = dict(zip(POLICIES, (1.1, 1.1, 2.8, 2.0, 0.9), strict=True))
-"""Widths of lines that often coincide [pt]: each is narrower than the lines drawn before it."""
+"""Widths of lines [pt]: the last three often coincide, so each of them is narrower than the one drawn before it."""
 
 N_LEAST = 5
 """Least number of insertions in a drawn bin; the plot states how many insertions other bins have."""
@@ -103,7 +103,10 @@ def misses_figure(done: Trials) -> Figure:
 
 
 def reliability_figure(done: Trials) -> Figure:
-    """Hit rates over the probabilities that filter-ahead predicts when it commits; each run has a random lesion."""
+    """Hit rates over the probabilities that the policy `filter-ahead` predicts when it starts to insert.
+
+    In each run the position of the lesion is drawn at random.
+    """
     return _reliability_figure(calibrated(done), "filter-ahead at the commitment, in ten bins")
 
 

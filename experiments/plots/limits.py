@@ -22,11 +22,11 @@ OUTLIERS = 0.01
 """Share of marks at either end of an axis that may be outliers and are not used for the body's box."""
 
 USUAL, FAR = 0.99, 10.0
-"""Least share of a series that an axis shows, and largest value shown, relative to the median."""
+"""Quantile of a series up to which an axis shows it, and largest value shown, relative to the series' median [1]."""
 
 
 def body_box(done: Track) -> Floats:
-    """Lowest and highest corner [m] of the body's box, (2, dim): its network, the marks, the truth."""
+    """Lowest and highest corner of a box around the network, the marks and the truth [m], (2, dim)."""
     corners = [done.recording.scene.network.positions]
     marks = np.array([mark.position for step in done.steps for mark in step.marks])
     if len(marks):
@@ -59,7 +59,7 @@ def widened(box: Floats, share: float) -> Floats:
 
 
 def highest(most: float, *series: Floats) -> float:
-    """Upper limit of an axis for these series: it shows the usual values of each, and is at most `most`."""
+    """Upper limit of an axis, at most `most`, with room for the usual values of each series."""
     sizes = [own for values in series if len(own := np.abs(values[np.isfinite(values)]))]
     tops = [min(float(np.quantile(own, USUAL)), FAR * float(np.median(own))) for own in sizes]
     top = 1.2 * max(tops, default=0.0)

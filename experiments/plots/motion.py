@@ -40,7 +40,7 @@ def draw_motion(done: Track, ax: Axes, axis: int) -> None:
 
 
 def usual_range(done: Track, axis: int) -> tuple[float, float]:
-    """Limits [mm] of an axis that shows truth, the filter's path near the body, and usual standard deviations."""
+    """Limits [mm] of an axis that shows the truth, the filter's path near the body, and the median 3-sigma band."""
     (low, high), places = 1e3 * widened(body_box(done), AROUND)[:, axis], means_mm(done, FILTER)[:, axis]
     truth = 1e3 * done.truth[:, axis]
     near = np.concatenate([places[(places >= low) & (places <= high)], truth[np.isfinite(truth)]])
@@ -55,9 +55,9 @@ def usual_range(done: Track, axis: int) -> tuple[float, float]:
 def draw_over_time(
     done: Track, ax: Axes, ours: Floats, papers: Floats, sigma: Floats, *, multiples: tuple[int, ...]
 ) -> None:
-    """Draw a coordinate estimated by filter and open loop; bands show multiples of sigma about the filter's estimate.
+    """Draw a coordinate over time by filter (`ours`) and open loop (`papers`), with bands of multiples of sigma.
 
-    Bands of several multiples are drawn about zero.
+    A single band is drawn about the filter's values, several bands are drawn about zero.
     """
     times = done.times_s
     at, spread = thinned(times, sigma)

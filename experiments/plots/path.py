@@ -138,7 +138,7 @@ def _whole(done: Track, ax: Axes) -> None:
 
 
 def _close(done: Track, ax: Axes) -> tuple[int, int]:
-    """Draw the paths alone, with ellipses; returns the number of ellipses, and of those larger than the plot."""
+    """Draw a close-up of the paths with ellipses; returns the numbers of ellipses drawn, and omitted as too large."""
     means, truth = means_mm(done, FILTER), 1e3 * done.truth
     known = truth[np.isfinite(truth).all(axis=1)]
     body = 1e3 * body_box(done)
@@ -154,7 +154,7 @@ def _close(done: Track, ax: Axes) -> tuple[int, int]:
 
 
 def _paths(done: Track, ax: Axes, thick: float) -> None:
-    """Draw the paths of filter (coloured by time), truth and paper; points outside the plot are marked and counted."""
+    """Draw the paths of the filter (coloured by time), truth and open loop; points outside are marked and counted."""
     means, papers, times = means_mm(done, FILTER), means_mm(done, OPEN_LOOP), done.times_s
     truth = 1e3 * done.truth
     shown = slice(None, None, -(-len(means) // N_DRAWN))
@@ -194,7 +194,7 @@ def _ellipse_keys(done: Track) -> dict[str, Line2D]:
 
 
 def _ellipses(done: Track, ax: Axes, reach: float) -> tuple[int, int]:
-    """Draw 2-sigma ellipses of some frames, faint if the estimate is not based on consistent marks."""
+    """Draw 2-sigma ellipses of some frames, faint if no consistent marks support the estimate; returns as `_close`."""
     estimates, norm, colours = done.estimates(FILTER), _of_time(done), colormaps[TIME_MAP]
     chosen = np.linspace(0, len(estimates) - 1, min(N_ELLIPSES, len(estimates))).astype(int)
     covs = {k: 1e6 * cov for k in chosen if (cov := estimates[k].cov) is not None}

@@ -26,7 +26,8 @@ from experiments.formats.scene.space_marks import outward
 from experiments.plots.style import HALO, OURS, PURPLE, SMALL_PT, ellipse
 
 TURNS_DEG, RAISED_DEG = (35.0, -55.0, 125.0, -145.0), 25.0
-"""View directions [degrees]: to the right of z, and above it. The first is used, and the one that adds most marks."""
+"""Directions of view [degrees]: angles to the right of z, and the angle above it. Plots have the first view and the one
+that adds most marks."""
 
 N_FACES = 4000
 """Largest number of faces that are drawn."""
@@ -58,7 +59,7 @@ WAYS = [(1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """A view; unit vectors: across, (2, dim), right and up in the plot; toward, (dim,), towards the viewer."""
+    """A view; across: unit vectors right and up in the plot, (2, dim); toward: unit vector to the viewer, (dim,)."""
 
     across: Floats
     toward: Floats
@@ -115,7 +116,7 @@ def draw_body(ax: Axes, view: View, scene: Scene, outside: Outside, room_mm: flo
 
 
 def draw_surface(ax: Axes, view: View, outside: Outside, wall: NDArray[np.bool_] | None = None) -> None:
-    """Draw the faces towards the viewer, far ones first, shaded by lamp angle; wall: whether fixed, (n_faces,)."""
+    """Draw the faces towards the viewer, far ones first, as lit by a lamp; wall: whether each is fixed, (n_faces,)."""
     corners_m, faces, normals = outside.corners, outside.faces, outside.normals
     at_corners = np.stack([np.bincount(faces.ravel(), np.repeat(n, 3), len(corners_m)) for n in normals.T], axis=1)
     smooth = at_corners[faces].mean(axis=1)
@@ -169,9 +170,9 @@ def draw_marks(ax: Axes, view: View, scene: Scene, room_mm: float) -> None:
 
 
 def name_places(places: Floats, names: Sequence[str], scale: float, *kept_free: Floats) -> Floats:
-    """Lower left corners, (n, 2), of names beside positions; names are placed to cover marks and earlier names least.
+    """Lower left corners, (n, 2), of names beside positions, with the least overlap with marks and earlier names.
 
-    scale: units of the plot per millimetre in print; kept_free: boxes that names should not cover either, (2, 2)
+    scale: units of the plot per millimetre in print; kept_free: further boxes that names should not overlap, (2, 2)
     """
     disc, gap = 1.3 * scale * np.ones(2), 0.9 * scale
     taken = [*kept_free, *(np.array([place - 0.5 * disc, place + 0.5 * disc]) for place in places)]

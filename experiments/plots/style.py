@@ -113,7 +113,7 @@ def span(ax: Axes, times_s: Floats) -> None:
 def legend_below(
     figure: Figure, of: Axes | Sequence[Axes], n_columns: int, more: Mapping[str, Artist] = MappingProxyType({})
 ) -> None:
-    """Draw the legend of some axes below the figure's axes, so that it does not cover data; more: entries by label."""
+    """Draw the legend of some axes below the figure's axes, where it covers no data; more: added entries by label."""
     entries = [ax.get_legend_handles_labels() for ax in ((of,) if isinstance(of, Axes) else of)]
     handles = [*(one for handles, _ in entries for one in handles), *more.values()]
     labels = [*(one for _, labels in entries for one in labels), *more]
@@ -124,7 +124,7 @@ def ellipse(mean: Floats, cov: Floats, sigmas: float, **style: object) -> Ellips
     """The ellipse of this many standard deviations of a Gaussian in the plane; mean (2,), cov (2, 2)."""
     values, vectors = np.linalg.eigh(cov)
     angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
-    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # the least of a singular matrix is a rounding error
+    across = 2.0 * sigmas * np.sqrt(values.clip(0.0))  # a zero eigenvalue may be rounded below zero
     return Ellipse((mean[0], mean[1]), across[1], across[0], angle=angle, **style)
 
 

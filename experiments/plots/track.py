@@ -1,6 +1,6 @@
 """The plots of a track: path of the target, error or motion over time, and consistency of the covariance.
 
-Limits follow from the body (`limits.py`); estimates outside are marked at the edge and counted.
+The body's size determines the limits of the axes (`limits.py`). Estimates outside are marked at the edge and counted.
 """
 
 from __future__ import annotations
@@ -29,8 +29,9 @@ def write_track_plots(
 ) -> list[Path]:
     """Draw the plots of a track into an existing folder; returns the files written.
 
-    Always path.png; with truth also error.png and sigma.png, without truth motion.png (in space it is part of path.png)
-    consistency.png if the filter used marks; withheld.png if it predicted marks as if they were hidden
+    There is always path.png. With truth there are error.png and sigma.png; without truth there is motion.png, which in
+    space is part of path.png. If the filter used marks, there is consistency.png. If the filter predicted marks as if
+    they were hidden, there is withheld.png.
     vector: "pdf" or "svg" for a vector file beside each; advance: called with the completed share
     """
     pictures: dict[str, Figure | None] = {"path": path_figure(done)}

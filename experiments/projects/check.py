@@ -1,7 +1,7 @@
 """Check of a scene before estimation: what `softaim check` finds.
 
-Rest, oscillations and the accuracy bound are computed for the scene's network near its rest. The scene's filter shows
-how much information a frame of marks at rest contains.
+The rest shape, oscillations and the accuracy bound are computed for the scene's network near its rest. The scene's
+filter, given marks at rest, shows how much information on the target a frame contains.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SETTLING_S, LONGEST_S = 1.0, 4.0
 """Least and largest time for which the filter gets marks at rest [s]; the time ends when the covariance is steady."""
 
 SETTLED = 0.01
-"""Largest relative change of the target's variance in a quarter of a second with which it counts as steady."""
+"""Relative change of the target's variance in a quarter of a second up to which the variance counts as steady [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,12 +46,13 @@ class SceneCheck:
 
     path: path of the scene's file; rest: positions at rest [m], (n_nodes, dim)
     stable_s: longest stable step of explicit integration [s]; step_s: longest step of the filter's integration [s]
-    interval_s: frame interval [s]; seen: the measured marks in a frame at rest; single: nodes of the marks that only
-    one camera in space sees; unfound: reasons why marks are not detected, by node, None for marks without rows
+    interval_s: frame interval [s]; seen: the measured marks in a frame at rest
+    single: in space, nodes of the marks that only one camera sees
+    unfound: by node, the reason why its mark was not found; None if marks.csv has no row of the mark
     estimate: the filter's estimate of the target after some seconds at rest
     variance_shares: share of each source of error in the target's variance, the largest first
-    quiet_m, pushed_m: lower bounds on the target's standard deviation on each axis for unbiased estimates [m]; quiet_m
-    is without pushes, pushed_m with pushes on all marked nodes as in the scene's filter
+    quiet_m: lower bound on the target's standard deviation on each axis for unbiased estimates, without pushes [m]
+    pushed_m: the same bound, with pushes on all marked nodes as in the scene's filter [m]
     """
 
     path: Path
@@ -83,7 +84,8 @@ class SceneCheck:
     def mark_sd_m(self) -> float:
         """Standard deviation of a mark on each axis, including the calibration's error [m].
 
-        Only marks that several cameras see count; without such marks, the standard deviation across a camera's ray.
+        Marks that only one camera in space sees are omitted. If there are no others, it is the standard deviation
+        perpendicular to the camera's ray.
         """
         covs = [mark.total_cov for mark in self.seen if mark.node not in self.single]
         variances = np.linalg.eigvalsh(covs or [mark.total_cov for mark in self.seen])
@@ -163,8 +165,8 @@ def _seen(
 ) -> tuple[tuple[MarkMeasurement, ...], frozenset[str], dict[str, LostMark | None]]:
     """Measured marks at rest with covariances, nodes that only one camera sees, and nodes without found marks.
 
-    Covariances are from the option, the rows of marks.csv, or a picture: the film's first, or a synthetic one. Without
-    any of these, or if no measured mark is found, `NEAR_SD_MM` is used.
+    The covariance comes from sd_mm, from the rows of marks.csv, or from a picture (a film's first or a synthetic one).
+    Without any of these, or if no measured mark is found, `NEAR_SD_MM` is used.
     """
     network = scene.network
     covs = {node: (1e-3 * (sd_mm or NEAR_SD_MM)) ** 2 * np.eye(network.dim) for node in scene.measured_nodes}
@@ -215,7 +217,7 @@ def _calibration_error(scene: Scene, place: Floats) -> Floats | None:
 
 
 def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-    """The reference marks at their positions, with the mean covariance of these marks of the tissue."""
+    """The reference marks at their stated positions, with the mean covariance of the tissue's marks in `seen`."""
     cov = np.mean([mark.cov for mark in seen], axis=0)
     places = reference_places(scene.reference, scene.network)
     return tuple(MarkMeasurement(name, place, cov, _calibration_error(scene, place)) for name, place in places.items())
@@ -224,7 +226,7 @@ def _reference_marks(scene: Scene, seen: Sequence[MarkMeasurement]) -> tuple[Mar
 def _in_rows(
     scene: Scene, rows: Sequence[MarkRow], usual: Mapping[str, Floats]
 ) -> tuple[dict[str, Floats], tuple[str, ...]]:
-    """Covariance [m²] of each measured mark that has rows, or `usual` if none has rows; and the nodes without rows."""
+    """By node, the covariance [m²] of the row with the median sd, or `usual` without rows; and nodes without rows."""
     found = {node: sorted((row for row in rows if row.node == node), key=lambda row: row.sd_m) for node in usual}
     covs = {node: own[len(own) // 2].cov for node, own in found.items() if own}
     return covs or dict(usual), tuple(node for node, own in found.items() if not own)

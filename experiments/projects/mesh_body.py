@@ -54,7 +54,7 @@ NEAR = 0.05
 """Largest distance by which a mark is moved onto the surface, relative to the body's extent; choice: 5 mm in 100 mm."""
 
 LEAST_FREE = 1e-3
-"""Least interpolation weight of the free nodes around a target with which the target can move [1]; numerical."""
+"""Least sum of the free nodes' interpolation weights at a target [1]: with less, the target cannot move; numerical."""
 
 N_DRAWS = 100
 """Largest number of draws of the simulated lesion's position until one is inside the body; choice."""
@@ -67,8 +67,8 @@ SHALLOWEST_MM = 0.01
 class MeshChoice:
     """The options of `softaim new` for a body of tetrahedra.
 
-    marks: their number, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
-    driven: whether the wall, `fixed`, moves
+    marks: number of marks, or a file with columns name,x_mm,y_mm,z_mm; target_mm: x,y,z; regions: LABEL=TISSUE
+    driven: whether the fixed nodes, the wall, move
     """
 
     path: Path
@@ -117,7 +117,7 @@ def mesh_template(of: MeshChoice, *, young_pa: float | None, seed: int) -> Templ
         for one in tissues
     ]
     points = [*marks.items(), (TARGET, _drawn(of, target, mesh, anchored, rng))]
-    exactly = replace(of, target_sd_mm=0.0)  # the lesion is drawn above; `insert` must not draw it again
+    exactly = replace(of, target_sd_mm=0.0)  # the lesion's position is already random; `insert` must not vary it again
     truth = _scene(content, exactly, table(dict(enumerate(actual)), points), marks)
     entry, direction = surest_entry(assumed.network, TARGET, mesh, faces, nearest, anchored)
     counts = (
@@ -146,7 +146,7 @@ def _check_words(of: MeshChoice, young_pa: float | None) -> None:
 
 
 def _check_fits(of: MeshChoice, places: Floats, body: Body | None) -> None:
-    """Raise InputError for options that do not fit a body with positions [m], (n, 3), before elements are made.
+    """Before elements are made, raise InputError for options that do not fit a body with positions [m], (n, 3).
 
     body: the body in the file, None for a surface
     """
@@ -182,7 +182,7 @@ def _label_of(fixed: str) -> str:
 
 
 def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
-    """Nodes of the faces with the label in `fixed`, None without a label; InputError if it is missing or ambiguous."""
+    """Nodes of the faces with the label in `fixed`, None without a label; InputError if it is unknown or ambiguous."""
     if not (named := _label_of(fixed)):
         return None
     chosen, _, label = named.rpartition("=")
@@ -198,7 +198,7 @@ def _labelled(body: Body, fixed: str) -> NDArray[np.int64] | None:
 
 
 def _wall(of: ProjectMesh, body: Body, choice: MeshChoice) -> tuple[NDArray[np.int64], str]:
-    """The nodes that labels fix, and the scene's key `fixed`; raises InputError if no node or every node is fixed."""
+    """The fixed nodes, and the scene's key `fixed`; raises InputError if no node or every node is fixed."""
     nodes, fixed = of.wall, (choice.fixed or "").strip()
     if (labelled := _labelled(body, fixed)) is not None:
         nodes, fixed = labelled, WALL
@@ -297,7 +297,7 @@ def _drawn(
 
 
 def _free_weight(place: Floats, mesh: TetMesh, anchored: NDArray[np.int64]) -> float:
-    """Weight of the free nodes in the interpolation at a position [m], (3,); MeshError outside the body."""
+    """Sum of the free nodes' interpolation weights at a position [m], (3,); MeshError outside the body."""
     element, weights = locate(mesh, place[None])
     return float(weights[~np.isin(mesh.elements[element], anchored)].sum())
 

@@ -1,4 +1,4 @@
-"""Tissues of a mesh: a single tissue, tissues by the labels of a file, or mixtures of fat and gland by a field."""
+"""Tissues of a mesh: a single one, several by a file's labels, or mixtures of fat and glandular tissue by a field."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from experiments.errors import InputError, shown
 from experiments.formats.mesh.body import Body
 
 CLASSES = 4
-"""Number of tissues between fat and gland into which a field is divided; choice: identification finds the stiffness of
-each, and marks on the surface determine only a few."""
+"""Number of tissues, from fat to glandular tissue, by which a field's mixtures are approximated; choice: identification
+estimates the stiffness of each, and marks on the surface determine only a few."""
 
 GROUPS = "gmsh:physical"
 """Name of the field that has Gmsh's labels."""
@@ -39,8 +39,9 @@ def check_tissues(field: str | None, regions: Sequence[str], young_pa: float | N
 def assigned(body: Body, path: Path, field: str | None, regions: Sequence[str], young_pa: float | None) -> Tissues:
     """Assign the tissues of a body; raises InputError.
 
-    field: name of the field that has the labels in `regions` (LABEL=TISSUE) or, without regions, the share of gland
-    young_pa: Young's modulus of a body of one tissue; all options are checked
+    regions: LABEL=TISSUE for each label of the field; without regions, the field is the share of glandular tissue
+    young_pa: Young's modulus of a body of one tissue [Pa]
+    The options have passed `check_tissues`.
     """
     if regions or field is not None:
         return _labelled(body, path, field, regions) if regions else _mixed(body, path, field or "")
@@ -75,7 +76,7 @@ def _labelled(body: Body, path: Path, field: str | None, regions: Sequence[str])
 
 
 def _mixed(body: Body, path: Path, field: str) -> Tissues:
-    """Mixtures of fat and gland by a field with the share of gland; moduli and densities are interpolated."""
+    """Mixtures of fat and glandular tissue, by a field with the glandular share; constants are interpolated."""
     share = _share(body, path, field)
     number = np.minimum((share * CLASSES).astype(np.int64), CLASSES - 1)
     kept, regions = np.unique(number, return_inverse=True)
@@ -96,7 +97,7 @@ def _mixed(body: Body, path: Path, field: str) -> Tissues:
 
 
 def _share(body: Body, path: Path, field: str) -> Floats:
-    """The share of gland in each element, (m,)."""
+    """The share of glandular tissue in each element, (m,)."""
     if field in body.cell_fields:
         share = body.cell_fields[field]
     elif field in body.fields:

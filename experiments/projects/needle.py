@@ -12,7 +12,7 @@ from experiments.arrays import Floats
 from experiments.formats.needle_file import FORCES
 
 AIMING = 6
-"""Number of iterations for the aim at a target that the needle pushes; numerical: the last moves the aim by < 10 µm."""
+"""Number of iterations for the aim at a target that the needle displaces; numerical: the last changes it by < 10 µm."""
 
 N_ENTRIES = 200
 """Number of entries that are compared; choice: about 15 mm apart on a breast's skin."""
@@ -25,13 +25,13 @@ BEFORE = np.linspace(0.02, 1.0, 25)
 
 
 def aimed(network: MassSpringNetwork, target: str, entry: Floats, direction: Floats) -> Floats:
-    """The direction, (dim,), from an entry [m], (dim,), to the target's position after the needle's push."""
+    """Unit vector from an entry to the target as the needle displaces it, (dim,); entry: its position [m], (dim,)."""
     start = network.positions[network.index(target)]
     return _aimed(NeedlePush(network, target, FORCES.planned(network)), start, entry, direction)[0]
 
 
 def _aimed(push: NeedlePush, start: Floats, entry: Floats, direction: Floats) -> tuple[Floats, Floats]:
-    """The direction, (dim,), and the push [m], (dim,), for a target whose position at rest is `start` [m], (dim,)."""
+    """Direction to the target as the needle displaces it, and this displacement [m]; start: position at rest [m]."""
     shift = np.zeros_like(start)
     for _ in range(AIMING):
         shift = push.shift(Insertion(entry, direction, 1.0))
@@ -47,10 +47,11 @@ def surest_entry(
     nearest: Floats,
     wall: NDArray[np.int64],
 ) -> tuple[Floats, Floats]:
-    """The entry on the free surface [m], (3,), with the least error from push and bending, and the direction, (3,).
+    """The entry with the least error of the tip by push and bending [m], (3,), and the needle's direction, (3,).
 
-    Entries on the side of the wall, nodes (k,), are excluded, because the rest of the person is there.
+    Entries on the side of the wall are excluded, because the rest of the patient's body is there.
     faces: free surface, (k, 3); nearest: its point nearest to the target [m], (3,), returned if no entry is possible
+    wall: fixed nodes, (k,)
     """
     forces, bending_sd = FORCES.planned(network), Needle().bending_sd
     push = NeedlePush(network, target, forces)

@@ -79,7 +79,7 @@ def project(
 
 
 def write_project(of: Template, folder: Path, *, seed: int = 0) -> None:
-    """Write the files of a project to an existing folder; seed: the project's recordings use the next three seeds."""
+    """Write the files of a project to an existing folder; the project's recordings use the three seeds after `seed`."""
     scenes = {
         "scene.toml": (of.assumed, f"{of.title}: the assumptions.\ndocs/recording.md has all keys.", UNTUNED),
         "truth/scene.toml": (of.truth, "The simulated tissue. Only softaim simulate may read this.", ""),

@@ -24,15 +24,15 @@ N_LOWEST = 3
 """Number of frequencies that are listed, lowest first."""
 
 SURE = 0.9
-"""Least hit probability with the best aim that gives no warning; it equals the default threshold of GO."""
+"""Hit probability of the best aim below which there is a warning [1]; it equals the default threshold of GO."""
 
 SURER = 0.95
-"""Least ratio of the filter's sigma at rest to the lower bound of sigma that gives no warning [1]."""
+"""Ratio of the filter's sigma at rest to the lower bound of sigma, below which there is a warning [1]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Missing:
-    """A missing part of a scene, and the next step."""
+    """A missing part of a scene, and the user's next step."""
 
     what: str
     next: str
@@ -246,7 +246,7 @@ def _of_marks(done: SceneCheck) -> Iterator[Missing]:
 
 
 def _view(done: SceneCheck) -> str:
-    """Text on the view of a flat scene's camera, for marks outside of its picture."""
+    """Text on the area that a flat scene's camera sees, if marks are outside of its picture; otherwise empty."""
     outside = any(one is not None and one.reason is Reason.OUTSIDE for one in done.unfound.values())
     view = done.scene.cameras[0].view_m if outside and done.scene.cameras else None
     if view is None:
@@ -256,7 +256,7 @@ def _view(done: SceneCheck) -> str:
 
 
 def _why_unfound(done: SceneCheck) -> tuple[str, str]:
-    """The most frequent reason why marks were not found, with the numbers of one such mark, and what to check."""
+    """Why most of the missing marks were not found, with the numbers of one of them; and what to check."""
     lost = [one for one in done.unfound.values() if one is not None]
     if not lost:
         return "", LOOK_AT[NO_ROW]
@@ -284,7 +284,7 @@ def _of_tables(done: SceneCheck) -> Iterator[Missing]:
 
 
 def best_hit(done: SceneCheck) -> float:
-    """Hit probability of the best aim if the target's sd equals the lower bound without pushes."""
+    """Hit probability of the best aim, if the target's sd equals its lower bound without pushes."""
     dim = done.scene.network.dim
     middle, still = np.zeros(dim), np.zeros((dim, dim))
     target = GaussianMixture.gaussian(middle, done.quiet_m**2 * np.eye(dim))
@@ -304,7 +304,7 @@ def _has_friction(done: SceneCheck) -> bool:
 
 
 def _drawn_to(done: SceneCheck) -> float:
-    """Largest offset of a node from its drawn position with which the network counts as resting as drawn [m]."""
+    """Largest distance between the drawn and the rest position of a node that is not reported [m]."""
     return SAGS * float(np.ptp(done.scene.network.positions, axis=0).max())
 
 

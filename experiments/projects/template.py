@@ -1,6 +1,6 @@
 """Content of a new project: a user's scene, and a simulated tissue that differs from it.
 
-The numbers below define the template; the user changes them in the files.
+The numbers below define the template; a user changes them in the project's files.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ SIZE_PX, ROOM = (640, 480), 1.6
 """Size of the picture [px], and ratio of the visible plane's size to the body's [1]."""
 
 FINEST_MM = 0.01
-"""Step to which the size of a camera's pixel is rounded, and its least value [mm]."""
+"""Step to which the size of a camera's pixel on the plane is rounded, and least such size [mm]."""
 
 CALIBRATION_SD_PX = 0.68
 """Standard deviation of marks in films with the scenarios' light `paper` [px]."""
@@ -58,11 +58,12 @@ OWN_SD = {"stiffness": 0.03, "rest_length": 0.005, "damping": 0.03, "drag": 0.03
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Template:
-    """A project: the scene that the filter assumes, the simulated tissue, and a needle.
+    """Content of a project: the user's scene, the scene of the simulated tissue, and the needle's entry and direction.
 
-    assumed: the user's scene; it rests as drawn
-    truth: the scene of the simulated tissue, drawn at its rest: it has other constants, and the same marks and target
-    entry_m, direction: where a needle enters the tissue, and its direction to the pushed target, each (dim,)
+    assumed: the scene that the filter assumes; its shape at rest is the drawn one
+    truth: the scene of the simulated tissue, drawn at rest; only its constants and positions differ from `assumed`
+    entry_m: where the needle enters the tissue [m], (dim,)
+    direction: unit vector from the entry to the target as the needle displaces it, (dim,)
     """
 
     title: str
@@ -132,7 +133,7 @@ def _camera(positions: Floats) -> PlaneCamera:
 
 
 def _off(phantom: Phantom, rng: np.random.Generator) -> dict[str, Floats]:
-    """Logs of the factors on each constant of the simulated tissue, by kind, (n_springs,) or (n_nodes,)."""
+    """By kind, logarithms of random factors on the simulated tissue's constants, (n_springs,) or (n_nodes,)."""
     names = sorted(set(phantom.groups))
     group = np.array([names.index(one) for one in phantom.groups])
     factors = {}

@@ -16,9 +16,9 @@ BACKLOG = 32
 
 @dataclass(frozen=True, slots=True)
 class Faces:
-    """Servers of a run: listening sockets, None for servers that do not run.
+    """Listening sockets of a run's servers; None for a server that does not run.
 
-    token: secret that clients need to write; read_open: whether they may read without it
+    token: secret that clients need to write; read_open: whether clients without the token may read
     """
 
     page: socket.socket | None = None

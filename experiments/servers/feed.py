@@ -15,7 +15,7 @@ Message = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One published moment: its number, which increases by one; the state as JSON; possibly a picture as JPEG."""
+    """A published state of the run as JSON, its consecutive number and, if clients request it, a picture as JPEG."""
 
     number: int
     text: bytes
@@ -25,8 +25,8 @@ class Moment:
 class Feed:
     """Newest state of a live run, and the channel for commands to it.
 
-    send: passes a command of `commands` to the loop without waiting; the loop may refuse it
-    scene: the message with all that is constant, sent to viewers first
+    send: passes a command to the loop without waiting; the loop may refuse the command
+    scene: the message with all constant values, sent to viewers first
     State: the newest moment; number of clients that request pictures.
     """
 
@@ -37,7 +37,7 @@ class Feed:
         self._changed = asyncio.Event()
 
     def publish(self, text: bytes, picture: bytes | None) -> None:
-        """Store the state that the loop published."""
+        """Store a state that the loop has published."""
         self.newest = Moment(1 if self.newest is None else self.newest.number + 1, text, picture)
         self._changed.set()
         self._changed = asyncio.Event()

@@ -1,7 +1,7 @@
 """The loop's side of the servers: it sends the newest state to the serving process, and receives requests.
 
-The loop does not wait: one thread sends the newest state when the serving process has received the last one, another
-thread receives. If the process ends or hangs, the loop continues.
+The loop does not wait: one thread sends the newest state as soon as the serving process has received the last state,
+and another thread receives requests. If the process ends or hangs, the loop continues.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ ENDS_S = 2.0
 class Link:
     """A process that serves a live run, from its start to `close()`.
 
-    notices: lines with the addresses, which `tell` prints on standard error
-    State, shared with the threads: the waiting state; whether the process is ready for it, and how many clients request
-    pictures; requests not yet fetched.
+    notices: lines with the servers' addresses, which `tell` prints on standard error
+    State, shared with the threads: the state that waits to be sent; whether the process is ready to receive it; the
+    number of clients that request pictures; the requests that the loop has not yet fetched.
     """
 
     def __init__(self, faces: Faces, notices: Sequence[str] = ()) -> None:
@@ -65,7 +65,7 @@ class Link:
 
     @property
     def wants_picture(self) -> bool:
-        """Whether there are viewers of pictures, and the next picture is due."""
+        """Whether any client requests pictures and the next picture is due."""
         return self.n_watching > 0 and time.monotonic() - self._pictured_s >= PICTURE_S
 
     def begin(self, scene: Mapping[str, Any]) -> None:
@@ -75,7 +75,7 @@ class Link:
             self._changed.notify_all()
 
     def tell(self) -> None:
-        """Print the addresses, once."""
+        """Print the servers' addresses at the first call."""
         for line in self._notices:
             SHOWN.say(line)
         self._notices = ()

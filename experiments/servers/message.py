@@ -159,7 +159,7 @@ def _advice(guidance: Guidance) -> dict[str, Any]:
 
 
 def _picture(overlay: Overlay) -> dict[str, Any]:
-    """Annotation in pixels of the picture; an ellipse is its centre and two semi-axes as vectors."""
+    """Annotation in pixels of the picture; an ellipse has a centre and two semi-axes as vectors."""
     needle = overlay.needle
     return {
         "nodes_px": [_px(one) for one in overlay.nodes_px],

@@ -16,7 +16,8 @@ from experiments.servers.link import Link
 def served(page: str | None, openigtlink: str | None, *, with_page: bool = True) -> Iterator[Link | None]:
     """The process that serves a page and OpenIGTLink until the context ends; None if neither is requested.
 
-    page, openigtlink: HOST:PORT; by default the page is on loopback, at its default port or a free port
+    page, openigtlink: addresses as HOST:PORT. If page is None, the page is on loopback: at its default port or, if that
+    port is in use, at any free port.
     Addresses are printed on standard error when clients are served. InputError if an address is not available.
     """
     lacking = missing("live")

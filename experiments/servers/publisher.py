@@ -135,7 +135,7 @@ class Shows:
     def attend(self, control: Control) -> None:
         """Handle the requests since the last cycle of the loop, and report failed requests.
 
-        It ends after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
+        It returns after `ATTENDS_S`, so that many requests do not delay a frame; the next cycle handles the rest.
         Addresses are printed with the first frame or after `TELLS_S`, so that bad input prints only its error.
         """
         if control.session.counters.frames or time.monotonic() - self._began_s > TELLS_S:

@@ -34,7 +34,7 @@ class Exported:
 
 
 def exported(recording: Recording, folder: Path | None, start: str | None) -> Exported:
-    """A recording with its results in a folder; raises InputError, also for results of another recording.
+    """A recording, and its results from a folder. Raises InputError, also if the results are of another recording.
 
     start: date and time of the first exposure in ISO 8601; without it, time 0 is the start of 1970
     """

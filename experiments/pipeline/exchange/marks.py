@@ -21,10 +21,10 @@ from vision import PlaneCamera, fronto_parallel_camera
 
 @dataclass(frozen=True, slots=True)
 class ImportSettings:
-    """Settings of an import: which positions of a table are marks, and their accuracy.
+    """Settings of an import: which positions of a table are used, and their accuracy.
 
     least: least likelihood of a position that is used [1]; source: `pcutoff` of DeepLabCut. A position without a
-    likelihood was set by a person and is always used
+    likelihood was set manually and is always used
     sd_px: standard deviation of a position on each axis [px]; choice: replace it by the error that the tracker's own
     evaluation reports
     """
@@ -47,8 +47,8 @@ class Imported:
     """Marks of a table, by frame.
 
     scene: scene with these marks; exposures_s: times of all frames [s], (n_frames,); marks: marks of each frame
-    unlikely, outside: numbers of omitted positions: those with a low likelihood, and those outside the picture
-    manual: number of marks without a likelihood, which a person set
+    unlikely, outside: numbers of positions omitted for a low likelihood, and for lying outside the picture
+    manual: number of marks without a likelihood, which were set manually
     """
 
     scene: Scene

@@ -1,4 +1,4 @@
-"""Advice on a needle in a live run. The target's path comes from tables and, if it is valid, from a breathing model."""
+"""Advice on a needle in a live run, from the target's path that the filter and a breathing model predict."""
 
 from __future__ import annotations
 
@@ -33,12 +33,13 @@ class LiveAdvice:
     """Advice on a needle for each frame, and while frames are missing; each row is written to advice.csv at once.
 
     The time of a row is the frame's exposure time or, without a frame, the present. The target's predicted path is a
-    mixture of the filter's path, from tables, and the breathing model's path, weighted by their probabilities.
-    unstated: covariance of the target from unstated errors [m²], (dim, dim); None: zero
-    origin_s: clock time at which the source's own time, used in rows, is zero [s]
-    State: the table; the last estimate from a frame; the breathing model; counts of each advice; the plan, whose needle
-    moves if it is tracked; posed_s, the time of the needle's last pose [s], inf without a tracker, -inf while the
-    tracker does not see the needle; whether the needle has to stop.
+    mixture of the filter's path and the breathing model's path, weighted by their probabilities. The filter's path is
+    computed from tables.
+    unstated: covariance of the target from errors that the scene does not state [m²], (dim, dim); None means zero
+    origin_s: clock time at which the source's own time is zero [s]; rows have the source's time
+    State: the table; the last estimate from a frame; the breathing model; the number of times that each advice was
+    given; the plan, whose needle moves if it is tracked; posed_s, the time of the needle's last pose [s], inf without a
+    tracker, -inf while the tracker does not see the needle; whether the needle has to stop.
     """
 
     def __init__(self, plan: NeedlePlan, tissue: TissueFilter, rows: Path, unstated: Floats | None = None) -> None:
@@ -55,7 +56,7 @@ class LiveAdvice:
         self.table = LiveTable(rows, header(self._dim))
 
     def forget(self) -> None:
-        """Discard the breathing model and the last estimate, because the filter restarts; the needle stays."""
+        """Discard the breathing model and the last estimate, because the filter restarts; the needle is kept."""
         self._breath, self._last = BreathingPath(self._dim), None
 
     def needle_at(self, tip_m: Floats, direction: Floats) -> None:
@@ -66,7 +67,7 @@ class LiveAdvice:
         self.plan = replace(self.plan, insertion=self._stated.tracked(tip_m, direction))
 
     def seen(self, tissue: TissueFilter, estimate: TargetEstimate, now_s: float, fault: str | None = None) -> Guidance:
-        """The advice at now_s [s], from the estimate of the newest frame; also writes its row.
+        """Write and return the advice at now_s [s], from the estimate of the newest frame.
 
         fault: reason to give no guidance, whatever the estimate
         """
@@ -75,7 +76,7 @@ class LiveAdvice:
         return self._said(tissue, estimate, now_s, estimate.time_s, fault)
 
     def unseen(self, tissue: TissueFilter, now_s: float, fault: str | None = None) -> Guidance | None:
-        """The advice at now_s [s] without a new frame, from the last estimate, if any; also writes its row.
+        """Write and return the advice at now_s [s] without a new frame; None before the first estimate.
 
         fault: reason to give no guidance, whatever the estimate
         """

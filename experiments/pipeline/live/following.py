@@ -37,12 +37,12 @@ Frames = vision.Source | vision.SeveralFrames | MarkSource
 
 
 class Attendant(Publisher, Protocol):
-    """Protocol of a viewer's process: it shows a run, and handles requests."""
+    """Protocol of a publisher that also shows frames before the first estimate, and handles viewers' requests."""
 
     def prepare(self, frame: vision.Frame | None, n_shown: int, time_s: float) -> None:
         """Show a frame without an estimate, or report that there is no frame; n_shown: number of frames so far.
 
-        time_s: time of the frame or, without one, the present, in the source's time [s]
+        time_s: time of the frame, or the present if there is none, in the source's time [s]
         """
 
     def attend(self, control: Control) -> None:
@@ -66,9 +66,10 @@ def live(
     """Track the target live until the source ends, `duration_s` is over or Ctrl-C; write scene.toml, estimates.csv.
 
     Without a frame the target is predicted. Events of the source go to standard error. A needle file adds advice.csv.
-    sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder; begun: called before
-    the first frame is used; film: creates the film of the run; attendant: shows the run to viewers; record: whether to
-    record from the first frame on; phantom: its process, if already started. Raises InputError.
+    sources: one source, or NAME=SOURCE for each camera in space; begin: opens the output folder
+    begun: called, maybe repeatedly, after the first frame was used; film: creates the film of the run
+    attendant: creates the object that shows the run to viewers; record: whether to record from the first frame on
+    phantom: process of the simulated phantom, if already started. Raises InputError.
     """
     shown_source = ", ".join(map(vision.shown_source, sources))
     name = f"--source {shown_source}"
@@ -165,8 +166,8 @@ def _report(
 ) -> dict[str, Any]:
     """Result of a live run for `--json`: counts of frames, latencies [ms], counts of advice, and the error, if any.
 
-    deadlines_missed: number of frames dropped because a newer one had come, or processed for more than a frame interval
-    memory_mb: memory of the process at the first frame, and at the end; None if the system does not report it
+    deadlines_missed: number of frames dropped because a newer one had come, or that took over a frame interval
+    memory_mb: memory of the process after the first frames, and at the end [MB]; None if the system does not report it
     refused: counts of unusable input from a tracker, by kind; None for other sources
     """
     unwritten = next((table.fault for table in session.tables if table.fault is not None), None)
@@ -222,7 +223,7 @@ def follow(
     *,
     attend: Callable[[], None] = lambda: None,
 ) -> None:
-    """Process frames as they arrive, or predict without one, until the source ends or duration_s [s] has passed.
+    """Process frames as they arrive, and predict while none arrives, until the source ends or duration_s [s] passed.
 
     attend: called in each cycle, between two frames
     """

@@ -1,4 +1,4 @@
-"""Output of a live run that neither delays nor ends the loop: tables, a status line."""
+"""Output of a live run that neither delays nor ends the loop: tables and a status line."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class LiveTable:
         self._file: TextIOWrapper | None = None
 
     def begin(self) -> None:
-        """Create the file, unless done; called with the first row, so that a run without rows keeps an older file."""
+        """Create the file at the first call, which comes with the first row: a run without rows keeps an older file."""
         if self._file is None and self.fault is None:
             try:
                 self._file = self.path.open("w", encoding="utf-8", newline="")
@@ -46,7 +46,7 @@ class LiveTable:
                 self._failed(error)
 
     def write(self, row: Sequence[Any]) -> None:
-        """Add a row; a failure is reported once, and this and later rows are omitted."""
+        """Add a row. The first failure is reported; its row and all later rows are omitted."""
         self.begin()
         if self.fault is None:
             try:
@@ -71,7 +71,7 @@ class LiveTable:
         LOG.warning("%s; the run continues without it", self.fault)
 
     def close(self) -> None:
-        """End the table."""
+        """Close the table's file."""
         if self._file is not None:
             try:
                 self._file.close()

@@ -62,9 +62,9 @@ def prepared(
     """Run `make` in a thread; returns its result and the number of frames shown meanwhile.
 
     make: function that may be interrupted and called again; rehearse: picklable function that calls the same kernels
-    frames: frames of a camera; None if they must not be read yet, for example because this would start a film.
-    show: called with each frame and the number of frames so far; with None if no frame came for LOOK_S. Exceptions of
-    make, show or the source are raised here.
+    frames: frames of a camera; None if they must not be read yet, for example because this would start a film
+    show: called with each frame and the number of frames so far; called with None if no frame came for LOOK_S
+    Raises exceptions of make, show or the source.
     """
     made = _in_thread(partial(_from_cache, make))
     n_shown = _shown_until(made.done, frames, show, 0)
@@ -76,7 +76,7 @@ def prepared(
 
 
 def _from_cache(make: Callable[[], Made]) -> Made:
-    """The result of `make`, without compilation; raises NotCompiledError if it needs compilation."""
+    """The result of `make`; raises NotCompiledError if `make` would have to compile code."""
     with install_listener("numba:compile", _Refusal()):
         return make()
 

@@ -46,7 +46,7 @@ class RecorderThread(Generic[Item]):
         self._thread.start()
 
     def put(self, item: Item) -> bool:
-        """Pass an item to the thread, unless too many items wait; returns whether it was passed."""
+        """Pass an item to the thread and return True; if too many items already wait, only return False."""
         with self._changed:
             if len(self._waiting) >= self._n_waiting:
                 return False

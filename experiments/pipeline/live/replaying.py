@@ -23,9 +23,10 @@ from experiments.pipeline.live.session import ADVICE, ESTIMATES, LiveFrame, Sess
 class Replayed:
     """Result of a replay.
 
-    rows: number of compared rows, by table; different: the number of the first different row, by table, if any
-    begun: whether the recording began with its run; otherwise estimates differ until both filters have converged
-    frames: number of replayed frames; lacking: number of frames in the journal whose pictures were lost by a kill
+    rows: by table, number of compared rows; different: number of the first different row, for tables that have one
+    begun: whether the recording began with its run; if not, estimates differ until both filters have converged
+    frames: number of replayed frames
+    lacking: number of frames in the journal without a picture, because the recording run was killed
     """
 
     frames: int
@@ -73,7 +74,7 @@ def replay(folder: Path, out: Path, advance: Callable[[float], None] = lambda _s
 
 
 def _pictures(folder: Path, journal: list[Done], opened: ExitStack) -> dict[str, Iterator[vision.Frame]]:
-    """The pictures of a recording by camera, or by "" for a single camera; none for another tracker's marks."""
+    """The pictures of a recording by the camera's name, "" for a single camera; empty for a recording of marks."""
     if not any(done.act is Act.FRAME for done in journal):
         return {}
     films = read_recording(folder).open_films()
@@ -122,9 +123,9 @@ def _again(done: Done, session: Session, folder: Path) -> None:
 
 
 def compared(recorded: Path, replayed: Path) -> tuple[int, int | None]:
-    """Number of rows that both tables have; number, from 1, of the first row that differs, None if all are equal.
+    """Number of rows that both tables have, and the first different one, counted from 1; None if all are equal.
 
-    An incomplete last row, after a kill, is ignored.
+    If the run was killed, an incomplete last row is ignored.
     """
     mine, theirs = (_rows(path) for path in (replayed, recorded))
     n = min(len(mine), len(theirs))

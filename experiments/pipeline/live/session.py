@@ -71,10 +71,11 @@ class Session:
     """One live run: processing of its frames, output, and actions.
 
     needle: plan for advice, None without advice; advice.csv is written beside the estimates
-    watch: called with each frame, its step and the advice; publisher: also called when there is no frame
-    rehearse: whether to compile before the first frame; not needed with a scripted clock
-    State: the line, the table of estimates; counters, and counts of statuses; the advice; the newest picture; the
-    journals that record all actions for a replay; whether the filter could use the last frame; the integrity monitor.
+    watch: called with each frame, its step and the advice
+    publisher: called with the state after each frame, and after each prediction without a frame
+    rehearse: whether to compile all code before the first frame; not needed with a scripted clock
+    State: the line; the table of estimates; the counters, and counts of statuses; the advice; the newest picture; the
+    journals, which record all actions for a replay; whether the filter could use the last frame; the integrity monitor.
     """
 
     def __init__(
@@ -110,11 +111,11 @@ class Session:
         self._last_s: float | None = None
 
     def take(self, frame: LiveFrame, waited_s: float = 0.0) -> bool:
-        """Estimate from one frame, write and show the result; returns whether the frame could be used.
+        """Estimate the target from one frame, write and show the result; returns whether the frame was used.
 
-        A frame is not used if it is older than the filter's state or not newer than the last frame, or if its size
-        differs from that of the scene's camera.
-        waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame has another size.
+        A frame is not used if it is older than the filter's state or not newer than the last frame, if its size differs
+        from that of the scene's camera, or if the filter cannot use its marks.
+        waited_s: time that the loop waited for the frame [s]. Raises InputError if the first frame's size differs.
         """
         exposure_s = round(frame.exposure_s, 9)
         fits = isinstance(frame, MarksFrame) or self._fits(frame)
@@ -170,7 +171,7 @@ class Session:
         self.counters.not_used += 1
 
     def _step(self, frame: LiveFrame, exposure_s: float) -> Step | None:
-        """The `Step` of a frame; None if its marks cannot be used, which is reported once."""
+        """The `Step` of a frame; None if the filter cannot use its marks. The first such frame in a row is reported."""
         try:
             if isinstance(frame, MarksFrame):
                 step = self.line.take(exposure_s, frame.marks)
@@ -194,7 +195,7 @@ class Session:
 
     @property
     def _fault(self) -> str | None:
-        """Reason why there is no advice even if the newest estimate is good."""
+        """Reason to give no advice even if the newest estimate is good; None without such a reason."""
         return PAUSED if self.paused else self.integrity.fault
 
     def _publish(
@@ -226,7 +227,8 @@ class Session:
     def coast(self, now_s: float) -> None:
         """Predict and show the target at now_s [s] without a frame.
 
-        The filter itself stays behind the present, because a late frame may still come; its predictions are written.
+        The filter itself is predicted only to an earlier time, because a late frame may still come. The filter's
+        predictions are written; the prediction at now_s is only shown.
         """
         self._check_filter()
         tissue = self.line.filter
@@ -259,14 +261,14 @@ class Session:
             self.advice.origin_s = origin_s
 
     def _own(self, estimate: TargetEstimate) -> TargetEstimate:
-        """The estimate in the source's time, with unstated errors added to its covariance."""
+        """The estimate with the source's time, and with unstated errors added to its covariance."""
         return replace(self.integrity.widened(estimate), time_s=self._own_s(estimate.time_s))
 
     def _own_s(self, time_s: float) -> float:
         return own_time_s(time_s, self._origin_s)
 
     def _note(self, act: Act, values: Sequence[Any] = (), *, time_s: float | None = None) -> float:
-        """Write an action to the journals; time_s: its time [s], by default the present, which is returned."""
+        """Write an action to the journals and return the present [s]; time_s: its time, by default the present."""
         now_s = self._clock()
         for journal in self.journals:
             journal.note(Done(act, now_s if time_s is None else time_s, now_s, tuple(values)))
@@ -325,7 +327,7 @@ class Session:
         return self.advice
 
     def close(self) -> None:
-        """End the tables."""
+        """Close the tables."""
         for table in self.tables:
             table.close()
 
@@ -336,7 +338,7 @@ class Session:
 
     @property
     def wait_s(self) -> float:
-        """Longest wait for a frame before the target is predicted [s]; at most the time after which advice is stale."""
+        """Longest wait for a frame before the target is predicted [s]; with a needle, at most the plan's `stale_s`."""
         wait_s = LIVE_DEFAULTS.wait_s
         return wait_s if self.advice is None else min(wait_s, self.advice.plan.settings.stale_s)
 

@@ -38,7 +38,7 @@ class Counters:
     frames, without_frame, not_used: numbers of frames used, of predictions without a frame, and of unusable frames
     dropped: number of frames that newer frames replaced before their use
     late: number of frames whose estimate took longer than the usual frame interval
-    latencies: times from exposure to estimate; latency_ms: that of the newest frame
+    latencies: latencies from exposure to estimate; latency_ms: latency of the newest frame [ms]
     stages_s: times of the newest frame by stage [s]: wait (for the frame), predict, detect, update, advise
     began_mb: memory of the process after the first frames [MB]
     """

@@ -27,7 +27,7 @@ INTERVAL_S = 1.0 / 30.0
 
 
 def warm_up(scene: Scene) -> None:
-    """Rehearse a scene; only the compiled code is kept."""
+    """Rehearse frames of a scene, so that their code is compiled; the estimates are discarded."""
     rest = scene.network.positions[[scene.network.index(mark.node) for mark in scene.marks]]
     _rehearse_marks(scene, rest)
     if scene.cameras:
@@ -39,7 +39,7 @@ def warm_up(scene: Scene) -> None:
 
 
 def _rehearse_marks(scene: Scene, places: Floats) -> None:
-    """Rehearse frames of marks at these positions [m], (n_marks, dim), with an outlier, without marks, with a fix."""
+    """Rehearse frames with marks at these positions [m], (n_marks, dim); with an outlier; without marks; with a fix."""
     line, plain = Line(scene, baseline=False), 1e-6 * np.eye(scene.network.dim)
     given = zip(scene.marks, places, strict=True)
     marks = [MarkMeasurement(mark.node, place, plain) for mark, place in given if mark.measured]
@@ -97,6 +97,6 @@ def _rehearse_search() -> None:
 
 
 def _tried(frame: Callable[[], object]) -> None:
-    """Rehearse a frame; as in a run, the scene's filter may refuse it."""
+    """Rehearse a frame; the scene's filter may refuse it, as in a run."""
     with suppress(CovarianceError):
         frame()

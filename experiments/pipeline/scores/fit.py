@@ -15,20 +15,20 @@ from estimators import LeaveOneOutCheck, Status, TargetEstimate, chi_square_boun
 from experiments.plain import counted
 
 SETTLED = (Status.TRACKING, Status.DIVERGED)
-"""Statuses of frames whose innovations are tested; frames at a start are not, because the prior is then wide."""
+"""Statuses of frames whose innovations are tested; those after a start are not tested, as the prior is then wide."""
 
 COVERED = (0.9, 0.995)
 """Least and largest share of frames inside the 95 % region if the covariance is neither too small nor too large [1];
 choice."""
 
 ONE_ERROR = 0.999
-"""Probability of the region outside which an error common to all frames shows a too small covariance [1]; choice."""
+"""Probability of a region [1]: if the error common to all frames lies outside, the covariance is too small; choice."""
 
 MOST_NEES = 2.0
-"""Largest ratio of mean NEES to its dimension; above it some errors are too large, whatever the coverage; choice."""
+"""Largest ratio of mean NEES to the dimension; above it the errors of some frames are too large [1]; choice."""
 
 NOISY = 1.5
-"""Factor on the stated standard deviation of marks above which this deviation is reported as too small [1]; choice."""
+"""Estimated factor on the stated sd of marks above which the stated sd is reported as too small [1]; choice."""
 
 NOISE = "marks are at least {:.1f} times as noisy as stated, which the estimate considers: state a larger sd"
 
@@ -65,7 +65,7 @@ class Fit:
 
     @property
     def inside(self) -> bool:
-        """Whether the mean lies in the band."""
+        """Whether the mean NIS lies in the band."""
         return self.low <= self.mean_nis <= self.high
 
 
@@ -96,8 +96,9 @@ def frames_by_status(estimates: Sequence[TargetEstimate]) -> dict[str, int]:
 
 @dataclass(frozen=True, slots=True)
 class TruthScore:
-    """Scores of the target's covariance by truth: share of frames inside the 95 % region, mean NEES, dimension.
+    """Scores of the target's covariance by the known truth.
 
+    coverage95: share of frames in which the truth lies inside the 95 % region [1]; dim: dimension of the tissue
     one_error: whether most of the variance comes from an error that is constant in time; all frames are then one sample
     """
 
@@ -121,7 +122,7 @@ class TruthScore:
 
     @property
     def is_wide_enough(self) -> bool:
-        """False if the truth shows that the covariance is too small; if true, lower noise may be advised."""
+        """Whether, by the truth, the covariance is large enough; otherwise lower noise levels must not be advised."""
         return self.coverage95 >= COVERED[0] and self.mean_nees <= MOST_NEES * self.dim
 
     @property
@@ -168,7 +169,7 @@ def verdict(
 
 
 def _fit_words(fit: Fit, wide: bool) -> str:
-    """Text on the fit, and the cause of a bad fit; wide: whether the target's covariance allows lower noise levels."""
+    """Text on the fit, and the cause of a bad fit; wide: whether lower noise levels may be advised."""
     band = f"its band {fit.low:.2f} to {fit.high:.2f}"
     if fit.inside:
         return f"marks scatter as predicted: NIS {fit.mean_nis:.2f} in {band}"
@@ -198,7 +199,7 @@ class Withheld:
 
 
 def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
-    """The figures of one or more predictions of one mark."""
+    """Statistics of one or more predictions of one mark."""
     errors = np.array([one.error for one in checks])
     nees = float(np.mean([one.nees for one in checks]))
     distances = np.linalg.norm(errors, axis=1)
@@ -206,7 +207,7 @@ def withheld_of(checks: Sequence[LeaveOneOutCheck]) -> Withheld:
 
 
 def withheld_words(withheld: Mapping[str, Withheld], scale: float) -> str:
-    """A sentence on what withheld marks show about the target; scale: mean factor on the target's covariance."""
+    """What the errors of withheld marks show about the target, in words; scale: mean factor on its covariance."""
     if not withheld:
         return "no mark was predicted as if hidden while the others were tracked: the check has no result"
     worst = max(withheld, key=lambda node: withheld[node].ratio)

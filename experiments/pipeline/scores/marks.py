@@ -12,7 +12,7 @@ from experiments.pipeline.line import Step
 from vision import LostMark, Reason
 
 MANY = 0.05
-"""Largest share of frames without a mark that is not reported; choice: the share outside 95 % regions."""
+"""Share of frames without a mark above which the mark is reported [1]; choice: the share outside 95 % regions."""
 
 REFUSED = "refused by the gate"
 NO_ROW = "no row in marks.csv"

@@ -33,15 +33,15 @@ PATIENCE, AGAIN = 3, 6
 searches for hidden marks [1]; choice: each search covers the whole picture and is slow."""
 
 STAGES = tuple(name for name in STAGE_NAMES if name != "other light")
-"""Stages of the finders; the slowest is omitted: a mark that a camera misses when light changes is seen by others."""
+"""Search stages of the finders. The slowest, a search in other light, is omitted: other cameras may see the mark."""
 
 
 class CameraSight:
     """Finder of marks in the pictures of one camera.
 
     normals: outward unit normals of the marks, (n, 3); steps: errors of lens and pose, as in `vision.Seen`
-    State: the camera and its errors, which follow its pose; the finder; for each mark, the number of consecutive frames
-    without it and the reason; the number of frames.
+    State: the camera with its present pose, and the errors of lens and pose; the finder; for each mark, the number of
+    consecutive frames in which it was not found, and the reason; the number of frames.
     """
 
     def __init__(
@@ -63,7 +63,10 @@ class CameraSight:
         expected: Sequence[vision.Expected],
         after_impulse: Callable[[str], vision.Expected],
     ) -> list[AssociatedMark]:
-        """The expected marks found in a picture, (height, width, 3) BGR; hidden marks are searched in few frames."""
+        """The expected marks found in a picture, (height, width, 3) BGR.
+
+        A mark that was not found in `PATIENCE` consecutive frames is searched only in every `AGAIN`-th frame.
+        """
         again = self._n_frames % AGAIN == 0
         searched = [one for one in expected if again or self._unseen[one.name] < PATIENCE]
         if self.finder.missed is not None:
@@ -78,7 +81,7 @@ class CameraSight:
         return found
 
     def expected(self, means: Floats, covs: Floats) -> tuple[list[vision.Expected], dict[str, LostMark]]:
-        """The marks, at positions [m], (n, 3), that the camera may see now, and why it cannot see the others."""
+        """The marks that the camera may see now, and why it cannot see the others; means: positions [m], (n, 3)."""
         inside, places, J = self.camera.viewed(means)
         visible = inside & facing(self.camera, means, self._normals, LEAST_COSINE)
         away = {
@@ -117,8 +120,8 @@ class CameraSight:
 class CameraPose:
     """Estimator of the pose of a camera in space from its reference marks.
 
-    State: the filter of the pose, which measures positions in the picture, scaled to metres at the marks; the finder,
-    which has the camera with its present pose. Its errors are first those of the calibration, then of each pose.
+    State: the filter of the pose, whose measurements are positions in the picture, scaled to metres at the distance of
+    the marks; the finder of the reference marks, which has the camera with its present pose and its errors.
     """
 
     def __init__(self, scene: Scene, number: int) -> None:
@@ -179,7 +182,7 @@ class CameraPose:
         changes = np.zeros((self._n, len(pose.cov)))
         changes[:n], changes[self._own] = pose.columns.T, np.linalg.cholesky(pose.cov).T
         turns = changes[:, 3:] @ own.rotation.T
-        # the motion turns about its centre, the camera's pose about the camera
+        # the motion rotates about its own centre, the camera's pose rotates about the camera's centre
         shifts = changes[:, :3] @ own.rotation.T - np.cross(turns, moved.rotation @ motion.centre)
         steps = np.concatenate([np.zeros((self._n, 9)), turns, shifts], axis=1)
         steps[:n] += self._calibration

@@ -37,7 +37,7 @@ def on_plane(
     marks = [by_name[f.name] for f in found]
     centers_px = np.array([f.detection.center_px for f in found])
     covs_px = np.array([f.detection.cov_px2 for f in found]) + camera.calibration_sd_px**2 * np.eye(2)
-    # perspective shifts the centre of a disc's outline, but not that of a ball's
+    # perspective shifts the centre of a disc's outline; for a ball no shift is modelled
     radii_m = np.array([0.0 if mark.ball else mark.diameter_m / 2.0 for mark in marks])
     centers_px = centers_px - camera.disc_shift(camera.to_plane(centers_px), radii_m)
     positions, covs_m = camera.to_plane(centers_px), camera.cov_to_plane(centers_px, covs_px)
@@ -50,7 +50,7 @@ class ReferenceSeen:
     """Result of a frame for the reference marks.
 
     seen: names of the visible reference marks; wrong: names of those that contradict the others
-    moves: moves to report, by name of the camera in space, otherwise ""; empty in almost all frames
+    moves: detected moves, by name of the camera in space or, for a flat scene, by ""; empty in almost all frames
     """
 
     seen: tuple[str, ...]
@@ -122,7 +122,7 @@ class ReferenceMarks:
         return calibrated.moved(motion.rotation, motion.moved(np.zeros((1, len(motion.centre))))[0])
 
     def shared_at(self, place: Floats) -> Floats:
-        """Shift of a corrected mark at a position [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
+        """Shift of a corrected mark at `place` [m], (dim,), by one sd of each error of the pose [m], (dim, k)."""
         motion = self.pose.motion
         seen = motion.moved(place[None])[0]
         return motion.rotation.T @ self.pose.seen_shared(seen, self._calibration_error(seen))

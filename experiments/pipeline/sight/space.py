@@ -20,8 +20,8 @@ from vision import LostMark, Reason, SpaceCamera
 from vision.arrays import Image
 
 MISFIT = 1e-4
-"""Least p-value of the distance between the rays to a mark [1]: below it, two cameras see different objects; choice:
-equal to the finder's gate in one picture."""
+"""The p-value of the distance between the rays to a mark below which two cameras see different objects [1]; choice: the
+finder's gate in one picture."""
 
 
 class SpaceSight:

@@ -40,7 +40,7 @@ def read_transform(content: bytes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class StatusBody:
-    """A STATUS: its code, 1 for OK, an error name of at most 20 bytes, and a text."""
+    """Content of STATUS: a code, where 1 means OK; an error name of at most 20 bytes; a text."""
 
     code: int
     name: str

@@ -32,7 +32,7 @@ class MalformedError(ValueError):
 class Message:
     """A message, with its content as bytes; utc_s: seconds since 1970 UTC, 0 for none.
 
-    metadata and number exist since version 2. Raises ValueError if they do not fit the header.
+    metadata, number: absent before version 2 of the protocol. Raises ValueError for values that the header cannot hold.
     """
 
     type: str
@@ -76,7 +76,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode_header(found: bytes) -> Header:
-    """The header of a message, 58 bytes; MalformedError if it is invalid, or if the body is too large."""
+    """Decode the header, the first 58 bytes of a message; MalformedError if it is invalid, or the body too large."""
     if len(found) != HEADER.size:
         raise MalformedError(f"header: expected {HEADER.size} bytes, found {len(found)}")
     version, kind, device, ticks, size, crc = HEADER.unpack(found)

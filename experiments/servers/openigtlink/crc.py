@@ -1,4 +1,4 @@
-"""The checksum of a body: CRC-64 of ECMA-182, most significant bit first, initially 0, without a final exclusive or."""
+"""Checksum of a message's body: CRC-64 of ECMA-182, most significant bit first, initially 0, without final XOR."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from experiments.servers.openigtlink.outgoing import NEEDLE, TransformStatus
 RIGID = 1e-2
 """Largest deviation of the axes' scalar products from those of a rotation; choice: tracked poses deviate less."""
 IN_PLANE = 0.5
-"""Least length of a needle's unit direction projected onto the plane of flat tissue, 0.5 at 60 degrees; choice."""
+"""Least length of the needle's unit vector projected onto the plane of flat tissue [1]; choice: at most 60 degrees."""
 MOST_POINTS = 100
 """Largest number of fixes in a message, which may be a growing list; choice: more would delay other clients."""
 
@@ -35,7 +35,8 @@ class Incoming:
     """Converter of one client's messages into checked commands.
 
     dim: dimension of the tissue; in the plane z is dropped
-    State: whether the client sends the needle; its newest points, because programs send all points again to add one.
+    State: whether the client sends the needle; the points of its last POINT message. Programs that add a point send all
+    points again; only points that are not in the last message become fixes.
     """
 
     def __init__(self, dim: int) -> None:
@@ -45,7 +46,7 @@ class Incoming:
     def commands(self, message: Message) -> list[Command]:
         """The commands in a message; none for an unknown request.
 
-        Raises MalformedError if its content does not fit its type, RefusedError for invalid numbers.
+        Raises MalformedError if the message's content does not fit its type, RefusedError for invalid numbers.
         """
         if message.type == "TRANSFORM" and message.device == NEEDLE:
             return self._needle(message)

@@ -1,4 +1,4 @@
-"""Messages of a moment: transforms of target, 95 % ellipsoid and needle, STATUS, STRING. Users: docs/openigtlink.md."""
+"""Messages of a moment: transforms of target, 95 % ellipsoid and needle; STATUS and STRING. See docs/openigtlink.md."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Code(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """Messages of one moment as bytes; the needle's message is separate, as clients that send it do not get it."""
+    """Messages of one moment as bytes; the needle's is separate, because a client that sends the needle gets none."""
 
     common: bytes
     needle: bytes = b""
@@ -104,7 +104,7 @@ def transform_status(state: Mapping[str, Any]) -> TransformStatus | None:
 
 
 def status_of(state: Mapping[str, Any]) -> StatusBody:
-    """The STATUS of a state: a fault first, then a pause, then the estimate's own status."""
+    """The STATUS of a state: its fault if there is one, otherwise a pause, otherwise the estimate's status."""
     if state["fault"] is not None:
         return StatusBody(Code.UNKNOWN_ERROR, "FAULT", _short(state["fault"]))
     if state["paused"]:
@@ -121,7 +121,7 @@ def status_of(state: Mapping[str, Any]) -> StatusBody:
 
 
 def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Content of STRING for JSON: status, covariance, hit probability, advice (never GO if INVALID or lost)."""
+    """Content of the STRING: status, covariance, hit probability and advice. GO is omitted if INVALID or lost."""
     fit, advice = transform_status(state), state["advice"] or {}
     if advice.get("advice") == Advice.GO and fit not in (TransformStatus.OK, TransformStatus.MISSING):
         advice = {}
@@ -132,7 +132,7 @@ def details_of(state: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def target_matrix(state: Mapping[str, Any]) -> Floats | None:
-    """Matrix (4, 4) of a frame with the scene's axes and its origin in the target; None if that is unknown."""
+    """Matrix (4, 4) of a frame with the scene's axes and its origin in the target; None if the target is unknown."""
     if state["target_mm"] is None:
         return None
     matrix = np.eye(4)

@@ -1,4 +1,4 @@
-"""OpenIGTLink server: it sends every client only the newest moment, and passes their messages to the loop as commands.
+"""OpenIGTLink server: sends each client only the newest moment, and passes messages of clients to the loop as commands.
 
 A client that leaves, is stuck, or sends an invalid message is dropped without effect on other clients. For users:
 docs/openigtlink.md.
@@ -36,11 +36,11 @@ from experiments.servers.openigtlink.outgoing import (
 class LinkSettings:
     """Limits of the server.
 
-    clients: largest number at a time; further ones get BUSY and are dropped; a requirement
+    clients: largest number of clients at a time; a further client gets BUSY and is dropped; a requirement
     message_s: longest time from a message's first byte to its last [s]; source: pyigtl's limit for a body
     stuck_s: time after which a client that receives nothing is dropped [s]; choice
-    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: ten moments, so that a slow
-    client does not read old data. Linux and macOS accept no new packet while the last packet waits there
+    kernel_bytes: size of a client's socket buffer [bytes], which Linux doubles; choice: room for ten moments, so that a
+    slow client does not read old data. Linux and macOS accept no new packet while the last packet waits in the buffer
     """
 
     clients: int = 16
@@ -60,7 +60,7 @@ async def serve(sock: socket.socket, feed: Feed, *, settings: LinkSettings = SET
 
 
 class _Server:
-    """State: clients' tasks; number of dropped clients; newest packet and its number; event set for the next packet."""
+    """State: clients' tasks; number of dropped clients; newest packet and its number; event set at the next packet."""
 
     def __init__(self, feed: Feed, settings: LinkSettings) -> None:
         self._feed, self._settings, self._sphere = feed, settings, sphere_message()
@@ -138,7 +138,7 @@ class _Server:
             writer.write(self._packet.common + (b"" if incoming.sends_needle else self._packet.needle))
 
     async def _hear(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, incoming: Incoming) -> None:
-        """Pass on the client's requests until an exception ends this: one of GONE, or MalformedError."""
+        """Pass on the client's requests until an exception is raised: one of GONE, or MalformedError."""
         may_write = _is_local(writer)
         while True:
             first = await reader.readexactly(1)
@@ -157,7 +157,7 @@ class _Server:
                 commands = []
             for command in commands:
                 self._feed.command(command)
-            # reading messages that already wait never pauses, so other clients must get their turn here
+            # reading waiting messages does not yield to the event loop, so other clients get their turn here
             await asyncio.sleep(0)
 
     def _report(self, error: BaseException | None, name: str) -> None:

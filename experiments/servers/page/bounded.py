@@ -21,9 +21,9 @@ REQUESTS_S = 20.0
 CLOSING_S = 2.0
 """Time for a client to receive remaining data when its connection ends [s]; choice."""
 MOST_UNSENT = 8 * 2**20
-"""Largest number of waiting bytes for a client that keeps sending; choice: more than the largest picture."""
+"""Largest number of bytes waiting for a client that sends but does not read; choice: more than the largest picture."""
 MOST_HEAD = 16_384
-"""Largest number of bytes of a request's line and headers; choice: those of our page have 1000."""
+"""Largest number of bytes of a request's line and headers; choice: the page itself sends 1000 bytes."""
 MOST_PIECES = 256
 """Largest number of WebSocket frames in one message; choice. Empty frames would pass a limit on size."""
 

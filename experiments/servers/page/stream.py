@@ -32,7 +32,7 @@ LONGEST_ERROR = 200
 
 
 class Stream:
-    """WebSocket endpoint of a feed's clients. State: their number; `Feed.n_watching` counts those with pictures."""
+    """WebSocket endpoint of a feed's clients. State: their number; `Feed.n_watching` counts clients with pictures."""
 
     def __init__(self, feed: Feed, access: Access) -> None:
         self._feed, self._access = feed, access
@@ -62,8 +62,8 @@ class Stream:
 class Viewer:
     """Connection of one client.
 
-    pictures: whether it requests pictures (`?pictures=1`)
-    State: whether it is ready for a state; with `?pace=1` the client itself reports that.
+    pictures: whether the client requests pictures (`?pictures=1`)
+    State: whether the client is ready for the next state; with `?pace=1` the client itself reports that it is ready.
     """
 
     def __init__(self, socket: WebSocket, feed: Feed, *, may_write: bool) -> None:
@@ -75,7 +75,7 @@ class Viewer:
         self._sending = asyncio.Lock()
 
     async def serve(self) -> None:
-        """Send and receive until either of them ends."""
+        """Send states and receive messages, until one of the two ends."""
         ends = [asyncio.create_task(one) for one in (self._send_states(), self._receive())]
         try:
             done, _ = await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)

@@ -33,7 +33,7 @@ SETTINGS = SourceSettings()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarksFrame:
-    """Marks of one exposure time [s] on the monotonic clock, possibly none; index: counted from 0."""
+    """A frame of marks, possibly none; index: counted from 0; exposure_s: exposure time on the monotonic clock [s]."""
 
     index: int
     exposure_s: float
@@ -58,11 +58,12 @@ class Feed(Protocol):
 
 
 class LiveMarks(Closing):
-    """Source of the newest frame of marks from a feed; it delivers each at most once, until the feed ends or `close()`.
+    """Source of the newest frame of marks from a feed, until the feed ends or `close()`; no frame is delivered twice.
 
-    Invalid lines and frames with times out of order are refused. They are counted by kind and reported as events: the
-    first at once, then at most one event in SETTINGS.hung_s. Without a usable frame for SETTINGS.blocked_s the sender
-    is BLOCKED. Frames that repeat earlier values are omitted; after the event FROZEN they are delivered without marks.
+    Invalid lines and frames with times out of order are refused. Refused input is counted by kind and reported as
+    events: the first at once, then at most one event in SETTINGS.hung_s. If no usable frame comes for
+    SETTINGS.blocked_s, the event is BLOCKED. Frames that repeat earlier values are omitted until the event FROZEN; then
+    they are delivered without marks.
 
     refused: counts of unusable input, by kind
     State, shared with the feed's thread: the waiting frame; the sender's clock; the watchdogs; events not yet fetched;

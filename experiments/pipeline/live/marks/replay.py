@@ -18,8 +18,9 @@ from vision import Closing, EventKind, SourceEvent
 class MarksReplay(Closing):
     """Source that delivers the newest frame of marks.csv that is due; the first frame is due at the first request.
 
-    A frame with repeated values has no marks. State: the next frame, time of the first request [s], events not yet due,
-    events not yet fetched, whether the source ended.
+    A frame that repeats earlier values is delivered without marks.
+    State: the next frame; the time of the first request [s]; events not yet due; events not yet fetched; whether the
+    source has ended.
     """
 
     def __init__(

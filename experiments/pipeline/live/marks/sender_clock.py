@@ -26,16 +26,16 @@ class OrderError(ValueError):
 class SenderClock:
     """Conversion of a sender's times to this machine's monotonic clock: adds the offset of the clocks.
 
-    Frames arrive late, never early. The offset is therefore the least difference of arrival time and sent time in the
-    last settings.remembered_frames frames, so it follows a drifting clock. It includes the least transmission delay,
-    which is unknown: converted times are late by this delay.
+    Frames arrive late, never early. The offset is therefore the least difference between arrival time and sent time in
+    the last settings.remembered_frames frames, so it follows a drifting clock. The offset includes the least
+    transmission delay, which is unknown: converted times are late by this delay.
 
-    A time is refused if it does not increase, or if it gains over settings.hung_s on this machine's clock. If
-    only such frames come for settings.blocked_s, in order, the sender has a new clock, for example after a restart;
-    the new clock is then adopted.
+    A frame is refused if its sent time does not increase, or if it increases by over settings.hung_s more than this
+    machine's clock. If all frames are refused for settings.blocked_s, although their own times are in order, the sender
+    has a new clock, for example after a restart. The new clock is then adopted.
 
-    State: clock differences of the last frames [s]; the last frame; the first and the last frame of another clock;
-    restarts, the number of adopted clocks.
+    State: clock differences of the last frames [s]; the last accepted frame; the first and the last of the frames that
+    may have a new clock; restarts, the number of adopted clocks.
     """
 
     def __init__(self, settings: SourceSettings) -> None:
