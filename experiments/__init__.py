@@ -1,1 +1,1 @@
-"""Command line, scenarios, scripts and plots: the code that combines tissue, filters and vision."""
+"""The programs that combine tissue, filters and vision: command line, files, simulation, studies and plots."""

@@ -13,11 +13,11 @@ LONGEST_SHOWN = 60
 """Largest number of characters of a found value in a message, so that the message fits a line of a terminal."""
 
 SOME_NAMES = 5
-"""Largest number of names in a message; choice."""
+"""Largest number of nodes that a message lists; choice."""
 
 
 class InputError(Exception):
-    """Error for input that cannot be used; the message is one line, `file: key: expected …, found …`."""
+    """Error for input that cannot be used; its message is one line, `file: key: expected …, found …`."""
 
     @classmethod
     def at(cls, place: object, expected: str, found: str) -> InputError:
@@ -26,13 +26,13 @@ class InputError(Exception):
 
     @classmethod
     def refused(cls, path: Path, expected: str, error: OSError) -> InputError:
-        """The error for a file that the operating system refused."""
+        """The error for a file that the operating system cannot open, read or write."""
         return cls.at(path, expected, (error.strerror or type(error).__name__).lower())
 
 
 @contextmanager
 def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
-    """In this context, convert exceptions of these kinds into InputError, `place: message`."""
+    """Convert exceptions of these kinds in a `with` block into InputError, `place: message`."""
     try:
         yield
     except kinds as error:
@@ -41,7 +41,7 @@ def placed(place: object, *kinds: type[Exception]) -> Iterator[None]:
 
 @contextmanager
 def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator[None]:
-    """In this context, convert errors of the operating system into InputError; numbers: error numbers, () for all."""
+    """Convert OSError in a `with` block into InputError; numbers: error numbers to convert, () for all."""
     try:
         yield
     except OSError as error:
@@ -51,7 +51,7 @@ def accepted(path: Path, expected: str, numbers: Sequence[int] = ()) -> Iterator
 
 
 def shown(value: object) -> str:
-    """A found value as text for a message: on one line, written as in a file, shortened if long."""
+    """A value as text for a message: on one line, in the notation of a file, and shortened if it is long."""
     if isinstance(value, dict):
         return "a table"
     # a float by repr: json would write nan as NaN
@@ -62,7 +62,7 @@ def shown(value: object) -> str:
 
 
 def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
-    """Read n finite numbers, separated by commas, from an option's text; raises InputError, which states `expected`."""
+    """The n finite numbers in an option's text, separated by commas; raises InputError; expected: for the message."""
     try:
         found = [float(part) for part in text.split(",")]
     except ValueError:
@@ -73,7 +73,7 @@ def coordinates(option: str, text: str, n: int, expected: str) -> list[float]:
 
 
 def no_node(name: object, names: Iterable[str]) -> str:
-    """Part of a message for an unknown node: its name, the nodes with the most similar names, and some others."""
+    """Text for a message on an unknown node: its name, then names of nodes, the most similar name first."""
     known = list(names)
     similar = get_close_matches(str(name), known, n=1)
     first = [*similar, *(one for one in known if one not in similar)]

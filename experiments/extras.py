@@ -16,7 +16,7 @@ EXTRAS = {
 
 
 def missing(extra: str) -> str | None:
-    """The first of an extra's packages that is not installed; None if all are."""
+    """The first package of an extra that is not installed; None if all are installed."""
     return next((name for name in EXTRAS[extra] if find_spec(name) is None), None)
 
 
@@ -26,7 +26,7 @@ def needed(extra: str) -> str:
 
 
 def require(asked_by: str, *extras: str) -> None:
-    """Raise InputError for an extra that is not installed; asked_by: what needs the extra, for the message."""
+    """Raise InputError if an extra is not installed; asked_by: option or file that needs it, for the message."""
     for extra in extras:
         if (name := missing(extra)) is not None:
             raise InputError.at(asked_by, needed(extra), f"no {name}")

@@ -11,10 +11,10 @@ from types import FrameType
 
 @contextmanager
 def as_interrupts() -> Iterator[None]:
-    """In this context, an interrupt always raises KeyboardInterrupt.
+    """Raise KeyboardInterrupt for every interrupt in a `with` block.
 
-    An interrupt during a compiled kernel appears as SystemError, "returned a result with an exception set"; the
-    interrupt is its cause.
+    An interrupt during a compiled kernel arrives as SystemError, "returned a result with an exception set", with the
+    KeyboardInterrupt as its cause.
     """
     try:
         yield
@@ -29,7 +29,7 @@ def as_interrupts() -> Iterator[None]:
 
 @contextmanager
 def terminations() -> Iterator[None]:
-    """In this context, treat SIGTERM, with which scripts and service managers end a program, as Ctrl-C."""
+    """Treat SIGTERM in a `with` block like Ctrl-C. Scripts and service managers end programs with SIGTERM."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread can receive it
         return

@@ -1,4 +1,4 @@
-"""Folder of compiled kernels. numba fails if it can write neither beside the code nor in the user's folder."""
+"""Folder for compiled kernels. Without a writable folder, beside the code or in the user's cache, numba fails."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CODE = Path(__file__).parents[1] / "dynamics" / "forces" / "__pycache__"
 
 
 def keep_kernels() -> None:
-    """If numba has no writable folder, keep compiled kernels for this run only; call before numba is loaded."""
+    """If numba has no writable folder, give it a temporary one. Call this before numba is loaded."""
     home = Path(os.path.expanduser("~"))
     users = Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache")
     stated = [Path(os.environ[VARIABLE])] if os.environ.get(VARIABLE) else []
@@ -24,6 +24,6 @@ def keep_kernels() -> None:
 
 
 def can_be_written(folder: Path) -> bool:
-    """Whether files can be created in a folder, after the folder is created if it is missing."""
+    """Whether a folder is writable or, if it is missing, its nearest existing parent."""
     there = next((one for one in (folder, *folder.parents) if one.exists()), None)
     return there is not None and os.access(there, os.W_OK | os.X_OK)

@@ -11,21 +11,18 @@ from contextlib import contextmanager, suppress
 from queue import Full, Queue
 
 LOG = logging.getLogger("softaim")
-"""Logger. WARNING: messages for people. INFO: inputs, choices, actions and times; shown with --verbose."""
+"""Logger. Level WARNING: messages for people. Level INFO: inputs, choices, actions, times; shown with --verbose."""
 
 
 MOST_WAITING = 1000
-"""Largest number of lines that wait for a reader of standard error; further lines are only in softaim.log; choice."""
+"""Largest number of lines that wait if nothing reads standard error; further lines are only in softaim.log; choice."""
 
 LAST_S = 0.5
-"""Longest time that `StandardError.unwaited` waits at its end for a reader of the last lines [s]; choice."""
+"""Longest time for which `StandardError.unwaited` waits until its last lines are read [s]; choice."""
 
 
 class StandardError(logging.Handler):
-    """Lines on standard error, `softaim: text`; each replaces a status line on a terminal.
-
-    State: the lines that wait for the writing thread; None if each line is written at once.
-    """
+    """Writes messages to standard error as lines `softaim: text`. On a terminal a line overwrites a status line."""
 
     def __init__(self, level: int) -> None:
         super().__init__(level)
@@ -46,7 +43,7 @@ class StandardError(logging.Handler):
 
     @contextmanager
     def unwaited(self) -> Iterator[None]:
-        """In this context, let a thread write the lines, so that the program never waits for a blocked reader."""
+        """Let a thread write the lines in a `with` block, so that the program never waits until they are read."""
         waiting: Queue[str | None] = Queue(MOST_WAITING)
 
         def work() -> None:
@@ -74,7 +71,7 @@ def _write(line: str) -> None:
 
 
 class Kept(logging.Handler):
-    """Stores every line with its time (UTC) and level, in order, for a file that is written at the end."""
+    """Stores every message with its time (UTC) and level, for a file that is written at the end."""
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)

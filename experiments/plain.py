@@ -1,4 +1,4 @@
-"""Values for messages and reports: as JSON, and counts with nouns."""
+"""Conversion of values for JSON, and numbers with nouns for messages."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def plain(value: Any) -> Any:
-    """A value in the form of JSON: paths as text, None for numbers that are not finite."""
+    """A value that JSON can represent: paths become text, and numbers that are not finite become None."""
     if isinstance(value, Mapping):
         return {str(key): plain(one) for key, one in value.items()}
     if isinstance(value, Path):

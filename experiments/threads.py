@@ -1,6 +1,6 @@
-"""Limit of one thread per library: the arrays are so small that more threads would only wait.
+"""Threads: libraries use one thread each, because arrays are so small that more threads would only wait.
 
-The module also prepares helper processes, and prepares items in advance in a thread.
+The module also sets up helper processes, and has an iterator whose items a thread computes in advance.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 Item = TypeVar("Item")
 
 AHEAD = 4
-"""Largest number of prepared items; choice: about 4 MB for pictures of 640x480."""
+"""Largest number of items that `ahead` computes in advance; choice: about 4 MB for pictures of 640x480."""
 
 ONE_THREAD = dict.fromkeys(
     (
@@ -39,16 +39,16 @@ def one_thread_each() -> None:
 
 
 def begin_helper() -> None:
-    """Prepare a helper process: one thread per library; it ignores Ctrl-C, because its parent process ends it."""
+    """Set up a helper process: one thread per library, and no reaction to Ctrl-C, as its parent process ends it."""
     one_thread_each()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
 def ahead(items: Iterable[Item]) -> Iterator[Iterator[Item]]:
-    """The given items in order, each prepared by a thread while an earlier item is processed.
+    """The given items in order; a thread computes each item while the caller processes earlier ones.
 
-    An exception during the preparation of an item is raised when that item is taken. The thread ends with the context.
+    If the computation of an item raises an exception, the caller gets it in place of the item.
     """
     end: Any = object()
     coming, thread = iter(items), ThreadPoolExecutor(1, "ahead")

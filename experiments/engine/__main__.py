@@ -15,7 +15,7 @@ from experiments.errors import InputError, read_text
 
 
 def repeat(path: Path) -> object:
-    """Repeat the run of a record; returns its result. Raises InputError for another file, and the run's exceptions."""
+    """Repeat the run of a record and return its result. Raises InputError if the file is not a record."""
     try:
         record = json.loads(read_text(path))
         work, case = named_work(record["work"]), record["case"]
@@ -26,7 +26,7 @@ def repeat(path: Path) -> object:
 
 
 def main() -> None:
-    """Repeat the named run."""
+    """Repeat the run whose record the command line names."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", maxsplit=1)[0])
     parser.add_argument("record", type=Path)
     try:

@@ -1,7 +1,7 @@
-"""Results of runs as they finish: in this process, or by Dask in batches of limited time, with dead workers replaced.
+"""Execution of runs, in this process or by the workers of Dask.
 
-A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a batch, each of its runs is repeated
-alone at the end; a run whose worker dies again has failed.
+Runs are sent to workers in batches. A batch ends after BATCH_S; its remaining runs are sent again. If workers die in a
+batch, each of its runs is repeated alone at the end. If a worker then dies again, the run has failed.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 BATCH_S = 1.0
-"""Time of a batch [s]; choice: sending and collecting a batch takes about 10 ms."""
+"""Time after which a worker starts no further run of a batch [s]; choice: sending and returning a batch takes 10 ms."""
 
 AHEAD = 2
-"""Number of batches sent for each worker: while it processes one batch, the next waits at the scheduler."""
+"""Number of batches that are sent for each worker: while it processes one, the next waits at the scheduler."""
 
 COUNTED_EACH_S = 2.0
 """Interval at which the workers of a cluster are counted [s]."""
@@ -35,11 +35,11 @@ DIED = "KilledWorker: the worker processes of this run died in all tries, out of
 
 
 class RunsFailedError(Exception):
-    """Error for failed runs of a study; the message counts them and has the first failure."""
+    """Error for failed runs of a study; the message has their number and the first failure."""
 
 
 def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]:
-    """Outcomes of the jobs as they finish; jobs and results for other processes must be picklable."""
+    """Outcomes of the jobs as they finish. If other processes do them, jobs and results must be picklable."""
     if workers.own_process:
         for index, job in enumerate(jobs):
             yield perform(work, index, job)
@@ -52,7 +52,7 @@ def finished(work: Work, jobs: Sequence[Any], workers: Workers) -> Iterator[Run]
 def results(
     work: Work, jobs: Sequence[Any], workers: Workers, advance: Callable[[float], None] = lambda _share: None
 ) -> list[Any]:
-    """The result of each job, in the order of the jobs. Raises RunsFailedError at the end if any failed."""
+    """The result of each job, in the order of the jobs. If jobs failed, raises RunsFailedError after the last job."""
     runs: dict[int, Run] = {}
     for run in finished(work, jobs, workers):
         runs[run.index] = run
@@ -67,7 +67,7 @@ def results(
 
 
 def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -> list[Run]:
-    """Runs of a batch, at least one, until BATCH_S is over; their results are pickled."""
+    """Do the runs of a batch until BATCH_S is over, but at least one; results are pickled."""
     began = time.perf_counter()
     runs = []
     for index, job in zip(indices, jobs, strict=True):
@@ -82,9 +82,9 @@ def _perform_batch(work: Work, indices: Sequence[int], jobs: Sequence[object]) -
 
 
 class _Sending:
-    """Pending jobs: waiting jobs, jobs to be repeated alone, and sent batches.
+    """Jobs that are not finished: waiting jobs, jobs to be repeated alone, and sent batches.
 
-    local: whether to stop after a time without workers; a cluster may get its workers later
+    local: whether to stop if there are no workers for a long time; a cluster, in contrast, may get its workers later
     """
 
     def __init__(self, work: Work, jobs: Sequence[Any], client: Client, *, local: bool) -> None:
@@ -110,7 +110,7 @@ class _Sending:
             yield from self.arrived(future, self.sent.pop(future), singly=singly)
 
     def arrival(self) -> Future:
-        """The next batch that comes back."""
+        """The next batch that a worker returns."""
         while True:
             try:
                 return self.arriving.get(timeout=COUNTED_EACH_S)
@@ -137,7 +137,7 @@ class _Sending:
         future.add_done_callback(self.arriving.put)
 
     def arrived(self, future: Future, indices: list[int], *, singly: bool) -> list[Run]:
-        """The outcomes of a returned batch; runs that the batch did not reach wait again."""
+        """The outcomes in a returned batch; runs that were not started wait again."""
         from distributed import CancelledError, KilledWorker
 
         try:

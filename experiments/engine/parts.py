@@ -1,4 +1,4 @@
-"""Rows of runs in several Parquet files, each written at once, so that a kill loses only the last seconds."""
+"""Storage of rows in several Parquet files while a study runs; if it is killed, only the last seconds are lost."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 KEPT = "kept"
-"""The subfolder of the parts in a study's folder."""
+"""Name of the subfolder of a study's folder in which these files, the parts, are stored."""
 
 KEEP_S, KEEP_SHARE = 2.0, 0.005
-"""Least time between two parts [s], and least ratio of that time to the time since the start [1]; choice: about a
-thousand parts per day."""
+"""Least time between the writing of two parts [s]; least ratio of this time to the time since the start [1]; choice:
+about a thousand parts per day."""
 
 
 class Parts:
-    """Rows waiting for the next part.
+    """Collects rows and writes them as parts.
 
-    folder: folder of the parts; rows: rows not yet written; began, written: times of the start and the last part [s]
+    rows: rows not yet written; began, written: time of the start, time at which the last part was written [s]
     """
 
     def __init__(self, folder: Path) -> None:
@@ -34,7 +34,7 @@ class Parts:
         self.began = self.written = time.monotonic()
 
     def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Add the rows of a run to the next part."""
+        """Add the rows of a run; write them if the last part is old enough."""
         self.rows.extend(rows)
         now = time.monotonic()
         if now - self.written >= max(KEEP_S, KEEP_SHARE * (now - self.began)):
@@ -49,7 +49,7 @@ class Parts:
 
 
 def table_of(rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Rows as a table, columns in order of appearance; missing values are null."""
+    """Rows as a table; columns are in the order in which they first appear, missing values are null."""
     import pyarrow as pa
 
     columns = dict.fromkeys(name for row in rows for name in row)
@@ -69,7 +69,7 @@ def parquet(table: pa.Table) -> bytes:
 
 
 def read_parts(folder: Path) -> pa.Table | None:
-    """The rows of all parts, None without parts; a column that has floats in one part has floats in all rows."""
+    """The rows of all parts; None if there are no parts. Columns of integers become floats if any part has floats."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

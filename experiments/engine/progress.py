@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def run_bar(label: str) -> Iterator[Callable[[float], None]]:
-    """A function that sets the bar to a completed share; if standard error is not a terminal, there is no bar."""
+    """A function that shows the completed share in a bar; without a terminal there is no bar."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 

@@ -18,21 +18,21 @@ Case = Mapping[str, Any]
 """The seed and the parameters of a run, in JSON types."""
 
 Work = Callable[[Any], Any]
-"""The work of a run: a function of a module, or a `functools.partial` of it with keywords that do not change
+"""The function that does a run: a function of a module, or a `functools.partial` of it, whose keywords must not change
 results."""
 
 PACKAGES = ("dynamics", "estimators", "vision", "experiments")
 
 KEY_DIGITS = 16
-"""Number of hexadecimal digits of a key: 64 bit; the probability that two of a million runs share a key is 3e-8."""
+"""Number of hexadecimal digits of a key; with 64 bits, two of a million runs share a key with probability 3e-8."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
     """The outcome of one job.
 
-    index: index of the job; seconds: time of the function's last try [s]; result: its return value, None if it failed
-    failure: last line of the traceback, None without failure; trace: the whole traceback
+    index: index of the job; seconds: duration [s]; result: what the function returned, None after a failure
+    failure: last line of the traceback, None without a failure; trace: the whole traceback
     """
 
     index: int
@@ -59,9 +59,9 @@ def last_line(fault: BaseException) -> str:
 
 
 def importable(work: Work) -> Work:
-    """The same function under its importable name. Raises ValueError if there is none.
+    """The function as other processes import it from its module. Raises ValueError if they cannot.
 
-    The module of a study that `python -m` runs is named `__main__` only in its own process.
+    In the process of `python -m MODULE` this module is named `__main__`, in other processes it is not.
     """
     if isinstance(work, partial):
         if work.args:
@@ -83,7 +83,7 @@ def name_of(work: Work) -> str:
 
 
 def module_of(work: Work) -> str:
-    """The module to import for a function; for nested partials, that of the innermost function."""
+    """Name of the module of a function; for a partial, of the function that it calls or has as a keyword."""
     if isinstance(work, partial):
         inner = [value for value in work.keywords.values() if callable(value)]
         return module_of(inner[0] if inner else work.func)
@@ -99,7 +99,7 @@ def named_work(name: str) -> Work:
 
 @cache
 def program() -> str:
-    """A digest of the source of the four packages; it identifies the program's state in results."""
+    """Digest of the source of the four packages, by which results state which program produced them."""
     digest = hashlib.sha256()
     for package in PACKAGES:
         spec = importlib.util.find_spec(package)
@@ -110,6 +110,6 @@ def program() -> str:
 
 
 def key_of(work: Work, case: Case) -> str:
-    """The key of a run, from its function's name and its case; TypeError for values that JSON cannot represent."""
+    """Key of a run: digest of its function's name and its case; TypeError for values that JSON cannot represent."""
     text = json.dumps([name_of(work), case], sort_keys=True, ensure_ascii=False)
     return hashlib.sha256(text.encode("utf-8")).hexdigest()[:KEY_DIGITS]

@@ -1,4 +1,4 @@
-"""Use of other cores for the passes of one estimation; processes on other cores start only if that saves time."""
+"""Use of other cores for one estimation. Processes on them start only if that saves time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Shared = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """Type of a map function, such as the `map` of a pool of processes."""
 
 WORTH_S = 4.0
-"""Time of a map in this process [s] after which further maps use other processes, which start in two seconds."""
+"""Duration of a call of the map [s] after which later calls use other processes; these start within two seconds."""
 
 
 NEEDED = "estimators"
-"""Package that a process imports when it starts in advance: this import takes most of two seconds."""
+"""Package that processes import first if they start in advance; this import takes most of their starting time."""
 
 
 def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-    """The results in the order of the items; the pool begins with the first item, this process with the last.
+    """The results in the order of the items. The pool begins with the first item, this process with the last item.
 
-    This process does the unfinished work of a killed process.
+    If a process of the pool is killed, this process does its work.
     """
     asked: list[tuple[Any, Future[Any] | None]] = []
     for item in items:
@@ -50,10 +50,10 @@ def _shared_out(pool: ProcessPoolExecutor, function: Callable[[Any], Any], items
 
 @contextmanager
 def spare_cores(n_cores: int | None = None, *, ahead: bool = False) -> Iterator[Shared]:
-    """A map that runs in this process; after a call that took `WORTH_S`, also in one process for each other core.
+    """A map function. After a call that took WORTH_S or more, it also uses one process for each other core.
 
-    n_cores: number of cores, by default all. Functions and arguments must be picklable.
-    ahead: whether to start these processes now, so that they already take part in the first call
+    n_cores: number of cores, by default all; ahead: whether to start the other processes now
+    Functions and arguments must be picklable.
     """
     n = os.cpu_count() or 1 if n_cores is None else n_cores
     pool: ProcessPoolExecutor | None = None

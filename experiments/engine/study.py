@@ -1,8 +1,8 @@
-"""A study: one function and many cases; runs are stored as they finish, and an interrupted study can be continued.
+"""A study: one function and many cases. Runs are stored as they finish; an interrupted study can be continued.
 
-The folder of a study has `runs.parquet`, a row for each row of a result, in the order of the cases, with numbers and
-texts of the case and of the result, and the columns of OWN; `failures/`, a file for each failed run; and `kept/`, all
-runs ever done.
+The folder of a study has three entries. `runs.parquet` is the table of results, in the order of the cases. Its columns
+are numbers and texts of the case, columns of the result, and columns of the engine (OWN). `failures/` has a file for
+each failed run. `kept/` has all runs ever done.
 """
 
 from __future__ import annotations
@@ -32,15 +32,16 @@ if TYPE_CHECKING:
 RUNS = "runs.parquet"
 FAILURES = "failures"
 OWN = ("seconds", "failure", "command", "program", "key")
-"""Columns of the engine: a run's time, its failure, the command that repeats it, the program's digest, the key."""
+"""Columns that the engine adds: a run's duration, its failure, the command that repeats it, the program's digest, its
+key."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Study:
     """The runs of a study.
 
-    table: content of runs.parquet; n_runs, n_done: number of all runs, and of new ones
-    failures: one line for each run that failed, with the command that repeats it
+    table: content of runs.parquet; n_runs: number of runs; n_done: number of runs done in this call
+    failures: a line for each failed run, with the command that repeats it
     """
 
     table: pd.DataFrame
@@ -49,7 +50,7 @@ class Study:
     failures: tuple[str, ...]
 
     def checked(self) -> pd.DataFrame:
-        """The table, if no run failed. Raises RunsFailedError."""
+        """The table. Raises RunsFailedError if a run failed."""
         if self.failures:
             n = len(self.failures)
             raise RunsFailedError(f"{n} of {self.n_runs} runs failed; the others are kept. First: {self.failures[0]}")
@@ -106,7 +107,7 @@ def run_study(
 
 
 def rows_of(case: Case, work: Work) -> list[dict[str, Any]]:
-    """The rows of a run. Raises ValueError if there are none, or if they have columns of the case or of the engine."""
+    """The rows of a run. Raises ValueError if there are none, or if they have a column of the case or of OWN."""
     result = work(case)
     rows = [dict(row) for row in ([result] if isinstance(result, Mapping) else result)]
     if not rows:
@@ -145,9 +146,9 @@ def _kept_rows(run: Run, case: Case, own: Mapping[str, str | None]) -> list[dict
 
 
 def _in_order(kept: pa.Table | None, keys: Sequence[str]) -> pa.Table:
-    """Rows of these runs, in order; if a run was done twice, only one result is used, preferably a success.
+    """Rows of the runs with these keys, in order. If a run was done twice, only one result is used, a success if any.
 
-    The rows of a run are contiguous in a part, in the order in which its function returned them.
+    The rows of a run must be contiguous.
     """
     if kept is None:
         return table_of([])

@@ -1,4 +1,4 @@
-"""Execution of runs: in this process, in processes of this machine, or on a Dask cluster."""
+"""Workers that do runs: this process, processes on this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ SELDOM = {
     "distributed.admin.tick.interval": "1s",
     "distributed.admin.system-monitor.interval": "5s",
 }
-"""Dask's monitoring: the default intervals take 12 % of a core, these 1 %; the dashboard is off."""
+"""Settings of Dask's monitoring: with the default intervals it takes 12 % of a core, with these 1 %."""
 
 DEATHS = 2
-"""Number of deaths of local workers after which the runs of a batch are repeated alone, and after which a run has
-failed; choice: one death may have an external cause."""
+"""If this many local workers die in a batch, each of its runs is repeated alone; if this many die in a single run, the
+run has failed; choice: one death may have an external cause."""
 
 REACHED_S = 30.0
 """Timeout for connecting to a scheduler [s]."""
 
 FEW_RUNS = 10
-"""Number of runs below which this process does them all, as it ends before workers would have started; choice."""
+"""If there are fewer runs, this process does them all: workers would take longer to start; choice."""
 
 NO_WORKER_S = 300.0
 """Time without workers after which a study on this machine ends [s]; a worker starts within some seconds."""
@@ -43,10 +43,10 @@ NO_WORKER_S = 300.0
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Where runs are done: number of local processes, or a scheduler.
+    """Where runs are done: in processes on this machine, or by the workers of a Dask scheduler.
 
-    n_processes: 1 for this process alone, None for one per core
-    scheduler: address of a Dask scheduler, `tcp://host:8786`; n_processes is not used then
+    n_processes: number of processes on this machine; 1 for this process alone, None for one for each core
+    scheduler: address of a Dask scheduler, `tcp://host:8786`; if stated, n_processes is not used
     """
 
     n_processes: int | None = None
@@ -54,12 +54,12 @@ class Workers:
 
     @property
     def own_process(self) -> bool:
-        """Whether runs are done here, without Dask."""
+        """Whether this process does the runs, without Dask."""
         return self.scheduler is None and self.n_processes == 1
 
     @property
     def n_local(self) -> int:
-        """Processes on this machine."""
+        """Number of processes on this machine."""
         from dask.system import CPU_COUNT
 
         return CPU_COUNT if self.n_processes is None else self.n_processes
@@ -69,7 +69,7 @@ OWN_PROCESS, ALL_CORES = Workers(n_processes=1), Workers()
 
 
 def workers_for(n_runs: int, wanted: Workers) -> Workers:
-    """The workers of a command that also runs without the extra: the chosen ones, or this process for few runs."""
+    """The wanted workers. For ALL_CORES with few runs, or without the extra `cluster`, they are this process alone."""
     if wanted != ALL_CORES:
         return wanted
     installed = missing("cluster") is None
@@ -120,7 +120,7 @@ def connected(workers: Workers, module: str) -> Iterator[Client]:
 
 @contextmanager
 def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
-    """Worker processes on this machine, each with one thread, replaced when they die; closed at the end."""
+    """A cluster of n_processes workers on this machine, each with one thread. Workers that die are replaced."""
     import dask
     from distributed import LocalCluster
 
@@ -131,7 +131,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
         # Ctrl-C reaches all processes of a terminal; this process closes the others
         "distributed.worker.preload": ["import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)"],
         "distributed.scheduler.allowed-failures": DEATHS - 1,
-        # a worker has no second waiting batch: it would count as failed if the worker died
+        # a second batch that waits at a worker would count as failed if the worker died
         "distributed.scheduler.worker-saturation": 1.0,
         # on a busy machine a worker may take longer to return than the default timeout of 15 s
         "distributed.deploy.lost-worker-timeout": NO_WORKER_S,
@@ -151,7 +151,7 @@ def local_cluster(n_processes: int, module: str) -> Iterator[LocalCluster]:
 
 
 def _needed_by(module: str) -> list[str]:
-    """Modules to load first: the module; if `python -m` runs the module, its imports, as each worker runs it again."""
+    """Modules to load before workers are forked: this module or, if `python -m` runs it, modules that it imports."""
     main = sys.modules["__main__"]
     spec = getattr(main, "__spec__", None)
     if spec is None or spec.name != module:
@@ -161,9 +161,9 @@ def _needed_by(module: str) -> list[str]:
 
 
 def _start_forkserver(module: str) -> None:
-    """Start, once, the process from which workers are forked, with their imports loaded.
+    """Start the process from which workers are forked, with their modules loaded.
 
-    Without this process each worker, and each replacement, would import for seconds.
+    Without it, each new worker would import these modules for seconds.
     """
     from multiprocessing import forkserver
 

@@ -1,4 +1,4 @@
 """Reads, checks and writes files: scenes, recordings, scenarios, needles, plans, tables.
 
-A new format belongs here; it is written with `outputs.py`.
+Code for a new format belongs here. Files are written with the functions of `outputs.py`.
 """

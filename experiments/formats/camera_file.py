@@ -29,7 +29,7 @@ from experiments.formats.toml_file import (
 from vision import Calibration, Lens, Pose, SpaceCamera
 
 TO_MM = np.array([1.0] * 12 + [1e3] * 3)
-"""Factors that convert a row of uncertainty from metres to the file's units."""
+"""Factors that convert a row of `uncertainty` from metres to millimetres."""
 
 
 class CameraFile(Strict):
@@ -99,7 +99,7 @@ def camera_text(calibration: Calibration) -> str:
 
 
 def head_lines(name: str, size_px: tuple[int, int]) -> list[str]:
-    """The first lines of every camera's table."""
+    """The lines with which the table of any camera begins."""
     return [f"name = {toml_text(name)}", f"size_px = [{size_px[0]}, {size_px[1]}]"]
 
 

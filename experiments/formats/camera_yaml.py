@@ -18,10 +18,10 @@ from vision import Lens, quiet_opencv
 ROS_MODELS = ("plumb_bob", "rational_polynomial")
 
 COEFFICIENTS = (4, 5, 8, 12, 14)
-"""Permitted numbers of distortion coefficients, in OpenCV's order k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, two tilts."""
+"""Permitted numbers of distortion coefficients. OpenCV's order is k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4, two tilts."""
 
 N_DLT = 11
-"""Number of coefficients of a direct linear transformation, L1 to L11, of one camera."""
+"""Number of coefficients of one camera in a direct linear transformation, L1 to L11."""
 
 POSE = "rotation and translation_mm (softaim calibrate finds lens and pose)"
 """Keys of a scene's camera that state the pose of a lens."""
@@ -29,10 +29,7 @@ POSE = "rotation and translation_mm (softaim calibrate finds lens and pose)"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LensFile:
-    """A lens, the size of its pictures [px], and the camera's name if the file states it.
-
-    Such a file does not have the camera's pose.
-    """
+    """A lens without a pose, the size of its pictures [px], and the camera's name if the file states it."""
 
     lens: Lens
     size_px: tuple[int, int]
@@ -40,9 +37,9 @@ class LensFile:
 
 
 def read_lens_file(path: Path) -> LensFile | None:
-    """The lens of a file of OpenCV or ROS, recognised by its content; None for other formats. Raises InputError.
+    """The lens in a file of OpenCV or ROS, recognised by its content; None for other formats.
 
-    The error for another program's camera file says what to do.
+    Raises InputError. For some camera files of other programs the message says what to do.
     """
     text = read_text(path)
     if re.match(r"\s*(%YAML:1\.0|<\?xml|<opencv_storage|\{)", text) or "!!opencv-matrix" in text:
@@ -70,7 +67,7 @@ def opencv_text(content: LensFile) -> str:
 
 
 def read_opencv_yaml(path: Path) -> LensFile:
-    """The lens of a file of cv2.FileStorage; raises InputError with file and key."""
+    """The lens in a file of cv2.FileStorage; raises InputError with file and key."""
     text = read_text(path)
     try:
         with quiet_opencv():
@@ -114,7 +111,7 @@ def ros_text(content: LensFile) -> str:
 
 
 def read_ros_yaml(path: Path) -> LensFile:
-    """The lens of a camera_info file; raises InputError with file and key or line."""
+    """The lens in a camera_info file of ROS; raises InputError with file and key or line."""
     tables = _ros_tables(path)
     if (model := tables.get("distortion_model", "none")) not in ROS_MODELS:
         also = "rational_polynomial is also supported; undistort pictures of a fisheye lens first"
@@ -136,7 +133,7 @@ def _block(key: str, values: Floats) -> list[str]:
 
 
 def _ros_tables(path: Path) -> Mapping[str, str | dict[str, str]]:
-    """Keys and values of the YAML subset of camera_info files: two levels, and lists that may be wrapped."""
+    """Keys and values of a camera_info file. Tables have at most two levels; lists may continue on further lines."""
     text = read_text(path)
     # join wrapped lists, and lists with one entry on each line
     text = re.sub(r"\[[^\]]*\]", lambda found: " ".join(found[0].split()), text)

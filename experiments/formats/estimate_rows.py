@@ -1,4 +1,4 @@
-"""Estimates as rows of estimates.csv in mm, mm² and seconds; missing values are empty."""
+"""Estimates as rows of estimates.csv, in mm, mm² and s; missing values are empty."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ AXES = "xyz"
 
 
 def header(dim: int) -> list[str]:
-    """Names of the columns; those of the covariance are xx xy yy, in space also xz yz zz."""
+    """Names of the columns."""
     places = [f"{axis}_mm" for axis in AXES[:dim]]
     return ["time_s", "status", *places, *cov_names(dim), "nis", "marks_used", "poked", "gain", "model_only"]
 

@@ -1,4 +1,4 @@
-"""Needle files, `needle.toml`: tables with needle, path, lesion and thresholds."""
+"""Needle files, `needle.toml`: the needle, its path, the lesion, the needle's forces, and thresholds of the advice."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ USUAL, SETTINGS = Needle(), AdviceSettings()
 
 
 class NeedleForces(Strict):
-    """`[forces]`: forces of the needle that the filter assumes; by default those in soft PVC (`docs/needle.md`).
+    """`[forces]`: constants of the needle's forces that the filter assumes; by default those in soft PVC.
 
-    The keys are nominal constants of `dynamics.NeedleMechanics`; `error` is the largest relative deviation of a true
-    constant. With a puncture_N of 0 the skin has no resistance.
+    The constants are those of `dynamics.NeedleMechanics`. error: largest relative deviation of a true constant
+    If puncture_N is 0, the skin has no resistance.
     """
 
     puncture_N: NotNegative = 0.8  # noqa: N815 (the format's own word)
@@ -33,7 +33,7 @@ class NeedleForces(Strict):
     error: Annotated[float, Field(ge=0, lt=1)] = 0.3
 
     def planned(self, network: MassSpringNetwork) -> PlannedNeedle:
-        """The needle with its predicted push on a network; the push's relative error is uniformly distributed."""
+        """The needle as advice assumes it; the relative error of its force is uniformly distributed."""
         return PlannedNeedle(
             cutting_N=self.cutting_N,
             friction_N_m=self.friction_N_m,
@@ -42,7 +42,7 @@ class NeedleForces(Strict):
         )
 
     def constants(self) -> dict[str, float]:
-        """Nominal constants by name."""
+        """The constants of `dynamics.NeedleMechanics` by name."""
         return self.model_dump(exclude={"error"})
 
 
@@ -50,7 +50,7 @@ FORCES = NeedleForces()
 
 
 def force_reach_m(network: MassSpringNetwork) -> float:
-    """Width of the kernel that distributes a needle's force over nodes [m]: chosen, since it cannot be observed."""
+    """Width of the kernel that distributes a needle's force over the nodes [m]; a choice, 0.3 of a spring's length."""
     lengths = network.rest_lengths
     if not len(lengths):  # points of a continuum: the distance to the nearest point replaces a spring's length
         places = network.positions
@@ -73,7 +73,7 @@ class LesionTable(Strict):
 
 
 class AdviceTable(Strict):
-    """`[advice]`: thresholds, see `AdviceSettings`."""
+    """`[advice]`: thresholds of the advice, see `AdviceSettings`."""
 
     go: Annotated[float, Field(gt=0, le=1)] = SETTINGS.go
     worth: Part = SETTINGS.worth
@@ -118,7 +118,7 @@ class NeedleFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NeedlePlan:
-    """Content of a needle file in metres: needle, insertion, lesion, settings of advice, and simulated forces."""
+    """Content of a needle file in SI units."""
 
     needle: Needle
     insertion: Insertion
@@ -127,7 +127,7 @@ class NeedlePlan:
     forces: NeedleForces = FORCES
 
     def push_on(self, network: MassSpringNetwork, target: TargetPoint) -> NeedlePush:
-        """Push of this needle on a point of a network."""
+        """The displacement of a target in a network by the force of this needle."""
         return NeedlePush(network, target, self.forces.planned(network))
 
 

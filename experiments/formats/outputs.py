@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 TIMES = ("time_s", "arrival_s")
-"""Columns with times that may be large, for example seconds since 1970."""
+"""Columns with times, which may be large, for example seconds since 1970."""
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Error numbers of an operating system for a full disk or quota."""
@@ -25,7 +25,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 
 @contextmanager
 def output_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """A temporary folder; its files move to `path` after a clean exit, and are deleted after an exception.
+    """A temporary folder. At the end its files move to `path`; after an exception they are deleted instead.
 
     force: write into a folder that is not empty; files with the same names are replaced, all others stay
     inputs: folders that are read; a `path` that equals, contains or lies in one of them is rejected even with force
@@ -57,9 +57,9 @@ def _probe(final: Path, folder: Path) -> None:
 
 @contextmanager
 def growing_folder(path: Path, force: bool = False, *, inputs: Sequence[Path] = ()) -> Iterator[Path]:
-    """The folder `path`, in which files are written directly and stay after an exception.
+    """The folder `path`. Files are written directly into it and stay after an exception.
 
-    It is for output that cannot be repeated, such as a live run. A new folder without files is removed at the end.
+    It is for output that cannot be repeated, such as that of a live run. A new folder that stays empty is removed.
     force, inputs: as in `output_folder`. Raises InputError, before any work is done, if `path` cannot be written.
     """
     final = Path(os.path.realpath(path))
@@ -91,7 +91,7 @@ def write_whole(path: Path, content: str | bytes) -> None:
 def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, Path] | None = None) -> None:
     """Write several files together: all of them or, after any fault, none. Raises InputError.
 
-    written: complete temporary files by their final paths; they are moved last
+    contents: contents by path; written: complete temporary files by final path, which are moved last
     """
     paths = [*contents, *(written or {})]
     finals = {path: _final(path) for path in paths}
@@ -109,7 +109,7 @@ def write_together(contents: Mapping[Path, str | bytes], written: Mapping[Path, 
                     file.flush()
                     os.fsync(file.fileno())
             for path, final in finals.items():
-                if path != paths[-1]:  # for `_put_back`, also after an interrupt; the last is never put back
+                if path != paths[-1]:  # content for `_put_back`; the last file is never put back
                     old[final] = final.read_bytes() if final.exists() else None
                 parts[path].replace(final)
         except BaseException:
@@ -132,9 +132,9 @@ def _put_back(old: Mapping[Path, bytes | None]) -> None:
 
 @contextmanager
 def streamed_file(path: Path, beside: Callable[[], Mapping[Path, str | bytes]] = dict) -> Iterator[BinaryIO]:
-    """A file to write incrementally; it moves to `path` after a clean exit; after an exception the old file stays.
+    """A temporary file to write incrementally. At the end it replaces `path`; after an exception it is deleted instead.
 
-    beside: called when the file is complete; returns further files; all files are written, or none
+    beside: called when the file is complete; returns the contents of further files, written together with it
     """
     final = _final(path)
     part = _part_of(final, final.parent)
@@ -202,7 +202,7 @@ def _check_free(path: Path, final: Path, force: bool, work: Path | None) -> None
 
 
 def _fresh_folder(path: Path, final: Path) -> Path:
-    """A new temporary folder on the file system of `final`: beside `final` if possible, else inside it."""
+    """A new temporary folder on the file system of `final`: in its parent folder if possible, else in `final`."""
     places = [next((parent for parent in final.parents if os.path.exists(parent)), final)]
     if os.path.isdir(final):
         if not os.access(final, os.W_OK):

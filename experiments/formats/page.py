@@ -1,4 +1,4 @@
-"""Markdown: tables, and generated parts of pages, between `<!-- NAME -->` and `<!-- end of NAME -->`."""
+"""Markdown: tables, and generated parts of pages between the comments `<!-- NAME -->` and `<!-- end of NAME -->`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]], left: Se
 
 
 def replaced(text: str, parts: Mapping[str, str]) -> str:
-    """A page's text with new content for these parts, by name; ValueError if a part's comments are missing."""
+    """A page's text with new content for generated parts; ValueError if a part's comments are missing."""
     for name, content in parts.items():
         start, end = f"<!-- {name} -->", f"<!-- end of {name} -->"
         before, found, rest = text.partition(start)
@@ -29,5 +29,5 @@ def replaced(text: str, parts: Mapping[str, str]) -> str:
 
 
 def rewrite_page(page: Path, parts: Mapping[str, str]) -> None:
-    """Replace parts of a page, by name; if a part is missing, raise ValueError and do not change the page."""
+    """Replace the content of generated parts of a page; if a part is missing, raise ValueError and change nothing."""
     write_whole(page, replaced(page.read_text(encoding="utf-8"), parts))

@@ -27,7 +27,7 @@ Kind = Literal["rib", "vessel", "other"]
 
 
 class NeedleTable(Strict):
-    """`[needle]`: the gauge, and the forces and errors of `PlannedNeedle`."""
+    """`[needle]`: the needle's gauge, its forces and its errors, see `PlannedNeedle`."""
 
     gauge: int = 16
     cutting_N: NotNegative = PlannedNeedle().cutting_N  # noqa: N815 (the format's own word)
@@ -44,7 +44,7 @@ class NeedleTable(Strict):
 
 
 class EntryTable(Strict):
-    """`[entry]`: a segment of skin in the plane, or a box in space; about `n` of its points are tried as entries."""
+    """`[entry]`: the permitted entries: a segment in the plane, or a box in space. About n of its points are tried."""
 
     from_mm: Coordinates
     to_mm: Coordinates
@@ -99,10 +99,10 @@ class PlanFile(Strict):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """Content of a plan file in metres.
+    """Content of a plan file in SI units.
 
-    obstacles, kinds: the obstacles, and the kind of each; arrival_s [s], target_sd_m [m]: as in `PlanFile`
-    n_entries, n_aims: numbers of tried entries and aims
+    kinds: the kind of each obstacle; arrival_s, target_sd_m: as in `PlanFile`
+    n_entries, n_aims: numbers of entries and of points to aim at that are tried
     """
 
     needle: PlannedNeedle

@@ -18,9 +18,9 @@ FORMAT = 1
 
 
 def content_digest(path: Path) -> str:
-    """SHA-256 of a file; for a folder, the SHA-256 of its files' digests and names, in the order of names.
+    """SHA-256 of a file, or of the sorted list of a folder's file names and their digests; raises InputError.
 
-    This program's records of runs are ignored. Raises InputError for an unreadable file.
+    Provenance files and logs of this program are ignored.
     """
     if path.is_dir():
         files = sorted(file for file in path.rglob("*") if file.is_file() and file.name not in (PROVENANCE, LOG_FILE))
@@ -41,8 +41,9 @@ def provenance_text(
 ) -> str:
     """Text of a provenance file.
 
-    arguments: of the command line; program: digest of its source; times: begin and end of the run
-    inputs: digests of what was read, by path; scene: the scene used; left_out: steps that were not done on it
+    arguments: arguments of the command line; program: digest of the program's source; times: begin and end of the run
+    inputs: digests of files and folders that were read, by path
+    scene: the scene that was used; left_out: processing steps that this scene lacks
     """
     table: dict[str, Any] = {
         "version": FORMAT,
@@ -64,5 +65,5 @@ def _utc(time: datetime) -> str:
 
 
 def beside(path: Path) -> Path:
-    """The path of a single file's provenance: my.provenance.json beside my.toml."""
+    """The path of the provenance file of a single output file: my.provenance.json for my.toml."""
     return path.with_name(f"{path.stem}.{PROVENANCE}")

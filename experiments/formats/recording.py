@@ -1,4 +1,4 @@
-"""Recordings: folders with a scene, frames or marks, their times and, if known, the truth."""
+"""Recordings: folders with a scene, pictures or marks, exposure times and, if known, true positions."""
 
 from __future__ import annotations
 
@@ -59,10 +59,10 @@ class Fix:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """True positions of nodes; each node has its own times. Filters do not use the truth.
+    """True positions of nodes. Filters do not use them.
 
-    times_s: by node, increasing [s], (n,)
-    positions: by node [m], (n, dim)
+    times_s: by node, the increasing times of its positions [s], (n,)
+    positions: by node, its positions at these times [m], (n, dim)
     """
 
     times_s: dict[str, Floats]
@@ -70,14 +70,14 @@ class Truth:
 
     @property
     def nodes(self) -> tuple[str, ...]:
-        """Nodes with known truth."""
+        """Nodes whose true positions are known."""
         return tuple(self.times_s)
 
     def at(self, times_s: Floats, node: str) -> tuple[NDArray[np.bool_], Floats]:
-        """Whether the truth covers each of the times [s], (n,), and the node's true positions [m], (n, dim).
+        """Whether the node's position is known at each of the times [s], (n,), and the positions [m], (n, dim).
 
-        Positions are interpolated linearly; they are NaN outside the truth's own times.
-        KeyError for a node that is not among `nodes`.
+        Positions are interpolated linearly. At times outside of times_s of the node they are NaN.
+        KeyError for a node that is not in `nodes`.
         """
         own_s, own = self.times_s[node], self.positions[node]
         times = np.asarray(times_s, dtype=float)
@@ -89,14 +89,14 @@ class Truth:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recording:
-    """A recording: a scene with frames or marks and their times, checked when opened.
+    """A recording: a scene, and either pictures or marks with their times. `read_recording` checks it.
 
     folder: its path
     exposures_s: exposure times of the frames, increasing [s], (n_frames,)
-    source: the video file, or the folder of pictures or of a film's pieces; None for marks.csv
-        and for films in space
-    films: films of the cameras in space; exposures_s are then the times at which any camera exposed
-    marks: for each frame the marks from another tracker; None with pictures
+    source: the video file, the folder of pictures, or the folder of a film's pieces; None for a recording of marks
+        or of cameras in space
+    films: films of the cameras in space; exposures_s are then the exposure times of all cameras
+    marks: for each frame the marks of another tracker; None for a recording of pictures
     truth: true positions of nodes, if known
     fixes: direct measurements of the target, in order of time
     aside: message if the first marks seem to have other axes or units than the scene; None if they do not
@@ -120,16 +120,16 @@ class Recording:
         return open_pictures(self.source, self.exposures_s.tolist())
 
     def open_films(self) -> dict[str, Pictures]:
-        """The frames of each camera in space by its name, or those of a single camera by ""; raises InputError."""
+        """The frames of each camera by its name; the name of a single camera is "". Raises InputError."""
         return {film.camera: film.open_frames() for film in self.films} or {"": self.open_frames()}
 
 
 def read_recording(
     folder: FilePath, scene_path: FilePath | None = None, advance: Callable[[float], None] = lambda _share: None
 ) -> Recording:
-    """Read the recording in a folder, with the scene of `scene_path` instead of its own; raises InputError.
+    """Read the recording in a folder; raises InputError.
 
-    advance: called with the completed share, while a film is read
+    scene_path: file of a scene that replaces the scene in the folder; advance: called with the completed share
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -183,7 +183,7 @@ def read_recording(
 
 
 def read_frames(path: Path, *, torn: bool = False) -> Floats:
-    """Exposure times of frames.csv [s], (n_frames,); torn: the last line may be incomplete. Raises InputError."""
+    """Exposure times in frames.csv [s], (n_frames,); torn: omit an incomplete last line. Raises InputError."""
     table = read_table(path, ["frame", "exposure_s"], rejected={"camera": ONE_CAMERA}, torn=torn)
     if not table.n_rows:
         raise InputError.at(path, "a row for each frame", "none")
@@ -194,7 +194,7 @@ def read_frames(path: Path, *, torn: bool = False) -> Floats:
 
 
 def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Floats, tuple[tuple[MarkRow, ...], ...]]:
-    """Exposure times of the frames [s], and the marks of each; without exposures_s the times come from the file."""
+    """Exposure times of the frames [s], and the marks of each. If exposures_s is None, the file states the times."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     names = tuple(dict.fromkeys((*scene.network.names, *scene.mark_names)))
@@ -219,7 +219,7 @@ def read_marks(path: Path, scene: Scene, exposures_s: Floats | None) -> tuple[Fl
 
 
 def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
-    """Times [s], (n,), and marks of a table like marks.csv, which may name all nodes and reference marks."""
+    """Times [s], (n,), and marks of a table like marks.csv, but for any nodes and reference marks of the scene."""
     spread = _spread_columns(path, scene.network.dim)
     table = _read_places(path, scene, ["time_s", *spread], ["node"])
     if unknown := sorted({*table.texts["node"]} - {*scene.network.names, *scene.mark_names}):
@@ -228,7 +228,7 @@ def read_points(path: Path, scene: Scene) -> tuple[Floats, list[MarkRow]]:
 
 
 def nearest_frames(times_s: Floats, exposures_s: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Index of the frame nearest to each time [s], (n,), the earlier of two equally near; its distance [s], (n,)."""
+    """Index of the frame that is nearest to each time, (n,), and the difference of both times [s], (n,)."""
     after = np.clip(np.searchsorted(exposures_s, times_s), 1, max(1, len(exposures_s) - 1))
     near = np.stack([after - 1, np.minimum(after, len(exposures_s) - 1)])
     off_s = np.abs(exposures_s[near] - times_s)
@@ -306,7 +306,7 @@ def write_frames_csv(path: Path, exposures_s: Floats) -> None:
 
 
 def write_truth_csv(path: Path, times_s: Floats, positions_by_node: Mapping[str, Floats]) -> None:
-    """Write truth.csv: nodes' positions [m], (n, dim) each, at times [s], (n,); raises InputError, ValueError."""
+    """Write truth.csv: positions by node [m], (n, dim), at these times [s], (n,); raises InputError, ValueError."""
     _check_times(times_s)
     nodes = list(positions_by_node)
     positions = np.stack([positions_by_node[node] for node in nodes], axis=1)

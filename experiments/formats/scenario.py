@@ -1,4 +1,4 @@
-"""Scenario files: a scene or the shipped phantom, with the forces on it in a simulation."""
+"""Scenario files: what a simulation needs. They name a scene or the phantom, and state the forces on it."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from experiments.formats.toml_file import Name, NotNegative, Positive, Strict, c
 Scale = Annotated[float, Field(ge=0.01, le=1000)]
 SCENARIOS = Path(__file__).parents[1] / "scenarios"
 STEPS = "STEPS.md"
-"""File name of a project's page of steps, beside its scenarios."""
+"""Name of the file in a project's scenario folder that lists the project's steps."""
 
 MOST_STEPS = 1_000_000
-"""Largest number of frames, samples of a tremor, or pokes, 9 hours at 30 frames/s: more are a typing error."""
+"""Largest number of frames, of samples of a tremor, or of pokes: 9 hours at 30 frames/s. More are a typing error."""
 
 PAPER_SD_MM = 4.14
 """Standard deviation of the paper's marks for each axis [mm]."""
@@ -40,15 +40,15 @@ Distractors = Annotated[int, Field(ge=0, le=50)]
 Constants = create_model(  # type: ignore[call-overload]
     "Constants", __base__=Strict, **dict.fromkeys(KINDS, (Share, 0.0))
 )
-"""Relative standard deviations, by kind, with which true constants differ at random from the scene's. The seed
-determines the true constants; the filter uses the scene's."""
+"""Relative standard deviation of the true constants from the constants in the scene, by kind of constant. The seed
+determines the true constants; the filter uses those of the scene."""
 
 
 class SeenMarks(Strict):
     """Simulated errors of marks without a film.
 
-    sd_mm: standard deviation of a mark's error on each axis, by default the paper's; all methods get this value
-    lost: share of missing marks; outliers: share of marks 30 to 150 mm from the true position
+    sd_mm: standard deviation of a mark's error on each axis, which all methods know; by default that of the paper
+    lost: share of missing marks; outliers: share of marks that are 30 to 150 mm from the true position
     """
 
     sd_mm: Positive = PAPER_SD_MM
@@ -57,9 +57,10 @@ class SeenMarks(Strict):
 
 
 class Marks(SeenMarks):
-    """Simulated errors of marks without a film; for the phantom also hue and size of its discs.
+    """Simulated errors of marks without a film, and hue and size of the phantom's discs.
 
-    The phantom has a disc on each free node; the disc on the hidden node is for scoring only.
+    The phantom has a disc on each free node. The filter does not use the disc on the hidden node; it only serves to
+    score estimates.
     """
 
     sd_mm: Positive | None = None  # type: ignore[assignment]
@@ -68,7 +69,7 @@ class Marks(SeenMarks):
 
 
 class Camera(Strict):
-    """A camera perpendicular to the plane of the phantom."""
+    """The camera of the phantom; its optical axis is perpendicular to the phantom's plane."""
 
     size_px: Annotated[list[Annotated[int, Field(ge=64, le=8192)]], Field(min_length=2, max_length=2)]
     mm_per_px: Annotated[list[Scale], Field(min_length=2, max_length=2)]
@@ -79,9 +80,10 @@ class Camera(Strict):
 
 
 class Video(Strict):
-    """Format of the film; for a scene also the light and the number of distractors, objects of other hues.
+    """Format of the film.
 
-    stagger_s: in space, delay of each camera's exposure after the previous camera's
+    light, distractors: light of the film, and number of objects of other hues; only if the scenario names a scene
+    stagger_s: delay between the exposures of successive cameras in space
     """
 
     light: Light = "webcam"
@@ -150,7 +152,7 @@ class Scenario(Strict):
 
     @property
     def distractors(self) -> int:
-        """Number of distractors in view."""
+        """Number of objects of other hues in view."""
         return self.video.distractors if self.camera is None else self.camera.distractors
 
     @property
@@ -167,7 +169,7 @@ def shipped() -> list[str]:
 
 
 def read_scenario(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, and complete it for its own tissue; raises InputError."""
+    """Read a scenario by its name or TOML file, and complete it for the tissue that it names; raises InputError."""
     scenario = read_scenario_file(name)
     if scenario.scene is None:
         return completed(scenario, four_mass_phantom(), OUTER, name)
@@ -176,7 +178,7 @@ def read_scenario(name: str) -> Scenario:
 
 
 def read_scenario_file(name: str) -> Scenario:
-    """Read a scenario by its name or TOML file, without comparing its nodes with its tissue; raises InputError."""
+    """Read a scenario by its name or TOML file, without a check of its nodes; raises InputError."""
     path = SCENARIOS / f"{name}.toml" if name in shipped() else Path(name)
     if not path.is_file():
         raise InputError(f"{name}: expected one of {', '.join(shipped())} or a scenario file, found neither")
@@ -187,9 +189,9 @@ def read_scenario_file(name: str) -> Scenario:
 
 
 def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[str], place: str) -> Scenario:
-    """The scenario completed with default nodes for this network.
+    """The scenario with default values for this network; raises InputError for values that do not fit the network.
 
-    marked: nodes with a measured mark. Raises InputError, `place: key: …`, for values that do not fit the network.
+    marked: nodes with a measured mark; place: name of the scenario, for messages
     """
     change: dict[str, object] = {}
     for key in ("pokes", "breathing"):
@@ -217,7 +219,7 @@ def completed(scenario: Scenario, network: MassSpringNetwork, marked: Sequence[s
 
 
 def _of_scene(posture: Posture, network: MassSpringNetwork, place: str) -> Posture:
-    """The posture with the network's gravity as default start; raises InputError if gravity cannot turn in this way."""
+    """The posture whose default start is the network's gravity; raises InputError if its rotation is not defined."""
     start = network.gravity.tolist() if posture.from_m_s2 is None else posture.from_m_s2
     for key, gravity in (("from_m_s2", start), ("to_m_s2", posture.to_m_s2)):
         check_axes(f"{place}.{key}", gravity, network.dim)
@@ -240,7 +242,7 @@ def _check_free(network: MassSpringNetwork, node: str, place: str) -> None:
 
 
 def scenario_file(name: str) -> Path | None:
-    """The file of a scenario; None for a shipped one."""
+    """The file of a scenario; None for a scenario of the program."""
     return None if name in shipped() else Path(name)
 
 

@@ -15,7 +15,7 @@ Nodes = Annotated[list[str], Field(min_length=1)]
 
 
 class Tremor(Strict):
-    """Tremor of the table under the body: random acceleration of every free node, white up to 1 / (2 interval_s)."""
+    """Tremor of the table under the body: random acceleration of all free nodes, white below 1 / (2 interval_s)."""
 
     acceleration_m_s2_sqrt_hz: Annotated[float, Field(ge=0)]
     interval_s: Positive = 1.0 / 120.0
@@ -32,8 +32,8 @@ class _Forces(Strict):
     """Forces on nodes.
 
     nodes: by default all nodes with a measured mark
-    acceleration_m_s2: the largest force divided by the node's mass
-    shortest_s, longest_s: range from which the duration, or the period, is drawn
+    acceleration_m_s2: the largest force on a node divided by the node's mass
+    shortest_s, longest_s: range of the random duration of a poke, or of the random period of breathing
     """
 
     nodes: Nodes | None = None
@@ -49,11 +49,11 @@ class _Forces(Strict):
 
 
 class Pokes(_Forces):
-    """Pokes of the outer nodes by a rod at random times: half a sine wave in a random direction.
+    """Pokes by a rod at random times: each is a force of half a sine wave in a random direction.
 
-    The size of each poke is drawn between `weakest` times the largest force and that force.
+    weakest: smallest peak of a poke, relative to the largest
     pause_s: mean of the exponentially distributed pause between two pokes
-    together: whether each poke acts on all nodes, in the same direction, instead of on one random node
+    together: if True, each poke acts on all nodes in the same direction; if False, on one random node
     """
 
     pause_s: Positive
@@ -64,8 +64,8 @@ class Pokes(_Forces):
 class Breathing(_Forces):
     """Periodic forces on nodes, like breathing: a wave, and its second harmonic with half its amplitude.
 
-    The period is constant in a run. direction: direction of the force in the first half wave; default `UPWARD`.
-    Without nodes, the whole mass of a continuum is accelerated.
+    The period does not change in a run. direction: direction of the forces, default `UPWARD`
+    If nodes are not stated for a body of tetrahedra, the force acts on its whole mass.
     """
 
     direction: Coordinates | None = None

@@ -27,7 +27,7 @@ MOTION = ("duration_s", "frame_interval_s", "tremor", "release", "pokes", "breat
 ModelFactors = create_model(  # type: ignore[call-overload]
     "ModelFactors", __base__=Strict, **dict.fromkeys(KINDS, (Positive, 1.0))
 )
-"""Factors, by kind, on the constants that the methods use; the true constants do not change."""
+"""Factors on the constants that the methods use, by kind of constant; the true constants do not change."""
 
 
 GROUPS: Mapping[str, type[Strict]] = {
@@ -36,7 +36,7 @@ GROUPS: Mapping[str, type[Strict]] = {
     "marks": SeenMarks,
     "model": ModelFactors,
 }
-"""The table that a grid's key varies, by the key's first part."""
+"""Tables that a grid can vary, by the first part of the grid's keys."""
 
 
 class SweepFile(Strict):
@@ -53,9 +53,9 @@ class SweepFile(Strict):
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """One combination of a grid.
+    """One combination of values from a grid.
 
-    at: its values by key of the grid; scenario, filter, marks, model: checked tables with these values
+    at: the values by key of the grid; scenario, filter, marks, model: the checked tables with these values
     """
 
     at: Mapping[str, Any]
@@ -70,8 +70,8 @@ class Sweep:
     """A checked sweep, with its combinations in the order of the grid.
 
     methods: names as in the file, not checked
-    scenario: file of the scenario, None for a shipped one
-    scene: file of the tissue, by default the scenario's, None for the scenario's phantom
+    scenario: file of the scenario; None for a scenario of the program
+    scene: scene file of the tissue; None for the phantom
     """
 
     path: Path
@@ -117,7 +117,7 @@ def read_sweep(path: Path) -> Sweep:
 
 
 def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Any]]]:
-    """Every list of a grid with its key, from nested tables. Raises InputError."""
+    """Key and list of every parameter of a grid, from nested tables. Raises InputError."""
     for name, value in table.items():
         key, here = (*above, name), f"{place}.{name}"
         if not above and name not in GROUPS:
@@ -133,7 +133,7 @@ def _lists(table: Mapping[str, Any], place: str, above: tuple[str, ...]) -> Iter
 
 
 def _changed(start: Mapping[str, Any], at: Mapping[tuple[str, ...], Any]) -> dict[str, Any]:
-    """A copy of a table with the values of `at`; the first part of each key is ignored."""
+    """A copy of a table with the values of `at`. Keys of `at` begin with the table's name."""
     table = dict(start)
     for key, value in at.items():
         inner = table

@@ -20,15 +20,15 @@ from experiments.errors import InputError, read_text, shown
 from experiments.formats.outputs import write_whole
 
 CHUNK_ROWS = 50_000
-"""Number of rows in memory as text at a time; as text, a million rows take ten times the memory of their numbers."""
+"""Number of rows that are held as text at a time; text takes ten times the memory of the numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
     """Columns of a CSV file.
 
-    numbers: arrays (n_rows,), finite unless made by `open_table`; texts: lists of n_rows entries
-    first_row: number of the first data row, counted like lines in an editor
+    numbers: arrays, (n_rows,); only a table of `open_table` may have NaN; texts: lists of n_rows texts
+    first_row: line number of the first data row in the file
     """
 
     path: Path
@@ -38,7 +38,7 @@ class Table:
     first_row: int = 2
 
     def place(self, row: int, column: str) -> str:
-        """Position in the file of an entry in this data row, counted from 0."""
+        """Position of an entry in the file, for a message; row: index of the data row."""
         return f"{self.path}: row {row + self.first_row}: {column}"
 
     def check(self, column: str, good: NDArray[np.bool_], expected: str) -> None:
@@ -50,15 +50,16 @@ class Table:
             raise InputError.at(self.place(row, column), expected, entry)
 
     def check_each(self, column: str, expected: Floats) -> None:
-        """Raise InputError for the first row whose number differs from that in `expected`, (n_rows,)."""
+        """Raise InputError for the first row whose number differs from the number in `expected`, (n_rows,)."""
         good = self.numbers[column] == expected
         if not good.all():
             self.check(column, good, _number_text(expected[np.argmin(good)]))
 
     def check_order(self, column: str, *, strictly: bool, groups: NDArray[np.int64] | None = None) -> None:
-        """Raise InputError for the first number that is less than the one before it or, if `strictly`, equal to it.
+        """Raise InputError for the first number that is less than the number in the row before.
 
-        groups: group of each row, (n_rows,); a row is then compared with the last row of its own group
+        strictly: whether equal numbers are faults, too
+        groups: group of each row, (n_rows,); if stated, each row is compared with the row before in its group
         """
         groups = np.zeros(self.n_rows, dtype=np.int64) if groups is None else groups
         order = np.argsort(groups, kind="stable")
@@ -81,12 +82,11 @@ def read_table(
     rejected: Mapping[str, str] | None = None,
     torn: bool = False,
 ) -> Table:
-    """Read a CSV file with exactly these columns, in any order; it may have spaces after commas and empty last lines.
+    """Read a CSV file with exactly these columns, in any order; raises InputError.
 
+    Numbers must be finite. Spaces after commas and empty last lines are permitted.
     rejected: error messages, by name, for columns that files often have but that cannot be used
-    torn: omit an incomplete last line, as after a killed writer
-
-    Raises InputError for any other content, also for a number that is not finite.
+    torn: whether to omit an incomplete last line, as the writing program may have been killed
     """
     rows = read_rows(path, f"columns {', '.join([*numbers, *texts])}", torn=torn)
     header = next(rows)
@@ -109,9 +109,9 @@ def read_table(
 
 
 def read_rows(path: Path, expected: str, *, torn: bool = False) -> Iterator[list[str]]:
-    """One or more rows of a CSV file, the header first; each row is as long as the header and on one line.
+    """The header of a CSV file, then its rows, each with as many entries as the header; raises InputError.
 
-    expected: for the error message of an empty file; torn: as in `read_table`. Raises InputError.
+    expected: text for the message on an empty file; torn: as in `read_table`
     """
     text = read_text(path)
     if torn:
@@ -155,7 +155,7 @@ def _check_header(path: Path, header: list[str], columns: list[str], rejected: M
 
 
 def _numbers(entries: Sequence[str]) -> Floats | None:
-    """The entries as numbers, None if one of them is not a finite number."""
+    """The entries as numbers; None if any entry is not a finite number."""
     # Python also reads 1_000 and digits of other scripts as numbers; here they are errors
     whole = "".join(entries)
     if not whole.isascii() or "_" in whole:

@@ -1,4 +1,4 @@
-"""TOML files: reading, checks against a model, position of the first fault, and writing of values."""
+"""Reading of TOML files, with a check against a model that reports the first fault; writing of TOML values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ Row = Annotated[list[float], Field(min_length=15, max_length=15)]
 
 
 def read_toml(path: Path, model: type[Model]) -> Model:
-    """Read a TOML file as a model; raises InputError, `file: key: expected …, found …`, for the first fault."""
+    """Read a TOML file and check it against a model; raises InputError for the first fault, with file and key."""
     text = read_text(path)
     try:
         data = tomllib.loads(text)
@@ -73,7 +73,7 @@ def check_axes(place: str, vector: Sequence[float], dim: int) -> None:
 
 
 def validated(data: dict[str, Any], model: type[Model], place: str) -> Model:
-    """A table as the model; raises InputError for the first fault, whose key follows `place` in the message."""
+    """A table checked against a model; raises InputError for the first fault; place: begin of the message."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -114,7 +114,7 @@ EXPECTED = {
     "too_long": "{max_length} entries or fewer",
     "literal_error": "{expected}",
 }
-"""Text on the expected value, by pydantic's type of error."""
+"""Text on the expected value in a message, by pydantic's type of error."""
 
 
 def _reported(error: ErrorDetails) -> str:
@@ -139,12 +139,12 @@ def in_metres(table: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def in_millimetres(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields with lengths in millimetres, as in a file: each name that ends in _m, such as `radius_m`, gets _mm."""
+    """Fields with lengths in millimetres: each name that ends in _m, such as `radius_m`, becomes `radius_mm`."""
     return _scaled(fields, "_m", "_mm", 1e3)
 
 
 def _scaled(values: Mapping[str, Any], old: str, new: str, factor: float) -> dict[str, Any]:
-    """Values whose names end in `old`, multiplied and renamed; lists become tuples, None stays."""
+    """Fields in another unit: if a name ends in `old`, the value is multiplied and the ending replaced by `new`."""
     scaled: dict[str, Any] = {}
     for key, value in values.items():
         if not key.endswith(old):
@@ -163,7 +163,7 @@ def toml_number(value: float) -> str:
 
 
 def toml_text(value: str) -> str:
-    """A text in quotes."""
+    """A text as TOML, in quotes."""
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -179,12 +179,12 @@ def toml_value(value: Any, number: Number = toml_number) -> str:
 
 
 def long_list(key: str, entries: Iterable[Any], number: Number = toml_number, why: str = "") -> list[str]:
-    """A list with a line for each entry; why: a comment after the key."""
+    """Lines of a list, one for each entry; why: a comment after the key."""
     return [f"{key} = [{why and f'  # {why}'}", *(f"    {toml_value(entry, number)}," for entry in entries), "]"]
 
 
 def key_lines(table: Mapping[str, Any], number: Number = toml_number) -> list[str]:
-    """The lines of a table, one for each key, without keys that are None; a matrix has a line for each row."""
+    """The lines of a table, one for each key. Keys whose value is None are omitted; a matrix has a line per row."""
     lines: list[str] = []
     for key, value in table.items():
         if isinstance(value, np.ndarray) and value.ndim == 2:

@@ -1,6 +1,6 @@
-"""Truth and films of scenarios, a camera in front of the phantom, closed-loop insertion.
+"""True motion, films and marks of scenarios; the phantom's camera; closed-loop insertion.
 
-New sources of truth belong here; scores do not.
+New simulated motions belong here; the evaluation of estimates does not.
 """
 
 # Import names from the modules themselves: the phantom's process has to start before anything else is loaded.

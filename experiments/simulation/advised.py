@@ -1,8 +1,7 @@
-"""Reliability of the hit probabilities that `softaim advise` predicts: the needle is inserted at each advice.
+"""Reliability of the hit probabilities that `softaim advise` predicts.
 
-The filter of the given scene gives advice every second, in the same way as `softaim advise`. Each time, the needle is
-inserted at once into the true deforming tissue: straight along its direction, to the advised depth. It neither steers
-nor waits.
+The filter of the given scene gives advice every second, in the same way as `softaim advise`. Each time, a needle is
+inserted at once into the true deforming tissue: straight along its direction, to the advised depth, without steering.
 """
 
 from __future__ import annotations
@@ -30,14 +29,15 @@ from experiments.simulation.policies import Warm
 from experiments.simulation.world import World
 
 EVERY_S = 1.0
-"""Interval of advice [s], after which insertions of one run are nearly independent; parameter of the study."""
+"""Interval of advice [s], so long that insertions of one run are nearly independent; parameter of the study."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdvisedInsertion:
-    """Advice at a time [s], and the result of its insertion.
+    """Advice at a time, and the result of the insertion that follows it.
 
-    probability: predicted hit probability, or None; hit, miss_m: result and miss [m], None if no needle was inserted
+    probability: predicted hit probability; hit: whether the needle hit; miss_m: distance from the target at arrival [m]
+    All three are None if no needle was inserted.
     """
 
     time_s: float
@@ -48,7 +48,7 @@ class AdvisedInsertion:
 
 
 def advised(world: World, warm: Warm, state: Floats) -> tuple[AdvisedInsertion, ...]:
-    """Advice every second, from the first frame after the warm-up; `state`: state of the tissue at that frame."""
+    """Advice every EVERY_S from the first frame after the warm-up; state: the tissue's state at that frame."""
     case, tissue = world.case, warm.tissue
     plan = case.plan
     tissue.restore(warm.then)
@@ -115,9 +115,10 @@ def bins(runs: Sequence[Sequence[AdvisedInsertion]]) -> tuple[ReliabilityBin, ..
 
 
 def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str, float | int | None]:
-    """Number of insertions, mean predicted probability, hit rate with 95 % interval, difference of both with its sd.
+    """Number of insertions, mean predicted probability, hit rate with its 95 % interval, and their difference.
 
-    The difference's sd is by a jackknife over runs, because the insertions of one run are not independent.
+    The difference is the hit rate minus the mean predicted probability. Its standard deviation comes from a jackknife
+    over runs, because the insertions of one run are not independent.
     """
     stated = [np.array([one.probability for one in run], dtype=float) for run in runs if run]
     came = [np.array([bool(one.hit) for one in run], dtype=float) for run in runs if run]
@@ -132,7 +133,7 @@ def _compared(runs: Sequence[Sequence[AdvisedInsertion]], key: str) -> dict[str,
 
 
 def _spread_over_runs(stated: Sequence[Floats], came: Sequence[Floats]) -> float | None:
-    """Standard deviation of the mean of observed minus predicted hits, by a jackknife over runs; None for one run."""
+    """Standard deviation of the hit rate minus the mean probability, by a jackknife over runs; None for one run."""
     sums = np.array([float((c - s).sum()) for s, c in zip(stated, came, strict=True)])
     sizes = np.array([len(run) for run in stated])
     n = len(sums)

@@ -1,6 +1,6 @@
-"""The case of an insertion: a scenario's tissue, the scene of the filter, the needle and its lesion.
+"""The case of a simulated insertion: the scenario's tissue, the filter's scene, the needle and the lesion.
 
-The filter has the study's settings for the phantom, and the scene file's for a user's tissue (`docs/insertion.md`).
+For the phantom the filter has the study's settings; for a user's tissue it has those of the scene file.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ FIRST_SEED = 30_000
 """First seed of results; smaller seeds served to choose settings."""
 
 BREATHING_WARM_S = 12.0
-"""Time with marks before the needle may start in breathing tissue [s]; choice: two breaths."""
+"""Time in which the filter processes marks before a needle may start, in breathing tissue [s]; choice: two breaths."""
 
 ENTRY_M = (0.015, 0.020)
-"""Entry of the needle in the phantom, relative to the resting target [m], 25 mm from it; a parameter of the study."""
+"""Vector from the resting target to the needle's entry in the phantom [m], 25 mm long; a parameter of the study."""
 
 SPEED_M_S = 0.05
 """Speed of a needle without a file [m/s]."""
 
 DEEPEST_M = 0.06
-"""Depth in the phantom at which a needle is retracted or has missed [m]; a parameter of the study."""
+"""Largest depth of a needle in the phantom [m]; a deeper needle retracts or has missed; a parameter of the study."""
 
 BEYOND_M = 0.035
-"""Depth beyond the resting target at which a needle in a user's scene is retracted or has missed [m]; a choice."""
+"""Largest depth of a needle in a user's scene, measured from the resting target [m]; a choice."""
 
 ONE_AT_A_TIME = FilterSettings(poked=replace(FilterSettings().poked, poke=3.4), discrepancy=EXACT)
-"""Filter settings for pokes of one outer mass at a time. In scenario `poked` these are half sines in random directions
-with peaks of 3 to 10 m/s²; on one coordinate their root mean square is 3.4 m/s²."""
+"""Filter settings for pokes of one outer mass at a time. A poke in scenario `poked` is a half sine in a random
+direction with a peak of 3 to 10 m/s²; on one coordinate the root mean square of pokes is 3.4 m/s²."""
 
 TOGETHER = FilterSettings(discrepancy=EXACT)
 """Filter settings for pushes of all outer masses at once."""
@@ -63,14 +63,15 @@ TIP = Needle(hit=Hit.TIP)
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Case:
-    """One insertion: the scenario, a seed, the tissue, the filter's scene, the needle, the camera.
+    """All that determines one run of the insertion study, except the policy.
 
-    truth: scene of the true tissue, drawn at rest; given: scene of the filter, with its settings
-    plan: needle, entry, direction, speed, lesion, forces; straight: the insertion for advice
-    deepest_m: depth at which a needle is retracted or has missed [m]
+    truth: scene of the true tissue in its rest shape; given: the filter's scene, with the filter's settings
+    plan: needle, entry, direction, speed, lesion, forces; straight: the insertion for which `softaim advise` is tested
+    deepest_m: largest depth of the needle [m]; a deeper needle retracts or has missed
     steer_m_s: largest speed with which the robot moves the needle's line sideways [m/s]
-    warm_s, patience_s: time with marks before the needle may start, and time for it to arrive after that [s]
-    strength: factor on the scenario's pokes and breathing; advice: whether to evaluate `softaim advise`, too
+    seen: errors of the marks; warm_s: duration of the warm-up, in which the filter processes marks without a needle [s]
+    patience_s: time from the end of the warm-up in which the needle must arrive [s]
+    strength: factor on the scenario's pokes and breathing; advice: whether to test `softaim advise`, too
     """
 
     scenario: Scenario
@@ -93,7 +94,7 @@ class Case:
 
     @property
     def n_frames(self) -> int:
-        """Number of frames of the camera until `patience_s` is over."""
+        """Number of camera frames until the end of `patience_s`."""
         return int(np.ceil((self.warm_s + self.patience_s) * self.frames_per_s)) + 1
 
     @property
@@ -111,10 +112,11 @@ def case_of(
     radius_m: float | None = None,
     strength: float = 1.0,
 ) -> Case:
-    """The case of a scenario, with its first seed; raises InputError for files that do not fit together.
+    """The case of a scenario, with the first seed; raises InputError if the files do not fit together.
 
     scene_path: path of the filter's scene, by default the scenario's
-    needle_path: path of the needle's file; speed_m_s [m/s] and the lesion's radius_m [m] replace its values
+    needle_path: path of the needle file
+    speed_m_s, radius_m: speed of the needle [m/s] and radius of the lesion [m] that replace those of the needle file
     """
     if radius_m is not None and not 0.0 < radius_m < 1.0:
         raise InputError.at("--radius-mm", "more than 0 and less than 1000", f"{1e3 * radius_m:g}")
@@ -162,7 +164,7 @@ def case_of(
 
 
 def with_needle(scene: Scene, line: Floats) -> Scene:
-    """The scene with mesh points on a needle's line [m], (2, dim), where its forces act; unchanged without a mesh."""
+    """The scene with more points on a needle's line [m], (2, dim), where its force acts; unchanged without a mesh."""
     if scene.mesh is None:
         return scene
     mesh, network = with_line(scene.mesh, scene.network, line)
@@ -170,13 +172,13 @@ def with_needle(scene: Scene, line: Floats) -> Scene:
 
 
 def settings_for(scenario: Scenario) -> FilterSettings:
-    """Filter settings for the phantom in a scenario, where outer masses are pushed one at a time or together."""
+    """Filter settings for the phantom, depending on whether a scenario pushes all outer masses at once."""
     together = scenario.breathing is not None or (scenario.pokes is not None and scenario.pokes.together)
     return TOGETHER if together else ONE_AT_A_TIME
 
 
 def at_rest(network: MassSpringNetwork) -> MassSpringNetwork:
-    """The network in its rest shape, to which a needle's contact and the resting target refer; see `supported`."""
+    """The network after `supported`, drawn in its rest shape."""
     network = supported(network)
     shape = rest_shape(network)
     return network if np.abs(shape - network.positions).max() <= AT_REST_M else replace(network, positions=shape)
@@ -189,20 +191,20 @@ def resting_target(scene: Scene) -> Floats:
 
 
 def way_m(scene: Scene, plan: NeedlePlan) -> float:
-    """Depth of the tip at which the needle hits a resting target [m]."""
+    """Depth at which a needle that points at the resting target hits it [m]."""
     return float(np.linalg.norm(resting_target(scene) - plan.insertion.entry)) + plan.needle.reach_m
 
 
 def phantom_plan(scene: Scene) -> NeedlePlan:
-    """The study's needle in the phantom, which points down at first."""
+    """The study's plan for the phantom: a needle that points down."""
     insertion = Insertion(resting_target(scene) + ENTRY_M, np.array([0.0, -1.0]), SPEED_M_S)
     return NeedlePlan(TIP, insertion, Lesion.ball(scene.target.radius_m, 2), AdviceSettings())
 
 
 def scene_plan(scene: Scene) -> NeedlePlan:
-    """A needle from above that points at the resting target; its tip has to hit the scene's lesion.
+    """The plan for a user's scene without a needle file: a needle that points down at the resting target.
 
-    It enters at the height of the highest node at rest, and no nearer to the target than in the phantom.
+    It enters at the height of the highest node at rest, but at least as far above the target as in the phantom.
     """
     network, target = scene.network, resting_target(scene)
     weight = float(np.linalg.norm(network.gravity))

@@ -1,7 +1,8 @@
-"""Closed-loop insertion of a needle into moving tissue by one policy: marks, estimate, command, tissue response.
+"""Closed-loop insertion of a needle into moving tissue by one policy.
 
 At every frame the policy gives the target's present or predicted position, and the robot moves the needle's line
-towards it at a limited speed. COMMIT_S before arrival the line is fixed; the policy then states a hit probability.
+towards it at a limited speed. COMMIT_S before arrival the line is fixed: this is the commitment. The policy then states
+a hit probability.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ COMMIT_S = 2.0 / 30.0
 """Time before arrival at which the needle's line is fixed [s]: two frames, for the study's camera and robot."""
 
 SMALLEST_M, LARGEST_M = 2e-4, 10e-3
-"""Range of the random lesion radius with which probabilities are tested [m], log-uniform; parameter of the study."""
+"""Range of the log-uniform random lesion radius with which hit probabilities are tested [m]; parameter of the study."""
 
 GOING = AdviceSettings(go=0.4, worth=0.05, horizon_s=0.3, step_s=0.1)
-"""Thresholds of hit probability for the start; low, because poked tissue cannot be predicted half a second ahead. At
-the commitment, a policy that may retract does so below the probability `go` of the needle's file."""
+"""Thresholds of hit probability for the start. They are low, because poked tissue cannot be predicted half a second
+ahead. At the commitment, a policy that waits retracts if the probability is less than `go` of the needle's file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +44,10 @@ class Tried:
     """Result of one policy in one world.
 
     probability: hit probability at the commitment; None if the policy states none or never committed
-    drawn_probability, drawn_hit: probability and hit for a lesion with the random radius drawn_radius_m [m]
-    miss_m: distance of the tip or the notch's middle from the true target at arrival [m], None if the needle never
-    arrived
-    seconds: time from the permission to start until arrival [s]; insertions: number of insertions begun
+    drawn_probability, drawn_hit: hit probability and hit for a lesion with the random radius drawn_radius_m [m]
+    miss_m: distance at arrival from the true target to the needle's tip or the middle of its notch [m]; None if the
+    needle never arrived
+    seconds: time from the end of the warm-up until arrival [s]; insertions: number of insertions begun
     """
 
     policy: str
@@ -62,7 +63,11 @@ class Tried:
 
 @dataclass(slots=True)
 class _Robot:
-    """The needle: axis, offset from its initial line along `across` [m], depth along its axis [m], its action."""
+    """The state of the needle.
+
+    beside: offset from the needle's initial line, along each vector of `across(axis)` [m], (dim - 1,)
+    depth: depth of the tip along the axis [m]; doing: `waiting`, `going` or `back`
+    """
 
     axis: Floats
     beside: Floats
@@ -72,7 +77,7 @@ class _Robot:
     punctured: bool = False
 
     def tip(self, entry: Floats, deeper: float = 0.0, aside: Floats | None = None) -> Floats:
-        """Position of the tip [m], (dim,), moved deeper and aside by these lengths [m]."""
+        """Position of the tip [m], (dim,), after a motion by `deeper` along the axis and `aside` along `across` [m]."""
         ways = self.beside if aside is None else self.beside + aside
         return np.asarray(entry + (self.depth + deeper) * self.axis + ways @ across(self.axis))
 
@@ -84,7 +89,7 @@ def within(ways: Floats, most: float) -> Floats:
 
 
 def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
-    """Whether the lesion is hit; offset: vector from the target to the tip or the notch's middle [m], (dim,)."""
+    """Whether the lesion is hit; offset: vector from the target to the tip or the middle of the notch [m], (dim,)."""
     length, core = needle.sampled
     if core:
         return bool(lesion.core_lengths(offset[None], axis, length)[0] >= core)
@@ -92,7 +97,7 @@ def hits(needle: Needle, lesion: Lesion, offset: Floats, axis: Floats) -> bool:
 
 
 def attempt(world: World, policy: Policy, state: Floats) -> Tried:
-    """Insert the needle; policy, state: the policy and the tissue's state at the end of the warm-up."""
+    """Insert the needle with a policy; state: the tissue's state at the end of the warm-up, as in `World.start`."""
     case, plan = world.case, world.case.plan
     speed_m_s, lesion, needle = plan.insertion.speed_m_s, plan.lesion, plan.needle
     first, dt = round(case.warm_s * case.frames_per_s), 1.0 / case.frames_per_s
@@ -156,7 +161,11 @@ def attempt(world: World, policy: Policy, state: Floats) -> Tried:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Shot:
-    """A commitment: its time [s], time until arrival [s], sideways motion in that time [m], predicted tip, target."""
+    """A commitment, from which the needle's line is fixed.
+
+    now_s: its time [s]; left_s: time until arrival [s]; aside_m: sideways motion in that time [m], (dim - 1,)
+    tip, target: predicted densities of both positions at arrival
+    """
 
     now_s: float
     left_s: float
@@ -167,13 +176,13 @@ class _Shot:
     axis: Floats
 
     def probability(self, lesion: Lesion) -> float | None:
-        """Probability of a hit; None if there is no density of the target."""
+        """Probability of a hit; None if the policy predicts no density of the target."""
         if self.target is None:
             return None
         return hit_probability(self.target, self.tip, self.axis, lesion, needle=self.needle)
 
     def offset(self, world: World, robot: _Robot, state: Floats) -> Floats:
-        """Vector from the true target to the tip, or the notch's middle, at arrival [m], (dim,)."""
+        """Vector at arrival from the true target to the tip or the middle of the notch [m], (dim,)."""
         arrived = state
         if self.left_s > 0.0:
             drive = _drive(world, robot, world.case.plan.insertion.speed_m_s, self.aside_m / self.left_s)
@@ -205,7 +214,7 @@ def _drive(world: World, robot: _Robot, speed: float, sideways: Floats) -> Needl
 
 
 def _way(world: World, robot: _Robot, speed: float) -> Floats:
-    """The predicted push of the needle in each step of a path's tables [N], (n, n_free, dim)."""
+    """Predicted force of the needle in each step of CYCLE_S of the prediction [N], (n, n_free, dim)."""
     n = round(horizon_s(world) / CYCLE_S)
     return predicted_parts(world, robot.axis, robot.depth, robot.beside, speed, n, CYCLE_S).sum(axis=0)
 
@@ -219,8 +228,9 @@ def _advises_go(policy: Policy, path: TargetPath, world: World, goal: Floats) ->
 
 
 def _reached(path: TargetPath, world: World, axis: Floats | None, depth: float) -> tuple[float, Floats]:
-    """Time [s] when the needle reaches the target's depth, or of the path's end; position of the target then [m].
+    """Time when the needle reaches the target's depth [s], and the target's position at that time [m].
 
+    If the needle does not reach that depth within the path, both are those of the path's end.
     axis: None for a needle that is turned towards the target
     """
     plan = world.case.plan

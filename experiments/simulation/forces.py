@@ -16,7 +16,10 @@ from experiments.formats.scenario_forces import UPWARD, Breathing, Pokes, Postur
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Force:
-    """A force on the free nodes over time: at(t [s]) [N], (n_free, dim); bends_s: times of slope changes [s], (n,)."""
+    """A force on the free nodes over time.
+
+    at: function of the time [s] that gives the force [N], (n_free, dim); bends_s: times of slope changes [s], (n,)
+    """
 
     at: Callable[[float], Floats]
     bends_s: Floats
@@ -27,7 +30,7 @@ class Force:
 
 
 def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, rng: np.random.Generator) -> Force:
-    """Force of a random white acceleration of each free node [N], (n_free, dim), linear between knots."""
+    """A force that accelerates each free node independently, with random values at knots, linear between them."""
     n_knots = int(np.ceil(duration_s / tremor.interval_s)) + 2
     sd = tremor.acceleration_m_s2_sqrt_hz / np.sqrt(tremor.interval_s)
     knots = rng.normal(0.0, sd, (n_knots, len(network.free), network.dim))
@@ -42,7 +45,7 @@ def tremor_force(network: MassSpringNetwork, tremor: Tremor, duration_s: float, 
 
 
 def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng: np.random.Generator) -> Force:
-    """Half-sine pokes in random directions, after random pauses, on one node or on all [N], (n_free, dim)."""
+    """Pokes: half-sine forces in random directions, separated by random pauses, see `Pokes`."""
     rows = _rows(network, pokes.nodes)
     starts, ends, peaks = [], [], []
     t = rng.exponential(pokes.pause_s)
@@ -70,9 +73,9 @@ def poke_force(network: MassSpringNetwork, pokes: Pokes, duration_s: float, rng:
 
 
 def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.random.Generator) -> Force:
-    """A periodic force with a second harmonic on some nodes [N], (n_free, dim); period and phase are drawn once.
+    """A periodic force with a second harmonic; period and phases are drawn once.
 
-    Without nodes, forces on the points of a continuum displace them like an acceleration of the whole mass.
+    If the scenario names no nodes, the force acts on the whole body, see `by_acceleration`.
     """
     direction = np.array(breathing.direction or UPWARD[: network.dim])
     direction *= breathing.acceleration_m_s2 / np.linalg.norm(direction)
@@ -91,7 +94,7 @@ def breathing_force(network: MassSpringNetwork, breathing: Breathing, rng: np.ra
 
 
 def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
-    """Difference between turned gravity and the gravity under which the tissue rests as drawn [N], (n_free, dim)."""
+    """Force of the rotated gravity, less the force of the gravity under which the tissue rests as drawn."""
     before, after = np.array(posture.from_m_s2), np.array(posture.to_m_s2)
     sizes = np.linalg.norm([before, after], axis=1)
     angle = np.arccos(np.clip(before @ after / sizes.prod(), -1.0, 1.0))
@@ -107,7 +110,7 @@ def posture_force(network: MassSpringNetwork, posture: Posture) -> Force:
 
 
 def press_force(network: MassSpringNetwork, press: Press) -> Force:
-    """A force on nodes that rises, stays and ends [N], (n_free, dim)."""
+    """A force on nodes that rises smoothly, stays constant and falls."""
     rows, peak = _rows(network, press.nodes), np.zeros((len(network.free), network.dim))
     peak[rows] = np.array(press.force_n) / len(rows)
     end_s = press.start_s + press.lasts_s
@@ -119,12 +122,12 @@ def press_force(network: MassSpringNetwork, press: Press) -> Force:
 
 
 def _risen(share: float) -> float:
-    """A smooth rise from 0 at share 0 to 1 at share 1: half a cosine."""
+    """A smooth rise from 0 at share 0 to 1 at share 1: half a period of a cosine."""
     return 0.5 - 0.5 * float(np.cos(np.pi * np.clip(share, 0.0, 1.0)))
 
 
 def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
-    """Forces on the free nodes that displace them like this acceleration of the whole mass [N], (n_free, dim)."""
+    """Forces on the free nodes that act like an acceleration of the body's whole mass [N], (n_free, dim)."""
     solid = network.continuum
     if solid is None:
         return network.masses[network.free][:, None] * acceleration
@@ -132,7 +135,7 @@ def by_acceleration(network: MassSpringNetwork, acceleration: Floats) -> Floats:
 
 
 def _rows(network: MassSpringNetwork, nodes: list[str] | None) -> list[int]:
-    """Indices of these nodes; `completed` has replaced None by a list."""
+    """Indices of these nodes; nodes is not None after `completed`."""
     assert nodes is not None
     return [_row(network, node) for node in nodes]
 

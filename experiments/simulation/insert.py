@@ -1,7 +1,6 @@
-"""Simulated robotic insertion in closed loop: the benefit of the estimate, of prediction and of waiting.
+"""Comparison of insertion policies in simulated robotic insertions: `softaim insert SCENARIO --out DIR`.
 
-`softaim insert SCENARIO --out DIR` compares policies, for each seed on the same truth. `docs/insertion.md` has the
-resulting figures.
+For each seed all policies face the same true motion. `docs/insertion.md` has the results.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from experiments.simulation.world import world_of
 
 @dataclass(frozen=True, slots=True)
 class Trials:
-    """Results of n_runs runs: in each run a `Tried` for each policy, and insertions that follow advice."""
+    """Results of all runs: for each run a `Tried` for each policy, and the insertions that follow advice."""
 
     case: Case
     runs: tuple[tuple[Tried, ...], ...]
@@ -45,14 +44,14 @@ def insert(
     *,
     workers: Workers = OWN_PROCESS,
 ) -> Trials:
-    """Try every policy in n_runs worlds. Raises InputError for an impossible scenario."""
+    """Try every policy in n_runs worlds with successive seeds. Raises InputError for an impossible scenario."""
     jobs = [replace(case, seed=case.seed + k) for k in range(n_runs)]
     done = results(one_run, jobs, workers, advance)
     return Trials(case, tuple(tried for tried, _ in done), tuple(of_run for _, of_run in done))
 
 
 def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]]:
-    """Results of every policy in the world of a case, and of insertions there that follow advice."""
+    """Results of every policy in the world of a case, and results of insertions that follow advice in it."""
     world = world_of(case)
     state, paper, warm = warmed(world)
     tried = [attempt(world, policy, state) for policy in (Rest(world), paper)]
@@ -62,14 +61,14 @@ def one_run(case: Case) -> tuple[tuple[Tried, ...], tuple[AdvisedInsertion, ...]
 
 
 def calibrated(done: Trials) -> tuple[ReliabilityBin, ...]:
-    """Reliability of `filter-ahead`'s probabilities at its commitments; each run has a random lesion."""
+    """Reliability of the hit probabilities that policy `filter-ahead` states, for lesions of random radius."""
     committed = [one for one in done.of("filter-ahead") if one.drawn_probability is not None]
     predicted = [one.drawn_probability for one in committed if one.drawn_probability is not None]
     return reliability_bins(predicted, [bool(one.drawn_hit) for one in committed])
 
 
 def summary(done: Trials) -> dict[str, object]:
-    """Content of summary.json: a row for each policy, by its name, and the calibration."""
+    """Content of summary.json."""
     case = done.case
     return {
         "scenario": case.scenario.title,
@@ -85,10 +84,12 @@ def summary(done: Trials) -> dict[str, object]:
 
 
 def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
-    """Hit rate with its 95 % interval [clopper1934], misses of the needles that arrived, and means over runs.
+    """Figures of one policy over all runs.
 
-    seconds_to_hit: mean for hits [s]; insertions, retractions: numbers per run; never: number of runs without arrival
-    predicted, observed: mean probability at commitments, and their hit rate; None if the policy states none
+    hit_rate, hit_rate_low, hit_rate_high: share of hits and its 95 % interval [clopper1934]; miss_mm: mean miss of the
+    needles that arrived; seconds_to_hit: mean time until a hit; insertions, retractions: mean numbers per run
+    never: number of runs without arrival
+    predicted, observed: mean predicted hit probability, and hit rate of the same insertions
     """
     n, hits = len(tried), sum(one.hit for one in tried)
     low, high = clopper_pearson(hits, n, 0.95)
@@ -113,7 +114,7 @@ def figures(tried: Sequence[Tried]) -> dict[str, float | int | None]:
 
 
 def table(done: Trials) -> pd.DataFrame:
-    """Content of runs.csv: a row for each run and policy, in mm and seconds; missing values are empty."""
+    """Content of runs.csv: a row for each run and policy; missing values are empty."""
     rows = [
         {
             "seed": done.case.seed + k,
@@ -133,7 +134,7 @@ def table(done: Trials) -> pd.DataFrame:
 
 
 def advised_table(done: Trials) -> pd.DataFrame:
-    """Content of advised.csv: a row for each advice; results are empty if no needle was inserted."""
+    """Content of advised.csv: a row for each advice; hit and miss_mm are empty if no needle was inserted."""
     rows = [
         {
             "seed": done.case.seed + k,

@@ -1,4 +1,4 @@
-"""A camera in front of the simulated phantom, which moves in real time."""
+"""A simulated camera in front of the simulated phantom, whose motion is computed in real time."""
 
 from __future__ import annotations
 
@@ -19,20 +19,21 @@ from experiments.simulation.simulate import scene_of
 from experiments.version import version
 
 BEHIND_S = 1.0
-"""Longest delay, such as by a compilation, after which the phantom catches up [s]; choice: this takes 0.4 s."""
+"""Longest delay of drawing after which the phantom still catches up with the clock [s]; choice: this takes 0.4 s."""
 
 RTOL, ATOL, STEP_S = 1e-3, 1e-5, 1.0 / 120.0
-"""Tolerances of the motion [1; m, m/s] and the longest step [s], the length of a linear piece of tremor; choice: errors
-of 0.003 mm; tighter tolerances take ten times as long, because they reject steps across bends of the tremor."""
+"""Relative tolerance [1], absolute tolerance [m, m/s] and longest step [s] of the integrator. The step is the interval
+of the tremor's knots; choice: errors are 0.003 mm. Tighter tolerances take ten times as long, because they reject steps
+across the knots."""
 
 COMES_AGAIN_S = 360.0
-"""Period after which the random forces repeat [s]; choice: an hour would delay the first picture by 0.3 s."""
+"""Period of the random forces [s]; choice: forces for an hour would delay the first picture by 0.3 s."""
 
 
 class PhantomCamera:
-    """A camera in front of the poked phantom, which SciPy's RK45 moves in real time; pictures are drawn on request.
+    """A camera in front of the phantom, with the interface of cv2.VideoCapture.
 
-    State: the phantom's state, (n_state,), at time_s [s] after its start; the clock's time at the start; its picture.
+    The phantom moves under random forces; time_s: time since its start [s]. A picture is drawn when it is grabbed.
     """
 
     def __init__(
@@ -72,9 +73,9 @@ class PhantomCamera:
         return positions
 
     def grab(self) -> bool:
-        """Wait for the next frame; late drawing skips to the frame that is due, very late drawing pauses the phantom.
+        """Draw the next frame, then wait until it is due, so that the measured latency does not include drawing.
 
-        The frame is drawn before it is due, so that the measured latency does not include drawing.
+        If drawing is late, frames are skipped. After a delay of more than BEHIND_S the phantom's motion is delayed too.
         """
         interval = self.scenario.frame_interval_s
         due = self.time_s + interval
@@ -91,11 +92,11 @@ class PhantomCamera:
         return True
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
-        """The picture that grab() waited for."""
+        """The picture that `grab` drew."""
         return True, self._image
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: time of the picture on the clock [ms]; 0 for other properties."""
+        """For CAP_PROP_POS_MSEC, the exposure time of the picture on the clock [ms]; otherwise 0."""
         return 1e3 * (self._began_s + self.time_s) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def _move(self, due: float) -> None:
@@ -105,7 +106,7 @@ class PhantomCamera:
             self._state,
             [self.time_s, due],
             force=lambda t: sum((force(t % COMES_AGAIN_S) for force in self._forces), nothing),
-            method="RK45",  # steps end at slope changes of the tremor, so a method of higher order is not faster
+            method="RK45",  # steps end at the tremor's knots, so that a method of higher order is not faster
             rtol=RTOL,
             atol=ATOL,
             max_step_s=STEP_S,

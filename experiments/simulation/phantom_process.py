@@ -1,4 +1,4 @@
-"""Camera in front of the simulated phantom in its own process, so that it takes no time from the loop."""
+"""The simulated phantom and its camera in their own process, so that they take no time from the estimation loop."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from experiments.threads import begin_helper
 
 PHANTOM, SCENARIO = "phantom", "webcam"
-"""Name of the simulated phantom as a source, and its scenario."""
+"""Name of the simulated phantom as a source of pictures, and name of its scenario."""
 
 HEADER = struct.Struct("<dII")
 """Header of a picture: its exposure time on the monotonic clock [s], which all processes share; its width and height
 [px]."""
 
 ENDS_S = 2.0
-"""Timeout for the end of the process [s]; choice."""
+"""Longest time to wait for the end of the process [s]; choice."""
 
 
 def film(connection: Connection, fps: float | None) -> None:
-    """Wait for a request, then send the phantom's pictures when they are due, until the reader is gone."""
+    """Wait for a request, then send each of the phantom's pictures at its exposure time, until the reader has ended."""
     begin_helper()
     # imported here, so that the parent process does not wait for it
     from experiments.formats.scenario import read_scenario
@@ -51,8 +51,8 @@ def film(connection: Connection, fps: float | None) -> None:
 class PhantomProcess:
     """Pictures of a `PhantomCamera` in another process, with the interface of cv2.VideoCapture.
 
-    The process starts at once and loads code for seconds, while the program continues. `opened` starts the phantom.
-    fps: frame rate instead of the scenario's [frames/s]. State: the process, and its last message.
+    The process starts with this object and first loads code for some seconds. `opened` starts the phantom's motion.
+    fps: frame rate that replaces the scenario's [frames/s]
     """
 
     def __init__(self, fps: float | None = None) -> None:
@@ -82,13 +82,13 @@ class PhantomProcess:
         return True
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8]]:
-        """A copy of the last picture, because kernels are compiled for writable pictures."""
+        """A writable copy of the last picture; the compiled kernels of `vision` need writable pictures."""
         _exposure_s, width, height = HEADER.unpack_from(self._sent)
         pixels = np.frombuffer(self._sent, dtype=np.uint8, offset=HEADER.size)
         return True, pixels.reshape(height, width, 3).copy()
 
     def get(self, prop: int) -> float:
-        """CAP_PROP_POS_MSEC: time of the last picture on the clock [ms]; 0 for other properties."""
+        """For CAP_PROP_POS_MSEC, the exposure time of the last picture on the monotonic clock [ms]; otherwise 0."""
         return 1e3 * float(HEADER.unpack_from(self._sent)[0]) if prop == cv2.CAP_PROP_POS_MSEC else 0.0
 
     def release(self) -> None:

@@ -1,4 +1,4 @@
-"""Film of a flat scene by its camera: marks on the plane, drawn over the springs."""
+"""Simulated film of a flat scene: marks on the plane, drawn over the springs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from experiments.threads import ahead
 
 
 def film(scenario: Scenario, scene: Scene, truth: Truth, rng: np.random.Generator) -> Iterator[NDArray[np.uint8]]:
-    """The scenario's camera's pictures of the motion, (height, width, 3) BGR."""
+    """Pictures of the true motion by the scene's first camera, (height, width, 3) BGR."""
     camera = scene.cameras[0]
     network = scene.network
     lighting = vision.paper_camera() if scenario.light == "paper" else vision.Lighting()
@@ -37,7 +37,7 @@ def hues_of(scene: Scene) -> list[float]:
 def draw(
     scene: Scene, positions: Floats, lighting: vision.Lighting, rng: np.random.Generator, *, strays: list[vision.Disc]
 ) -> NDArray[np.uint8]:
-    """One frame of all nodes at these positions [m], (n_nodes, dim)."""
+    """One picture of the scene with nodes at these positions [m], (n_nodes, dim); strays: discs of other objects."""
     camera, network = scene.cameras[0], scene.network
     places = camera.project(positions)
     lines = [(tuple(places[i]), tuple(places[j])) for i, j in network.springs]
@@ -59,8 +59,8 @@ def write_film(
     path: Path,
     advance: Callable[[float], None],
 ) -> None:
-    """Write the film of a flat scene by its camera; `advance`: called with the completed share."""
-    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # least rate in this file format; frames.csv has times
+    """Write the film of a flat scene; advance: called with the completed share."""
+    rate = max(1.0, 1.0 / scenario.frame_interval_s)  # the file format has no lower rate; frames.csv has the times
     stored = scenario.video
     size_px = scene.cameras[0].size_px
     with (

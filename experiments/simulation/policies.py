@@ -1,4 +1,4 @@
-"""Insertion policies: five ways to aim a needle, from the rest position to a filter that predicts and waits."""
+"""Insertion policies: five rules by which a robot aims, starts and retracts a needle."""
 
 from __future__ import annotations
 
@@ -38,17 +38,17 @@ from experiments.simulation.world import World, needle_with
 
 POLICIES = ("rest", "open-loop", "filter", "filter-ahead", "wait-for-go")
 SETTLED_S = 0.5
-"""Time after which the breathing model starts [s], because first estimates have large errors; a study parameter."""
+"""Time at which the breathing model starts [s]; earlier estimates have large errors; a study parameter."""
 
 WAYS, MARGIN_S = 1.5, 0.75
-"""The target is predicted for this factor times the insertion time, plus this time [s], because the needle may start
-later or the target move away; study parameters."""
+"""The prediction range of the target is WAYS times the insertion time plus MARGIN_S [s], because the needle may start
+later or the target may move away; study parameters."""
 
 
 class Policy:
-    """A policy that steers a needle, by default to the present target. State: the target's position and its time.
+    """A policy that steers a needle. By default it aims at `place`, the target's position at time_s.
 
-    waits: whether it starts only on GO, and retracts on a fault or if a hit is improbable
+    waits: whether the needle starts only if the advice is GO, and is retracted after a fault or if a hit is improbable
     """
 
     name, waits = "", False
@@ -56,24 +56,24 @@ class Policy:
     place: Floats
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Update with a frame; push: the needle's predicted push since the last frame [N], (n_free, dim)."""
+        """Process a frame; push: predicted force of the needle since the last frame [N], (n_free, dim), or None."""
         self.time_s = time_s
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path of the target from now on; pushes: the needle's predicted pushes in the next frames."""
+        """Predicted path of the target; pushes: predicted needle force for each step of CYCLE_S, (n, n_free, dim)."""
         dim = len(self.place)
         times_s = self.time_s + np.array([0.0, 60.0])
         return TargetPath(times_s, np.array([self.place, self.place]), np.zeros((2, dim, dim)))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture | None:
-        """Density of the target's position at this time; None if the policy has none.
+        """Probability density of the target's position at time_s; None if the policy predicts no density.
 
-        parts: parts of the needle's predicted force until then [N], (2, n_free, dim), see `predicted_parts`
+        parts: predicted cutting force and friction of the needle until time_s [N], (2, n_free, dim)
         """
         return None
 
     def fault(self, now_s: float) -> str | None:
-        """Reason why there is no guidance now, None if there is."""
+        """Reason why the policy cannot guide the needle now; None if it can."""
         return None
 
 
@@ -97,10 +97,10 @@ def across(axis: Floats) -> Floats:
 def predicted_parts(
     world: World, axis: Floats, depth: float, beside: Floats, speed: float, n: int, step_s: float
 ) -> Floats:
-    """Predicted forces of the needle on the free nodes in the next n steps of step_s [s]: [N], (2, n, n_free, dim).
+    """Predicted cutting force and friction of the needle in the next n steps of step_s [s]: [N], (2, n, n_free, dim).
 
-    They are cutting and friction with the needle's stated constants; during retraction cutting is zero.
-    beside: offset from its initial line along each vector of `across` [m], (dim - 1,)
+    They follow from the needle's stated constants and act on the free nodes. During retraction there is no cutting.
+    beside: offset of the needle from its initial line, along each vector of `across(axis)` [m], (dim - 1,)
     """
     ahead = step_s * (np.arange(n, dtype=np.float64) + 0.5)
     depths = depth + speed * ahead
@@ -114,16 +114,17 @@ def predicted_parts(
 
 
 def force_error_cov(gives: Floats, parts: Floats, error: float) -> Floats:
-    """Covariance of a target [m²] from parts of the needle's force with uniform relative errors up to `error`.
+    """Covariance of the target's position from the errors of the needle's predicted force [m²], (dim, dim).
 
-    gives: the target's compliance [m/N], (dim, n_free dim); parts: independent forces [N], (n_parts, n_free, dim)
+    Each part of the force has an independent relative error, uniformly distributed between -error and error.
+    gives: the target's compliance [m/N], (dim, n_free dim); parts: parts of the force [N], (n_parts, n_free, dim)
     """
     shifts = parts.reshape(len(parts), -1) @ gives.T
     return error**2 / 3.0 * shifts.T @ shifts
 
 
 class Rest(Policy):
-    """Policy: aim once, at the resting target."""
+    """Policy: aim at the target's rest position."""
 
     name = "rest"
 
@@ -134,7 +135,7 @@ class Rest(Policy):
 
 
 class Paper(Rest):
-    """Policy: aim at the open loop's present target. State: the open-loop simulation."""
+    """Policy: aim at the target's present position in the paper's method, an open-loop simulation."""
 
     name = "open-loop"
 
@@ -143,13 +144,13 @@ class Paper(Rest):
         self._loop = OpenLoop(world.case.given.network, world.case.given.target.point)
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Advance the simulation to the frame."""
+        """Advance the open-loop simulation to the frame's time."""
         self.time_s, self.place = time_s, self._loop.update(time_s, marks).mean
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Warm:
-    """A filter after the warm-up: its state, last estimate and breathing model, and tables for policies and advice."""
+    """A filter after the warm-up: its state, its last estimate, its breathing model, and its prediction tables."""
 
     tissue: TissueFilter
     then: FilterSnapshot
@@ -160,7 +161,7 @@ class Warm:
 
 
 class Filtered(Policy):
-    """Policy: aim at the filter's present target. State: the filter, its last estimate."""
+    """Policy: aim at the filter's estimate of the target's present position."""
 
     name = "filter"
 
@@ -172,26 +173,27 @@ class Filtered(Policy):
         self._error = world.case.plan.forces.error
 
     def see(self, time_s: float, marks: Sequence[MarkMeasurement], push: Floats | None) -> None:
-        """Predict with the predicted push as a force, and update with the marks."""
+        """Predict the filter's state with `push` as a known force, then update it with the marks."""
         self.tissue.predict(time_s, push)
         self.estimate = self.tissue.update(marks)
         self.time_s, self.place = time_s, self.estimate.mean
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """The filter's prediction, widened by errors of the needle's forces."""
+        """The filter's predicted density; its covariances include the errors of the needle's force."""
         ahead = self.tissue.predict_modes(time_s, parts.sum(axis=0))
         unknown = force_error_cov(self._compliance, parts, self._error)
         return GaussianMixture(ahead.weights, ahead.means, ahead.covs + unknown)
 
     def fault(self, now_s: float) -> str | None:
-        """The fault that the filter's health reports."""
+        """The fault of the filter's last estimate, see `health_fault`."""
         return health_fault(self.estimate, now_s, self.tissue.seen_s, AdviceSettings())
 
 
 class Ahead(Filtered):
-    """Policy: aim at the target predicted by the breathing model while it is valid, otherwise by the filter.
+    """Policy: aim at the target's predicted position at the needle's arrival.
 
-    State: that of `Filtered`, and the breathing model of the target without the needle's predicted shift.
+    While the breathing model is valid, it predicts this position, otherwise the filter does. The breathing model
+    describes motion without the needle; the predicted shift of the target by the needle is added to its prediction.
     """
 
     name = "filter-ahead"
@@ -207,7 +209,7 @@ class Ahead(Filtered):
         self._breathing.update(time_s, *breathing_track(self.tissue, self.estimate.mean - shift))
 
     def path(self, pushes: Floats) -> TargetPath:
-        """Predicted path from the filter's tables and, while it is valid, the breathing model."""
+        """Path predicted by the filter's tables or, while the breathing model is valid, by that model."""
         path = path_by_tables(self._tables, self.tissue)
         path = path.moved(self._tables.shift(pushes), np.zeros_like(path.covs[0]))
         if self._breathing.breath() is None:
@@ -218,7 +220,7 @@ class Ahead(Filtered):
         return either_path(breath, path, self._breathing.holds(times))
 
     def density_at(self, time_s: float, parts: Floats) -> GaussianMixture:
-        """Density from the filter and any valid breathing model, widened by errors of the needle's forces."""
+        """Density predicted by the filter and by any valid breathing model, with the errors of the needle's force."""
         own = super().density_at(time_s, parts)
         if self._breathing.breath() is None:
             return own
@@ -232,28 +234,28 @@ class Ahead(Filtered):
         )
 
     def _shifts(self, pushes: Floats) -> Floats:
-        """Shift of the resting target by pushes [m], (n, dim), to first order."""
+        """Static shift of the target by each of these forces [m], (n, dim), to first order."""
         return pushes.reshape(len(pushes), -1) @ self._compliance.T
 
 
 class Waiting(Ahead):
-    """Policy: as `Ahead`, but it starts on GO, and retracts if a hit becomes improbable."""
+    """Policy: as `Ahead`, but the needle starts only if the advice is GO, and retracts if a hit becomes improbable."""
 
     name, waits = "wait-for-go", True
 
 
 @cache
 def _tables(model: bytes, ahead_s: float) -> AheadTables:
-    """Tables for the filters of all worlds that share this pickled network, target, marks, settings and uncertainty."""
+    """Prediction tables for a filter with these pickled arguments; cached, because many worlds share them."""
     network, target, marked, settings, uncertainty = pickle.loads(model)
     tissue = TissueFilter(network, target, marked, settings, uncertainty=uncertainty)
     return path_tables(tissue, ahead_s)
 
 
 def warmed(world: World) -> tuple[Floats, Paper, Warm]:
-    """The tissue's state, the paper's simulation and the filter at the first frame at which a needle may start.
+    """The tissue's state, the open-loop policy and the filter at the end of the warm-up.
 
-    The filter has not used that frame yet.
+    The next frame is the first at which a needle may start. The policy and the filter have not used it yet.
     """
     case, given = world.case, world.case.given
     own = (given.network, given.target.point, given.measured_nodes, given.settings)

@@ -1,4 +1,4 @@
-"""Recordings of simulated marks without a film: a true motion and its noisy marks, some lost or misplaced."""
+"""Simulated recordings without a film: noisy marks of a true motion, with missing marks and outliers."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from experiments.formats.scene.reference import reference_places
 from experiments.formats.scene.scene import Scene
 
 MISPLACED_M = (0.03, 0.15)
-"""Distance of an outlier from the true position [m]."""
+"""Smallest and largest distance of an outlier from the true position [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Motion of the free nodes: times_s (n,), positions of the network's free nodes [m], (n, n_free, dim)."""
+    """True motion. times_s: times [s], (n,); positions: positions of the network's free nodes [m], (n, n_free, dim)."""
 
     times_s: Floats
     positions: Floats
@@ -34,17 +34,17 @@ def misplaced(shape: tuple[int, ...], marks: SeenMarks, rng: np.random.Generator
 
 
 def outliers(shape: tuple[int, ...], share: float, rng: np.random.Generator) -> Floats:
-    """Errors of positions [m], (..., dim): `MISPLACED_M` in any direction for this share of positions, else zero."""
+    """Errors of positions [m]: a random share of them are outliers in random directions, all others are zero."""
     ways = rng.normal(size=shape)
     ways *= rng.uniform(*MISPLACED_M, (*shape[:-1], 1)) / np.linalg.norm(ways, axis=-1, keepdims=True)
     return np.where(rng.random((*shape[:-1], 1)) < share, ways, 0.0)
 
 
 def seen_marks(scene: Scene, motion: Truth, marks: SeenMarks, rng: np.random.Generator) -> Recording:
-    """Recording with the measured marks of a scene at each time of a motion, and the target's truth.
+    """Recording with the noisy measured marks of a scene at each time of a motion, and the target's true positions.
 
-    Reference marks have the same sd, and none is lost. With the same generator, errors have the same directions for
-    any sd_mm, and a larger share of losses includes the marks that a smaller share loses.
+    Reference marks have the same standard deviation as other marks, and none is missing. If the generator is the same,
+    sd_mm only scales the errors, and a larger share of missing marks includes the marks missing at a smaller share.
     """
     network = scene.network
     column = {network.names[node]: k for k, node in enumerate(network.free)}

@@ -1,6 +1,6 @@
-"""Truth and film, or truth and marks, of a scenario: the recording that `softaim simulate` writes.
+"""Recordings that `softaim simulate` writes: the true motion of a scenario, and its film or its marks.
 
-Truth is computed with SciPy's adaptive integrators, not with the filter's steps.
+The true motion is computed with SciPy's adaptive integrators, not with the filter's steps.
 """
 
 from __future__ import annotations
@@ -46,13 +46,13 @@ TARGET_RADIUS_M = 0.005
 """Radius of the target in the phantom [m]; a parameter of the study."""
 
 EXACT = 0.0015
-"""Level of the discrepancy for a simulated phantom, whose model is exact, relative to its extent [1]; choice."""
+"""Level of the model discrepancy for a simulated phantom, relative to its extent [1]; choice: its model is exact."""
 
 TRUTH = 0.2
-"""Share of the reported progress that the truth takes if a film follows [1]."""
+"""Share of the reported progress at which the true motion is complete if a film follows [1]."""
 
 STIFF_S = 1e-4
-"""Shortest explicit step [s]; if stability needs shorter ones, implicit steps are used; numerical."""
+"""If the longest stable step is shorter [s], the implicit integrator is used, otherwise the explicit one; numerical."""
 
 
 def scene_of(scenario: Scenario) -> Scene:
@@ -90,7 +90,7 @@ def exposures(scenario: Scenario) -> Floats:
 
 
 def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> MassSpringNetwork:
-    """The network with the true constants of this seed; the scenario states how far they differ from the scene's."""
+    """The network with random true constants; the scenario states how far they differ from those of the scene."""
     if scenario.constants is None:
         return network
     spread = scenario.constants.model_dump()
@@ -100,7 +100,7 @@ def true_network(network: MassSpringNetwork, scenario: Scenario, seed: int) -> M
 
 
 def kept_motion(path: Path, network: MassSpringNetwork, scenario: Scenario, rng: np.random.Generator) -> Truth:
-    """The result of `true_motion`, read from a .npy file of positions; if there is none, computed and written."""
+    """The result of `true_motion`, read from a .npy file of positions. Without that file it is computed and written."""
     if path.exists():
         return Truth(exposures(scenario), np.load(path))
     motion, content = true_motion(network, scenario, rng), io.BytesIO()
@@ -118,10 +118,10 @@ def true_motion(
     *,
     times_s: Floats | None = None,
 ) -> Truth:
-    """Positions of the scenario's nodes at these times [s], (n,); a network without anchors is `supported`.
+    """True motion of the free nodes under the scenario's forces; raises InputError.
 
-    times_s: default: the scenario's exposure times. `advance` is called with the completed share, in hundredths. Raises
-    InputError.
+    A network without anchors is `supported`. advance: called with the completed share
+    times_s: times of the positions [s], (n,), by default the scenario's exposure times
     """
     times = exposures(scenario) if times_s is None else times_s
     start, forces = start_and_forces(network, scenario, rng)
@@ -194,9 +194,9 @@ def simulate(
 
 
 def _copy_scene(scenario: Scenario, scene: Scene, path: Path) -> None:
-    """Copy the scene's file, with the contents of the camera files that it names.
+    """Write the scene to `path`, with the contents of the camera files that the scene's file names.
 
-    The copy lists the step `simulate`, unless the truth has other constants than the scene.
+    If the true constants are those of the scene, `[[provenance]]` gets the step `simulate`.
     """
     done = with_step(scene, "simulate", version()) if scenario.constants is None else scene
     own = None if scenario.scene is None else Path(scenario.scene)

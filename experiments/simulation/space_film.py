@@ -1,4 +1,4 @@
-"""Films of a body in space by its cameras: marks on the skin that face each camera."""
+"""Simulated films of a body in space: each camera shows the marks on the skin that face it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def times_of(scenario: Scenario, exposures_s: Floats, n_cameras: int) -> list[Fl
 
 
 def all_times(times_s: Sequence[Floats]) -> Floats:
-    """The different times of all cameras in order [s]."""
+    """The exposure times of all cameras, increasing and without repetitions [s]."""
     return np.unique(np.concatenate(times_s).astype(np.float64).round(9))
 
 
@@ -42,9 +42,9 @@ def draw_in_space(
     strays: Sequence[vision.Disc] = (),
     covered: Sequence[str] = (),
 ) -> NDArray[np.uint8]:
-    """A camera's picture of the measured and reference marks that face it; positions of nodes [m]: (n_nodes, 3).
+    """A camera's picture of the measured marks and reference marks that face it.
 
-    covered: nodes whose marks are covered
+    positions: of the nodes [m], (n_nodes, 3); strays: discs of other objects; covered: nodes whose marks are covered
     """
     network = scene.network
     marks = [mark for mark in scene.marks if mark.measured and mark.node not in covered]

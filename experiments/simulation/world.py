@@ -1,7 +1,7 @@
-"""Simulated world of an insertion: the true tissue, more detailed than the filter's model, and its marks.
+"""Simulated world of an insertion: the true tissue and its marks.
 
-It has forces on all masses, including hidden ones, friction, and a needle whose constants the filter does not know. Its
-steps (`dynamics.needle.steered`) are a sixteenth of the filter's steps for springs, and 1/960 s for a continuum.
+The tissue is simulated in more detail than the filter's model. Forces act on all masses, also on hidden ones. There is
+friction, and the filter does not know the needle's true constants. `dynamics.needle.steered` states the time steps.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from experiments.simulation.seen_marks import misplaced
 from experiments.simulation.simulate import true_network
 
 KNOT_S = 1.0 / 480.0
-"""Interval in which external forces are linear in time [s]: a quarter of the tremor's interval."""
+"""Length of the intervals in which external forces are linear in time [s]: a quarter of the tremor's interval."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class World:
     """The part of a simulated world that all policies share.
 
-    network: network of the tissue; assumed: network of the filter, drawn at rest; aim: map from tissue state to target
-    knots: external forces; needle: needle with its true constants; start: the tissue's state at time 0, as in
-    `steady_state`: (n_state,), longer for a continuum
+    network: the true tissue; assumed: the filter's network, in its rest shape
+    aim: map from the tissue's state to the target; knots: external forces over time
+    needle: the needle with its true constants; start: the tissue's state at time 0, see `steady_state`
     noise: errors of the marks [m], (n_frames, n_marks, dim); missed: whether each mark is missing, (n_frames, n_marks)
-    offset_m: vector from the scene's target to the true one [m], (dim,)
-    tip_noise: final error of the tip in standard deviations, (dim,), standard normal
-    share: random number in (0, 1) for the run's lesion
+    offset_m: vector from the scene's target to the true target [m], (dim,)
+    tip_noise: standard normal numbers, (dim,), from which `tip_error` computes the error of the tip
+    share: random number between 0 and 1 that determines the random lesion radius of the run
     """
 
     case: Case
@@ -74,7 +74,7 @@ class World:
         return k / self.case.frames_per_s
 
     def target(self, state: Floats) -> Floats:
-        """Target for a state of the tissue [m], (dim,): the position of its node plus the registration's error."""
+        """True position of the target for a state of the tissue [m], (dim,), with the error of the registration."""
         return self.aim.position(state) + self.offset_m
 
     def marks(self, k: int, state: Floats) -> list[MarkMeasurement]:
@@ -90,7 +90,7 @@ class World:
     def moved(
         self, state: Floats, drive: NeedleMotion, between_s: tuple[float, float], punctured: bool
     ) -> tuple[Floats, bool]:
-        """State of the tissue with the needle after an interval [s], and whether the skin is punctured."""
+        """State of the tissue after an interval, and whether the needle has punctured the skin."""
         world = self.network, self.needle, state, drive
         return advance_steered(*world, outside=self.knots, between_s=between_s, punctured=punctured)
 
@@ -136,7 +136,7 @@ def world_of(case: Case) -> World:
 
 
 def needle_with(network: MassSpringNetwork, entry: Floats, constants: dict[str, float]) -> NeedleMechanics:
-    """A needle with these constants in a network; skin without resistance counts as punctured."""
+    """A needle with these constants in a network."""
     still = NeedlePose(entry, np.zeros(network.dim), 0.0, 0.0)
     most = {**constants, "puncture_N": constants["puncture_N"] or np.finfo(float).tiny}
     return NeedleMechanics(lambda _t: still, entry, reach_m=force_reach_m(network), **most)

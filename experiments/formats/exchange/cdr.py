@@ -10,10 +10,10 @@ HEADER = b"\x00\x01\x00\x00"
 
 
 def encoded(form: str, *values: Any) -> bytes:
-    """A message with these values; `form` has a letter for each.
+    """A message with these values; `form` has one letter for each value.
 
-    i, I, d: a number as in `struct`, aligned to its own size; s: a text; b: bytes. A text ends with a zero byte.
-    Texts and bytes begin with their length. The entries of an array of fixed length are passed as single values.
+    i, I, d: a number as in `struct`, aligned to its size; s: text, which ends with a zero byte; b: bytes
+    Text and bytes begin with their length. The entries of an array of fixed length are single values.
     """
     body = bytearray()
     for code, value in zip(form, values, strict=True):

@@ -31,7 +31,7 @@ def open_table(
 def read_open(path: Path, needed: Sequence[str], words: Collection[str]) -> tuple[Table, list[str]]:
     """The table of a run's results in a file, and the names of its columns in order; raises InputError.
 
-    `needed` columns, which include time_s, must exist. After a killed run the last line may be incomplete.
+    needed: columns that must exist, time_s included. An incomplete last line, as after a killed run, is omitted.
     """
     header, *rows = read_rows(path, f"columns {', '.join(needed)}", torn=True)
     for column in dict.fromkeys([*needed, *header]):

@@ -1,4 +1,4 @@
-"""Sequence files of PLUS, `.igs.mha`: MetaImage files with the fields of all frames before all pixels.
+"""Sequence files of PLUS, `.igs.mha`: MetaImage files. The fields of all frames come first, then all pixels.
 
 The fields are defined in [plus], "Sequence file"; [igsio] has the code with which PLUS reads them.
 """
@@ -29,7 +29,7 @@ _FIXED = {
     "Kinds": "domain domain list",
     "UltrasoundImageOrientation": "MF",
 }
-"""Fixed fields; MF is the orientation of pictures, u right and v down, which PLUS does not flip."""
+"""Fields with fixed values. MF is the orientation of pictures with u right and v down; PLUS does not flip them."""
 
 
 def write_plus(
@@ -43,7 +43,7 @@ def write_plus(
     """Write a sequence, frame by frame.
 
     frames: the fields of each frame by name; frame number and picture fields are added
-    images: one for each frame, (height, width, 3) BGR; None: each frame is one pixel marked INVALID
+    images: one for each frame, (height, width, 3) BGR. If None, each frame is one pixel with the status INVALID
     size_px: width and height of the images
     """
     width, height = (1, 1) if images is None else size_px
@@ -64,7 +64,7 @@ def write_plus(
 
 
 def transform_fields(name: str, matrix: Floats | None) -> dict[str, str]:
-    """Fields of a transform such as `TargetToReference`, (4, 4) in mm; None: marked INVALID."""
+    """Fields of a transform such as `TargetToReference`; matrix: in mm, (4, 4), or None for an invalid transform."""
     values = np.eye(4) if matrix is None else matrix
     text = " ".join(f"{value:.9g}" for value in values.ravel())
     return {f"{name}Transform": text, f"{name}TransformStatus": "INVALID" if matrix is None else "OK"}

@@ -1,6 +1,6 @@
-"""Tables of pose trackers for one or several animals: CSV files of DeepLabCut, analysis CSV files of SLEAP.
+"""Tables of animal pose trackers: CSV files of DeepLabCut, and analysis CSV files of SLEAP.
 
-Their pixel coordinates are those of this program: the centre of the first pixel is (0, 0).
+The trackers and this program have the same pixel coordinates: the centre of the first pixel is (0, 0).
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _deeplabcut(path: Path, rows: list[list[str]], individual: str | None) -> Po
 
 
 def _chosen(animals: Sequence[str], individual: str | None) -> str | None:
-    """The requested animal, or the only one; otherwise an InputError that lists all."""
+    """The name of the requested animal or of the only animal; raises InputError if there are several."""
     names = list(dict.fromkeys(animals))
     if individual is None and len(names) <= 1:
         return names[0] if names else None

@@ -24,7 +24,7 @@ TIME = "time_s"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
-    """Output of `softaim track` for a recording; the index of each table is `time_s`, the exposure times [s].
+    """Output of `softaim track` for a recording. The index of each table is the exposure time `time_s` [s].
 
     estimates: a row for each frame, columns as in estimates.csv: positions in mm, covariances in mm², NaN for missing
         numbers
@@ -57,7 +57,7 @@ def read_result(folder: FilePath) -> Result:
 
 
 def _estimates(path: Path) -> pd.DataFrame:
-    """A table of estimates: `status` as text, `model_only` as booleans, `marks_used` as integers."""
+    """A table of estimates with columns of text, booleans, integers and numbers."""
     needed = [TIME, "status", "x_mm", "y_mm", "marks_used", "model_only"]
     table, header = read_open(path, needed, ["status", "model_only"])
     used = table.numbers["marks_used"]

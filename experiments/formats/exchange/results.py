@@ -22,8 +22,8 @@ FLAGS = {"True": True, "False": False}
 TRUSTED = (Status.TRACKING, Status.COASTING)
 """Statuses of usable estimates; for other statuses the exports have only the status."""
 DIGITS, ROUNDED = 1e-8, 0.25
-"""Largest difference between the times of a row and its frame [1]: relative to the time, and as a limit relative to the
-shortest frame interval. Older tables have times of nine digits."""
+"""Largest difference between the time of a row and the time of its frame: DIGITS times the time, but at most ROUNDED
+times the shortest frame interval. Older tables have times of nine digits."""
 
 Entry = float | str | bool | None
 
@@ -32,9 +32,9 @@ Entry = float | str | bool | None
 class Results:
     """Results of a run for a recording, row by row.
 
-    table: the file's table; columns: their names, in order
-    times_s: times of the rows [s], (n,), replaced by the exposure time of their frame, if any
-    frames: index of each row's frame, (n,), -1 for rows without a frame
+    table: the table in the file; columns: names of its columns, in order
+    times_s: exposure time of each row's frame, or the time in the file for a row without a frame [s], (n,)
+    frames: index of each row's frame, (n,), -1 for a row without a frame
     """
 
     table: Table
@@ -56,7 +56,7 @@ class Results:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimates(Results):
-    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim), NaN for missing ones."""
+    """Rows of estimates.csv: means [m], (n, dim), and covariances [m²], (n, dim, dim); missing numbers are NaN."""
 
     means: Floats
     covs: Floats
@@ -99,7 +99,7 @@ def read_advice(folder: Path, exposures_s: Floats) -> Results | None:
 
 
 def _frames_of(times_s: Floats, exposures_s: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Times of rows [s], replaced by those of their frames, and the frame's index for each row, -1 for none."""
+    """times_s and frames of `Results`, from the times in the file."""
     frames, off_s = nearest_frames(times_s, exposures_s)
     shortest_s = np.diff(exposures_s).min(initial=np.inf)
     found = off_s <= SAME_TIME_S + np.minimum(DIGITS * np.abs(times_s), ROUNDED * shortest_s)

@@ -49,7 +49,8 @@ DEFINITIONS: Mapping[str, str] = {
 def pose_message(time_ns: int, mean: Floats, cov: Floats) -> bytes:
     """Message of the target's position [m], (dim,), with its covariance [m²], (dim, dim).
 
-    The target has no orientation, so the rotation is the identity; in the plane z is 0. Both have zero covariance.
+    The rotation is the identity, because the target has no orientation. In the plane z is 0. Covariances of the
+    rotation, and of z in the plane, are 0.
     """
     whole = np.zeros((6, 6))
     whole[: len(mean), : len(mean)] = cov
@@ -63,7 +64,7 @@ def point_message(time_ns: int, place: Floats) -> bytes:
 
 
 def image_message(time_ns: int, frame_id: str, jpeg: bytes) -> bytes:
-    """A picture as JPEG."""
+    """Message of a picture in JPEG format."""
     return encoded("iIssb", *divmod(time_ns, 10**9), frame_id, "jpeg", jpeg)
 
 

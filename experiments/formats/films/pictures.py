@@ -1,4 +1,4 @@
-"""Pictures of a recording: a film, numbered files, or the pieces of a film during recording."""
+"""Pictures of a recording: a film, numbered files, or the pieces of a film that is being recorded."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ def source_in(folder: Path) -> Path:
 
 
 def growing_in(folder: Path, camera: str) -> Path:
-    """Folder of a camera's film pieces and times during recording; camera: its name, empty for a single camera."""
+    """Folder for the pieces and times of a film while it is recorded; camera: "" for a single camera."""
     return folder / f"{SEGMENTS}.{camera}" if camera else folder
 
 
 def is_folder(source: Path) -> bool:
-    """Whether pictures are the numbered files of a folder `frames/`, or `frames.NAME/` for one of several cameras."""
+    """Whether the pictures are numbered files in a folder `frames/` or `frames.NAME/`."""
     return source.name == FRAMES or source.name.startswith(f"{FRAMES}.")
 
 
@@ -63,10 +63,9 @@ def open_pictures(source: Path, exposures_s: Sequence[float]) -> Pictures:
 
 
 def count_pictures(source: Path, advance: Callable[[float], None] = lambda _share: None) -> tuple[int, str]:
-    """The number of frames, and the word for them in messages; InputError, SourceError if some are missing.
+    """The number of frames, and their name for messages; raises InputError, SourceError if pictures are missing.
 
-    A film's frames are counted by reading it, because its header may be wrong; this is much faster than tracking.
-    `advance` is called with the completed share.
+    A film is read to count its frames, because its header may be wrong. advance: called with the completed share
     """
     if source.name == SEGMENTS:
         return count_segment_frames(source), f"frames of {SEGMENTS}/"
@@ -89,7 +88,7 @@ def check_pictures(
 ) -> None:
     """Raise InputError for faults that would otherwise appear only at the end of a long run.
 
-    times: the file of exposure times; size_px: stated size of the camera's pictures; place: the key that states it
+    times: the file of exposure times; size_px: size of the pictures that the scene states; place: key of this size
     """
     with placed("", SourceError):
         n_frames, what = count_pictures(source, advance)

@@ -1,4 +1,4 @@
-"""Films of several cameras in a recording of a scene in space, each with its own times."""
+"""Films of several cameras in a recording of a scene in space; each film has its own exposure times."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SUFFIXES = "|".join(re.escape(Path(name).suffix) for name in VIDEOS)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraFilm:
-    """The film of one camera: its name, the film or folder of pictures, exposure times of its frames [s], (n,)."""
+    """The film of one camera; source: film, or folder of pictures; exposures_s: exposure times [s], (n,)."""
 
     camera: str
     source: Path
@@ -41,14 +41,14 @@ class CameraFilm:
 
 
 def film_name(camera: str, i: int) -> str:
-    """The part of a file name that names a camera; InputError if the camera's name is invalid in file names."""
+    """The camera's name for a file name; InputError if it has characters that are not permitted there."""
     if re.fullmatch(r"\w[\w .-]*", camera) is None:
         raise InputError.at(f"camera[{i}].name", "letters, digits, blanks, dots and dashes for its film", shown(camera))
     return camera
 
 
 def films_in(folder: Path) -> dict[str, Path]:
-    """Films and picture folders by camera name, `video.NAME.avi`, `frames.NAME/`; InputError if a camera has two."""
+    """Film `video.NAME.avi` or folder `frames.NAME/` of each camera, by name; InputError if a camera has two."""
     films: dict[str, Path] = {}
     for path in sorted(folder.glob("*.*")):
         named = re.fullmatch(rf"{FRAMES}\.(.+)" if path.is_dir() else rf"video\.(.+)({SUFFIXES})", path.name)
@@ -99,9 +99,9 @@ def read_films(
 
 
 def merged(films: Sequence[CameraFilm]) -> tuple[Floats, tuple[tuple[int, ...], ...]]:
-    """Times at which any camera exposed [s], (n,), and for each time the indices of the films that have a picture.
+    """Exposure times of all cameras [s], (n,), and for each time the indices of the films that have a picture.
 
-    A picture within `vision.TOGETHER_S` after that of another camera gets the time of the first one.
+    If cameras expose within `vision.TOGETHER_S`, their pictures get the time of the first of them.
     """
     times = np.concatenate([film.exposures_s for film in films])
     owners = np.repeat(np.arange(len(films)), [len(film.exposures_s) for film in films])

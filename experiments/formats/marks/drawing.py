@@ -1,4 +1,4 @@
-"""Test whether the first marks fit the drawing; if not, which reflection, rotation or unit would make them fit."""
+"""Test whether the first marks lie near the drawn shape. If not, find a reflection, rotation or unit that fits."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from experiments.formats.marks.rows import MarkRow
 from experiments.formats.scene.scene import Scene
 
 FAR = 0.15
-"""Largest root mean square distance from the drawing, relative to the body's size, of marks that fit the drawing;
-choice: pokes and weight move the marks of a body that is drawn at rest by less."""
+"""Marks fit if their root mean square distance from the drawn positions, relative to the body's size, is at most FAR;
+choice: pokes and weight move marks less, if the body is drawn at rest."""
 
 FITS = 0.1
-"""Largest distance, relative to the body's size, with which another interpretation of the numbers fits; the distance
-must also be below a quarter of that without this interpretation; choice."""
+"""Marks in another interpretation fit if this distance, relative to the body's size, is at most FITS, and at most a
+quarter of the distance without that interpretation; choice."""
 
 ALIKE = 1.5
-"""Factor on the least distance up to which interpretations fit equally well [1]; the message names the simplest;
-choice."""
+"""Interpretations fit equally well if their distances are less than this factor times the least distance; choice. The
+message names the simplest of them."""
 
 FLAT = 0.2
 """Least ratio of the second largest to the largest spread of marks that are not collinear [1]; choice."""
 
 N_FRAMES = 10
-"""Number of frames with marks after which the test is done, even if some marks were never visible; choice."""
+"""Number of frames with marks after which the test is made, even if some marks were never visible; choice."""
 
 LENGTHS_MM = {"m": 1e3, "cm": 10.0, "inches": 25.4, "micrometres": 1e-3}
-"""Units that lengths may have instead of mm, with the millimetres per unit."""
+"""Other units in which lengths may be, with the millimetres per unit."""
 
 
 RESIZED = 8.0
@@ -39,14 +39,17 @@ RESIZED = 8.0
 
 
 class FirstMarks:
-    """Test of the first marks, done once. State: first positions by node [m], (dim,); number of frames with marks."""
+    """Test `misread` of the first marks, made once: when every measured mark was visible, or after N_FRAMES frames."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene, self._judged, self._n_frames = scene, False, 0
         self._places: dict[str, Floats] = {}
 
     def take(self, places: Mapping[str, Floats]) -> str | None:
-        """Result of `misread` for the marks so far, if the test is due, else None; places: positions by node [m]."""
+        """Process a frame's marks. If the test can now be made, return its message, otherwise None.
+
+        places: positions by node [m], (dim,)
+        """
         if self._judged or not places:
             return None
         self._places = {**places, **self._places}
@@ -56,15 +59,16 @@ class FirstMarks:
         return self.judge()
 
     def judge(self) -> str | None:
-        """Do the test now, unless it was done, and return its message."""
+        """Make the test now, if it was not made before, and return its message."""
         judged, self._judged = self._judged, True
         return None if judged else misread(self._scene, self._places)
 
 
 def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks, by node [m], (dim,), are closer together or farther apart than deformed tissue can be.
+    """A message if the spread of marks is smaller or larger than any deformation of the tissue can explain.
 
-    None for fewer than three marks of the body, since two marks of a cord may come close to each other.
+    seen_m: positions by node [m], (dim,). For fewer than three marks there is no test, because two marks of a cord may
+    come close to each other.
     """
     nodes = [name for name in seen_m if name in scene.network.names]
     if len(nodes) < 3:
@@ -77,7 +81,7 @@ def of_another_size(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | None:
-    """Result of `misread` for the first of these frames of marks."""
+    """Message of `FirstMarks` for these frames of marks."""
     first = FirstMarks(scene)
     found = (first.take({mark.node: mark.position_m for mark in frame}) for frame in marks)
     return next((line for line in found if line is not None), None) or first.judge()
@@ -85,7 +89,7 @@ def first_marks_line(scene: Scene, marks: Iterable[Iterable[MarkRow]]) -> str | 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Another interpretation of the marks' numbers: its description, its complexity, and the resulting marks [m]."""
+    """Another interpretation of the marks' numbers; changes: number of assumed mistakes; places: positions [m]."""
 
     words: str
     changes: int
@@ -93,9 +97,10 @@ class Reading:
 
 
 def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
-    """A message if marks, by node [m], (dim,), lie far from the drawing and their numbers fit if read in another way.
+    """A message if marks lie far from their drawn positions, but fit with other axes or units.
 
-    None if the marks fit, if no simple interpretation makes them fit, or if more than two do so equally well.
+    seen_m: positions by node [m], (dim,). The result is None if the marks fit, if no simple interpretation makes them
+    fit, or if more than two interpretations fit equally well.
     """
     network = scene.network
     nodes = [name for name in seen_m if name in network.names]  # without reference marks on the rig
@@ -124,7 +129,7 @@ def misread(scene: Scene, seen_m: Mapping[str, Floats]) -> str | None:
 
 
 def fits(rms: float, plain: float, size: float) -> bool:
-    """Whether another interpretation fits; rms, plain: distances with it and without it; size: the body's size [m]."""
+    """Whether an interpretation fits. rms, plain: distances with it and without it [m]; size: the body's size [m]."""
     return rms <= min(FITS * size, 0.25 * plain)
 
 
@@ -133,7 +138,7 @@ def _rms(apart: Floats) -> float:
 
 
 def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
-    """Readings of the numbers with reflected or rotated axes, in any unit of length, and as pixels of the camera."""
+    """Interpretations with reflected or rotated axes and other units of length, and one as pixels of the camera."""
     for axes in _axes(seen.shape[1]):
         words, changes = _axes_words(axes)
         if changes:
@@ -148,7 +153,7 @@ def _about_the_origin(scene: Scene, seen: Floats) -> Iterator[Reading]:
 
 
 def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
-    """Readings with reflected or rotated, scaled and shifted axes, for an anchored body and non-collinear marks."""
+    """Interpretations with axes, scale and origin changed; none for a body without anchors or collinear marks."""
     spreads = np.linalg.svd(drawn - drawn.mean(axis=0), compute_uv=False)
     if not scene.network.is_held or len(seen) < 3 or spreads[1] < FLAT * spreads[0]:
         return
@@ -165,7 +170,7 @@ def _moved(scene: Scene, seen: Floats, drawn: Floats) -> Iterator[Reading]:
 
 
 def _axes(dim: int) -> Iterator[Floats]:
-    """All matrices that permute and mirror axes, (dim, dim)."""
+    """All matrices that permute and reflect axes, (dim, dim)."""
     for order in permutations(range(dim)):
         for signs in product((1.0, -1.0), repeat=dim):
             axes = np.zeros((dim, dim))
@@ -174,7 +179,7 @@ def _axes(dim: int) -> Iterator[Floats]:
 
 
 def _axes_words(axes: Floats) -> tuple[str, int]:
-    """Text that relates the marks' axes to the scene's, and the number of differences."""
+    """Description of a matrix from `_axes`, and the number of mistakes that it assumes."""
     dim, order = len(axes), np.argmax(np.abs(axes), axis=1)
     mirrored = ["xyz"[a] for a in range(dim) if axes[a, order[a]] < 0.0]
     moved = ["xyz"[a] for a in range(dim) if order[a] != a]

@@ -1,4 +1,4 @@
-"""A mark from another tracker, and its covariance as in tables and lines: mm², xx, xy, yy, xz, yz, zz."""
+"""A mark from another tracker, and the order of covariance entries in files: xx, xy, yy, xz, yz, zz."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ from experiments.arrays import Floats
 AXES = ("x_mm", "y_mm", "z_mm")
 
 LEAST_SHARE = 1e-9
-"""Least variance of a covariance in any direction, relative to the largest [1]; numerical: files have more digits."""
+"""Least ratio of the smallest to the largest variance of a covariance [1]; numerical: files have more digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MarkRow:
-    """A mark from another tracker: its node, its position [m], (dim,), the standard deviation on each axis [m].
+    """A mark from another tracker.
 
-    full_cov: its covariance [m²], (dim, dim), if the file states it; sd_m is then its mean standard deviation
+    position_m: its position [m], (dim,); sd_m: standard deviation on each axis [m]
+    full_cov: its covariance, if the file states one [m²], (dim, dim); sd_m is then the root of the mean variance
     """
 
     node: str
@@ -48,7 +49,7 @@ def cov_names(dim: int) -> list[str]:
 
 
 def cov_columns(dim: int) -> list[str]:
-    """Columns of a covariance in a table."""
+    """Names of the columns with the entries of a covariance."""
     return [f"cov_{name}_mm2" for name in cov_names(dim)]
 
 
@@ -62,12 +63,12 @@ def cov_of(entries_mm2: ArrayLike, dim: int) -> Floats:
 
 
 def cov_entries_mm2(cov: Floats) -> list[float]:
-    """The entries [mm²] of a covariance [m²], (dim, dim), in the order of `cov_names`."""
+    """The entries of a covariance in the order of `cov_names` [mm²]; cov: in m², (dim, dim)."""
     return [float(1e6 * cov[a, b]) for a, b in _entries(len(cov))]
 
 
 def are_definite(covs: Floats) -> NDArray[np.bool_]:
-    """Which covariances, (n, dim, dim), are positive definite, up to the rounding of files, (n,)."""
+    """Whether each of these covariances is positive definite, except for rounding in files, (n,)."""
     if not len(covs):
         return np.empty(0, dtype=bool)
     variances = np.linalg.eigvalsh(covs)

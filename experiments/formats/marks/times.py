@@ -1,4 +1,4 @@
-"""Test whether times of frames can be in seconds; if not, which unit they probably have."""
+"""Test whether times of frames can be in seconds. If not, guess their unit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from experiments.errors import InputError
 from experiments.formats.tables import Table
 
 SHORTEST_S, LONGEST_S = 1e-3, 5.0
-"""Range of usual frame intervals [s]; choice: 1000 frames/s, and the time after which the filter forgets a frame."""
+"""Range of plausible frame intervals [s]; choice: 1000 frames/s; time after which the filter forgets a frame."""
 
 USUAL_S = 1.0 / 30.0
 """Typical interval of a tracker's frames [s], to guess the unit; choice."""
@@ -25,9 +25,9 @@ UNITS = {
 
 
 def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str | None:
-    """The unit with which a stated number is nearest to an expected time [s].
+    """The unit, other than seconds, with which a stated number comes nearest to an expected time.
 
-    None if seconds are nearest, or if the times differ by more than the factor `most` in every unit.
+    None if seconds come nearest, or if with every unit the times differ by more than the factor `most`.
     """
     off = {unit: abs(np.log(stated * seconds / expected_s)) for unit, seconds in {**UNITS, "seconds": 1.0}.items()}
     best = min(off, key=lambda unit: off[unit])
@@ -35,9 +35,9 @@ def likely_unit(stated: float, expected_s: float, most: float = np.inf) -> str |
 
 
 def check_seconds(table: Table, column: str) -> None:
-    """Raise InputError if times of frames, in order and possibly repeated, cannot be in seconds.
+    """Raise InputError if the times of frames in a column cannot be in seconds.
 
-    The median interval is tested: single gaps may have any length.
+    Times do not decrease, and may be repeated. Their median interval is tested, so that gaps may have any length.
     """
     times = table.numbers[column]
     intervals = np.diff(np.unique(times))

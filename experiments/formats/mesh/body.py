@@ -27,11 +27,10 @@ a wrong unit changes the extent by a factor of ten or more."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """A body of one tissue, with the fields of its file.
+    """A body of tetrahedra, with the data fields of its file.
 
-    fields: a number for each node, (n,), by name
-    cell_fields: a number for each element, (m,), by name
-    faces: the outer faces, with the fields of the file's triangles, NaN where the file has none
+    fields: numbers of the nodes by name, (n,); cell_fields: numbers of the elements by name, (m,)
+    faces: the outer faces, with the numbers of the same triangles in the file, or NaN if the file has no such triangle
     """
 
     mesh: TetMesh
@@ -48,8 +47,9 @@ def read_body(
 ) -> Body:
     """Read the body of a mesh file; raises InputError for the first fault.
 
-    unit: unit of the file, a key of `UNITS`; size_m: edge length [m] of new elements that replace the file's
-    check: called before elements are made, with positions [m], (n, 3), and the file's body, None for a surface
+    unit: unit of the file, a key of `UNITS`; size_m: edge length of new elements that replace those of the file [m]
+    check: called before elements are created, with positions of the nodes [m], (n, 3), and the body in the file (None
+    for a surface)
     """
     source = read_source(path)
     if not len(source.tetrahedra) and not len(source.triangles):
@@ -89,7 +89,7 @@ def _length(metres: float) -> str:
 
 
 def _volume(source: Source, scale: float) -> Body:
-    """The tetrahedra of a file, without unused nodes."""
+    """The body of a file of tetrahedra, without unused nodes."""
     used, place = np.unique(source.tetrahedra.nodes, return_inverse=True)
     mesh = tetrahedra(source.path, scale * source.points[used], place.reshape(-1, 4))
     row = np.full(len(source.points), -1)
@@ -103,7 +103,7 @@ def _volume(source: Source, scale: float) -> Body:
 
 
 def _outside(mesh: TetMesh, labelled: NDArray[np.int64], fields: Mapping[str, Floats]) -> Cells:
-    """The outer faces of a mesh with the fields of the faces in the file; NaN for others."""
+    """The outer faces of a mesh. Faces that the file lists too get the file's numbers, all others NaN."""
     faces, n = surface(mesh).faces, len(mesh.nodes)
     keys, given = (
         (corners[:, 0] * n + corners[:, 1]) * n + corners[:, 2] for corners in (np.sort(faces), np.sort(labelled))
@@ -135,10 +135,10 @@ def _from_surface(source: Source, scale: float, size_m: float | None) -> Body:
 
 
 def _coarser(path: Path, body: Body, size_m: float) -> Body:
-    """The body in elements with edges of this size [m].
+    """The body with new elements whose edges have this length [m].
 
-    Each old node belongs to its nearest new node. A field at a new node is the mean over its old nodes or, without any,
-    the value at the nearest one. Labels are those of the nearest old element or face.
+    Each old node is assigned to the nearest new node. A number at a new node is the mean over its old nodes; if it has
+    none, it is the number at the nearest old node. Elements and faces get the numbers of the nearest old ones.
     """
     outside = surface(body.mesh)
     corners, place = np.unique(outside.faces, return_inverse=True)

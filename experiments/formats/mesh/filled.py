@@ -17,7 +17,7 @@ from experiments.errors import InputError
 from experiments.extras import require
 
 EDGES = 20
-"""Default number of element edges along the diagonal of a body, as in fTetWild."""
+"""Default number of element edges along the diagonal of a body's bounding box, as in fTetWild."""
 
 LEAST_EDGES, MOST_EDGES = 3.0, 200.0
 """Permitted numbers of edges along the diagonal; choice: fewer leave no interior, more give millions of nodes."""
@@ -27,8 +27,8 @@ ENVELOPE = 0.1
 error of such elements."""
 
 GRID = 0.4
-"""Size of cells whose points are joined before the filling, relative to an element's edge [1]; choice: a surface of
-4,340 triangles is filled in 5 s instead of 40 s, with the same volume to 0.1 %."""
+"""Cell size of the grid in `_joined`, relative to an element's edge [1]; choice: a surface of 4,340 triangles is filled
+in 5 s instead of 40 s, with the same volume to 0.1 %."""
 
 
 def filled(
@@ -36,7 +36,7 @@ def filled(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Nodes [m] and tetrahedra inside a closed surface; raises InputError.
 
-    size_m: edge length of the elements; by default a twentieth of the diagonal
+    size_m: edge length of the elements [m]; by default a twentieth of the bounding box's diagonal
     """
     require(str(path), "mesh")
     diagonal = float(np.linalg.norm(np.ptp(nodes, axis=0)))
@@ -60,7 +60,7 @@ def filled(
 def _by_ftetwild(
     nodes: Floats, faces: NDArray[np.int32], size_m: float, envelope: float
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Nodes and tetrahedra from a separate process: fTetWild catches signals, and writes files where it runs."""
+    """Nodes and tetrahedra from fTetWild; run in a separate process, because fTetWild catches signals."""
     import pytetwild
 
     with TemporaryDirectory() as folder, chdir(folder):
@@ -69,7 +69,7 @@ def _by_ftetwild(
 
 
 def _joined(nodes: Floats, faces: NDArray[np.int64], side_m: float) -> tuple[Floats, NDArray[np.int64]]:
-    """The surface with the points of each grid cell joined at their mean; triangles without area are omitted.
+    """The surface with all points of a grid cell replaced by their mean, and without triangles that then have no area.
 
     Triangles are sorted by cell: fTetWild is ten times slower if neighbours are far apart in the list.
     """

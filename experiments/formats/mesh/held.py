@@ -1,4 +1,4 @@
-"""Selection of a mesh's fixed nodes: those beyond a plane, in a region, or on a labelled wall."""
+"""Selection of a mesh's fixed nodes: beyond a plane, in a region, or labelled as wall in the mesh file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FORMS = '"y < 6" [mm], "region 3" or "wall"'
 
 
 def extents(places: Floats) -> str:
-    """The extent of places [m], (n, 3), along each axis, in words."""
+    """Text with the extent of these positions along each axis."""
     ends = zip("xyz", 1e3 * places.min(axis=0), 1e3 * places.max(axis=0), strict=True)
     return ", ".join(f"{axis} is {low:.4g} to {high:.4g} mm" for axis, low, high in ends)
 

@@ -18,7 +18,7 @@ ARRAYS = {"nodes_m": "f", "elements": "i", "regions": "i", "wall": "i"}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProjectMesh:
-    """The mesh of a scene; wall: nodes that the source file labels as fixed, (k,) int, possibly none."""
+    """The mesh of a scene; wall: indices of nodes that the source file labels as fixed, (k,), possibly none."""
 
     mesh: TetMesh
     wall: NDArray[np.int64]

@@ -24,9 +24,9 @@ DIGEST = hashlib.sha256().digest_size
 
 
 def reduced(key: Mapping[str, object], make: Callable[[], MassSpringNetwork]) -> MassSpringNetwork:
-    """The reduced network of a mesh, from the cache or, if it is not there, from `make`.
+    """The reduced network of a mesh, from the cache. If the cache does not have it, `make` computes it.
 
-    key: values for JSON that, together with the program, determine the network
+    key: all values that determine the network, for JSON
     """
     path = _cache() / f"{hashlib.sha256(json.dumps([_program(), key]).encode()).hexdigest()}.npz"
     if (kept := _read(path)) is not None:

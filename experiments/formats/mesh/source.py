@@ -29,10 +29,10 @@ HEADER = 600
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """Cells of one kind.
+    """Triangles or tetrahedra.
 
-    nodes: indices of each cell's nodes, (m, 3) or (m, 4)
-    fields: a number for each cell, (m,), by name
+    nodes: indices of each cell's nodes, counted from 0, (m, 3) or (m, 4)
+    fields: numbers of the cells by name, (m,)
     """
 
     nodes: NDArray[np.int64]
@@ -46,8 +46,7 @@ class Cells:
 class Source:
     """The content of a mesh file.
 
-    points: positions in the file's unit, (n, 3); triangles, tetrahedra: cells, their nodes counted from 0
-    fields: numbers at the points, (n,), by name
+    points: positions in the file's unit, (n, 3); fields: numbers of the points by name, (n,)
     """
 
     path: Path
@@ -94,7 +93,7 @@ def read_source(path: Path) -> Source:
 
 
 def _cells(mesh: Any, kinds: Sequence[str]) -> Cells:
-    """The cells of these kinds in the order of the file, a quadrilateral as two triangles."""
+    """The cells of these kinds in the order of the file; a quadrilateral becomes two triangles."""
     nodes: list[NDArray[np.int64]] = []
     fields: dict[str, list[Floats]] = {name: [] for name in mesh.cell_data}
     for which, block in enumerate(mesh.cells):

@@ -1,4 +1,4 @@
-"""Cameras of a scene file: read from `[[camera]]` or the file that it names, and written to `[[camera]]`."""
+"""Cameras of a scene file: reading of `[[camera]]` or of the file that it names, and writing of `[[camera]]`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from experiments.formats.toml_file import exactly, key_lines
 from vision import PlaneCamera, SpaceCamera, posed_camera
 
 METRES_TO_MM = np.diag([1e3, 1e3, 1.0])
-"""Matrix that converts homogeneous points of the plane from metres to millimetres, the unit of a file's homography."""
+"""Matrix that converts homogeneous points of the plane from metres to millimetres; files have homographies in mm."""
 
 
 Camera = PlaneCamera | SpaceCamera | LensFile
@@ -24,9 +24,10 @@ Camera = PlaneCamera | SpaceCamera | LensFile
 
 
 def camera_of(table: CameraTable, folder: Path, dim: int) -> Camera:
-    """The camera of a table, or only its lens if the pose is missing; a named file lies in `folder`.
+    """The camera of a table; only its lens if the pose is missing.
 
-    dim: dimension of the scene. Raises ValueError, `key: expected …, found …`, and InputError for that file.
+    folder: folder of the file that the table may name; dim: dimension of the scene
+    Raises ValueError, `key: expected …, found …`, and InputError for faults in that file.
     """
     if dim == 3:
         for key in ("plane_to_px", "scale_sd"):
@@ -83,14 +84,14 @@ def _placed(table: CameraTable, lens: LensFile, dim: int) -> Camera:
 
 
 def _in(dim: int, camera: SpaceCamera) -> PlaneCamera | SpaceCamera:
-    """The camera as a scene of this dimension uses it: a `PlaneCamera` in the plane."""
+    """The camera for a scene of this dimension: a `PlaneCamera` for a flat scene."""
     if dim == 3:
         return camera
     return posed_camera(camera.name, camera.size_px, camera.lens, camera.pose, calibration=camera.calibration)
 
 
 def camera_lines(camera: Camera) -> list[str]:
-    """`[[camera]]` of a scene file, line by line."""
+    """Lines of `[[camera]]`."""
     keys: dict[str, Any] = {}
     if camera.lens is None:
         keys["plane_to_px"] = camera.plane_to_px @ np.linalg.inv(METRES_TO_MM)

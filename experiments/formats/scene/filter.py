@@ -1,4 +1,4 @@
-"""Filter tables of a scene file: `[uncertainty]` of the constants; `[filter]` with noise levels and other priors."""
+"""`[uncertainty]` and `[filter]` of a scene file: uncertainty of the constants, and settings of the filter."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from experiments.formats.scene.schema import FilterTable, UncertaintyTable
 
 
 def uncertainty_of(table: UncertaintyTable | None, network: MassSpringNetwork) -> ParameterUncertainty | None:
-    """The uncertainty of the network's constants; raises NetworkError, `uncertainty…: …`."""
+    """The uncertainty of the network's constants; raises NetworkError."""
     if table is None:
         return None
     if table.parameters is None or table.directions is None:
@@ -56,7 +56,7 @@ def settings_of(table: FilterTable | None) -> FilterSettings:
 
 
 def filter_table(settings: FilterSettings) -> dict[str, float | list[str]]:
-    """The keys of `[filter]` for these settings, without those that have default values."""
+    """The keys of `[filter]` for these settings; keys with default values are omitted."""
     usual = FilterSettings()
     keys: dict[str, float | list[str]] = {}
     if settings.poked.poke != usual.poked.poke:

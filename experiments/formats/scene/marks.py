@@ -1,4 +1,4 @@
-"""Marks of a scene file: read from `[[mark]]`, and written to it."""
+"""Marks of a scene file: reading and writing of `[[mark]]`."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 from vision import MarkHue, PlaneCamera
 
 HUE_KEYS = ("hue_deg", "half_width_deg", "min_saturation", "min_value")
-"""Fields that a mark shares with its `MarkHue`."""
+"""Fields that `Mark` and `MarkHue` have in common."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A coloured spot on a node: its hue [degrees], its diameter [m]; measured: False if it only scores estimates.
+    """A coloured mark on a node.
 
-    half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
+    measured: whether filters use the mark; if not, it only serves to score estimates
+    hue_deg, half_width_deg, min_saturation, min_value: its colour range, as in `MarkHue`
     even: whether its colour is uniform, unlike that of a shaded ball
-    ball: whether it is a ball, whose image is a circle; else a disc on the plane, whose image is an ellipse
+    ball: True for a ball, whose image is a circle; False for a disc, whose image is an ellipse
     """
 
     node: str
@@ -39,7 +40,7 @@ class Mark:
         return MarkHue(**{key: getattr(self, key) for key in HUE_KEYS})
 
     def shape_px(self, camera: PlaneCamera, place_m: Floats) -> Floats:
-        """Image of the mark at a position on the plane [m], (2,), as in `Outline.shape_px`, (2, 2) [px]."""
+        """Shape of the mark's image, as `Outline.shape_px`, for a mark at this position on the plane [m], (2,)."""
         seen = camera.ball_shape if self.ball else camera.disc_shape
         return seen(place_m, self.diameter_m / 2.0)
 
@@ -54,7 +55,7 @@ def mark_of(table: MarkTable) -> Mark:
 
 
 def mark_lines(mark: Mark) -> list[str]:
-    """`[[mark]]` of a scene file, line by line."""
+    """Lines of `[[mark]]`."""
     return ["", "[[mark]]", *key_lines(mark_keys(mark))]
 
 

@@ -1,4 +1,4 @@
-"""Mesh table of a scene file: read from `[mesh]` as a network of the named points, and written to it."""
+"""`[mesh]` of a scene file: reading, writing, and the network of the named points of the mesh."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ LINE = "needle"
 """Prefix of the names of points on a needle's line; a number follows."""
 
 SPACING, EDGES = 0.05, 1.5
-"""Spacing of points on a line relative to the body's extent, and its least ratio to an element's edge [1]; choices: a
-force acts on a patch of this radius, and points in one element cannot move independently."""
+"""Spacing of points on a needle's line relative to the body's extent, and least spacing relative to an element's edge;
+choices: the needle's force is spread over such a distance, and points in one element cannot move independently."""
 
 APART_M = 1e-5
 """Least distance of two points that do not coincide [m]; choice: finer than any mark."""
 
 ON_SKIN_M = 1e-3
-"""Largest distance of the first point of a line from the skin [m]; choice: entries are rounded."""
+"""Largest distance from the skin of a point that counts as on the skin [m]; choice: entries are rounded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneMesh:
     """The mesh of a scene.
 
-    file: name of the mesh file, beside the scene's file; content: its bytes
-    fixed: selection of the wall's nodes, see `held`; None: no wall
+    file: name of the mesh file, in the folder of the scene's file; content: its bytes
+    fixed: selection of the fixed nodes, the wall, see `held`; None without a wall
     driven: whether the wall moves as a rigid body, with unknown motion
-    tissues, regions: each tissue and the number of its region, (n_tissues,)
-    points: names and positions [m] of marks and target
-    stiffness: trace of each tissue's reduced stiffness [1/s²], (n_tissues,), for the comparison in `tissues_of`
+    tissues, regions: the tissues and their region numbers, (n_tissues,)
+    points: names and positions of the marks and the target [m]
+    stiffness: trace of each tissue's reduced stiffness matrix before identification [1/s²], (n_tissues,)
     """
 
     file: str
@@ -59,9 +59,10 @@ class SceneMesh:
     stiffness: Floats
 
     def tissues_of(self, network: MassSpringNetwork) -> tuple[Tissue, ...]:
-        """The tissues with the stiffness that they have in a network of this mesh after identification.
+        """The tissues with the stiffness that identification gave them in this network.
 
-        Damping does not change: `damping_s`, its ratio to stiffness, is divided by the factor on the stiffness.
+        Damping itself does not change. Therefore damping_s, the ratio of damping to stiffness, changes inversely to
+        the stiffness.
         """
         factors = _traces(network) / self.stiffness
         return tuple(
@@ -70,16 +71,16 @@ class SceneMesh:
         )
 
     def in_all_responses(self, network: MassSpringNetwork) -> MassSpringNetwork:
-        """The network with the same points and tissues, and with all modes that smooth forces on the surface excite.
+        """A more exact network with the same points and tissues, for simulated truth.
 
-        It still lacks the mesh's other modes.
+        It has all modes of the mesh that smooth forces on the surface excite, and no others.
         """
         table, points = self.table(network), {name: np.array(place) for name, place in self.points}
         made = _made(mesh_of(self.content, Path(self.file)), table, self.tissues_of(network), points, left_out=0.0)
         return replace(made, masses=network.masses)
 
     def table(self, network: MassSpringNetwork, further: Sequence[tuple[str, Floats]] = ()) -> MeshTable:
-        """`[mesh]` with the tissues of a network of this mesh, and further points [m]."""
+        """`[mesh]` with the tissues of a network of this mesh; further: names and positions of more points [m]."""
         tissues = dict(zip(self.regions, self.tissues_of(network), strict=True))
         return mesh_table(self.file, self.fixed, tissues, [*self.points, *further], driven=self.driven)
 
@@ -91,7 +92,7 @@ def _traces(network: MassSpringNetwork) -> Floats:
 
 
 def mesh_network(content: bytes, path: Path, table: MeshTable) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The mesh that a table and its file's content describe, and its network; SceneError, `mesh…: …`, InputError."""
+    """The mesh that a table and the content of its file describe, and its network; raises SceneError, InputError."""
     sha256 = hashlib.sha256(content).hexdigest()
     if table.sha256 is not None and table.sha256 != sha256:
         raise InputError.at(path, f"the mesh of SHA-256 {table.sha256[:12]}…, as the scene states", f"{sha256[:12]}…")
@@ -131,10 +132,10 @@ def _outside_m(solid: TetMesh, places: Floats) -> Floats:
 
 
 def with_line(mesh: SceneMesh, network: MassSpringNetwork, ends: Floats) -> tuple[SceneMesh, MassSpringNetwork]:
-    """Mesh and network with additional points on the part of a straight line inside the body, named LINE and a number.
+    """Mesh and network with additional points on a straight line, on the part of it that is inside the body.
 
-    A point of the mesh within half the spacing replaces a point on the line; names in use are skipped.
-    ends: ends of the line [m], (2, 3). The points' masses do not change, because forces are stated relative to them.
+    If the network has a free point within half the spacing of a new point, the new point is omitted. All points get
+    the mass of the old points, because forces are stated relative to masses. ends: ends of the line [m], (2, 3)
     """
     solid = mesh_of(mesh.content, Path(mesh.file)).mesh
     edges = np.diff(solid.nodes[solid.elements[:, :2]], axis=1)
@@ -159,7 +160,7 @@ def mesh_table(
     *,
     driven: bool = False,
 ) -> MeshTable:
-    """`[mesh]` with tissues by region, and points [m] by name; numbers have six digits, positions a step of 0.1 µm."""
+    """`[mesh]` for tissues by region number, and points [m]; constants get six digits, positions steps of 0.1 µm."""
     return MeshTable(
         file=file,
         fixed=fixed,
@@ -190,7 +191,7 @@ def _made(
     *,
     left_out: float = LEFT_OUT,
 ) -> MassSpringNetwork:
-    """The network of the points; raises SceneError."""
+    """The network of these points of a mesh; raises SceneError."""
     own = _numbered(of, table)
     if table.driven and table.fixed is None:
         raise SceneError("mesh.driven: expected the wall that moves in mesh.fixed, found none")
@@ -245,7 +246,7 @@ def _placed(of: ProjectMesh, points: Mapping[str, Floats]) -> str | None:
 
 
 def mesh_lines(mesh: SceneMesh, network: MassSpringNetwork) -> list[str]:
-    """`[mesh]` of a scene file, line by line, with the stiffness of a network of this mesh."""
+    """Lines of `[mesh]` with the stiffness of a network of this mesh."""
     sha256 = hashlib.sha256(mesh.content).hexdigest()
     lines = [
         "[mesh]",

@@ -1,4 +1,4 @@
-"""A scene moved to other coordinates: the drawing moves as a rigid body; cameras stay in the world."""
+"""Rigid motion of a scene: the body moves in the world, the cameras do not."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from experiments.formats.scene.schema import MeshPointTable, SceneError
 
 
 def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
-    """The scene with body, gravity, target and reference marks moved; SceneError if the cameras do not fit the result.
+    """The scene with body, gravity, target and reference marks moved; SceneError if cameras do not fit.
 
-    Gravity turns with the body, so that the body's posture does not change. mesh_file: file of the moved mesh
+    Gravity turns with the body, so that the body's rest shape does not change. mesh_file: file of the moved mesh
     """
     mesh, drawn = None, scene.network
     if scene.mesh is not None:
@@ -41,7 +41,7 @@ def moved_scene(scene: Scene, motion: RigidMotion, mesh_file: Path) -> Scene:
 def _moved_mesh(
     mesh: SceneMesh, network: MassSpringNetwork, motion: RigidMotion, file: Path
 ) -> tuple[SceneMesh, MassSpringNetwork]:
-    """The moved mesh; its fixed nodes become its wall, because a plane that selects them refers to the old axes."""
+    """The moved mesh and its network. Fixed nodes become a labelled wall, as a plane would refer to the old axes."""
     of = mesh_of(mesh.content, Path(mesh.file))
     wall = of.wall if mesh.fixed is None else held(of, mesh.fixed)
     content = mesh_content(ProjectMesh(replace(of.mesh, nodes=motion.moved(of.mesh.nodes)), wall))
@@ -64,7 +64,7 @@ def _moved_reference(scene: Scene, motion: RigidMotion, network: MassSpringNetwo
             marks.append(replace(mark, position_m=tuple(place.tolist())))
             continue
         marks.append(mark)
-        if np.linalg.norm(mark.place(network) - place) > APART_M:  # the wall of a mesh may have other nodes
+        if np.linalg.norm(mark.place(network) - place) > APART_M:  # it may be another node of the moved wall
             expected = "position_mm for an anchor whose name changes as the mesh moves"
             raise SceneError(f"reference.mark[{i}]: expected {expected}, found {shown(mark.node)}")
     return replace(scene.reference, marks=tuple(marks))

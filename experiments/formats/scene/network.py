@@ -1,4 +1,4 @@
-"""Network table of a scene file: read from `[network]`, and written to it."""
+"""`[network]` of a scene file: reading and writing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from experiments.formats.scene.schema import NODE_KEYS, SPRING_KEYS, NetworkTabl
 from experiments.formats.toml_file import Strict, key_lines
 
 NEAREST_MM = 1e-4
-"""Least distance of two nodes with which a spring between them has a direction [mm]; choice: finer than any drawing."""
+"""Least distance of two nodes that a spring connects [mm]; choice: finer than any drawing."""
 
 
 def is_node_name(name: str) -> bool:
@@ -71,7 +71,10 @@ def network_of(table: NetworkTable) -> MassSpringNetwork:
 
 
 def spring_groups(table: NetworkTable) -> tuple[str, ...]:
-    """The group of each spring, (n_springs,), empty for a spring without one; an empty tuple without groups."""
+    """The name of each spring's group, (n_springs,); constants of one group are identified together.
+
+    The name is empty for a spring without a group. The tuple is empty if no spring has a group.
+    """
     groups = tuple(spring.group or "" for spring in table.spring)
     return groups if any(groups) else ()
 
@@ -105,7 +108,7 @@ def _ends(table: NetworkTable, s: int, indices: dict[str, int]) -> tuple[int, in
 
 
 def network_lines(network: MassSpringNetwork, groups: Sequence[str] = ()) -> list[str]:
-    """`[network]` of a scene file, line by line; groups: the group of each spring, see `spring_groups`."""
+    """Lines of `[network]`; groups: as in `spring_groups`."""
     lines = ["[network]", *key_lines({"gravity_m_s2": network.gravity})]
     for i, name in enumerate(network.names):
         keys: dict[str, Any] = {

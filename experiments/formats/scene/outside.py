@@ -1,4 +1,4 @@
-"""Outer surface of a body in space for drawing: the surface of its mesh at rest, or the convex hull of its springs."""
+"""Outer surface of a body in space, for displays: the surface of its mesh, or the convex hull of its network."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from experiments.formats.mesh.project_file import mesh_of
 from experiments.formats.scene.scene import Scene
 
 FINEST, COARSER = 1.0 / 200.0, 1.25
-"""Cell size of the finest grid that joins corners, relative to the body's size, and the factor to the next grid [1]."""
+"""Cell size of the finest grid in `fewer`, relative to the body's size; factor from one cell size to the next [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outside:
-    """Outer surface: corners of faces [m], (n, 3), and the faces, (n_faces, 3), counter-clockwise from outside."""
+    """Outer surface: corners [m], (n, 3), and faces as indices of corners, counter-clockwise from outside, (m, 3)."""
 
     corners: Floats
     faces: NDArray[np.int64]
@@ -49,7 +49,7 @@ def outside_of(scene: Scene, most: int) -> Outside:
 
 
 def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
-    """Which faces of a mesh belong to its wall, (n_faces,): those whose corners are all near fixed nodes."""
+    """Whether each face belongs to the fixed wall of a mesh, (n_faces,): its corners are all near fixed nodes."""
     if scene.mesh is None or not scene.mesh.fixed:
         return np.zeros(len(outside.faces), dtype=bool)
     of = mesh_of(scene.mesh.content, Path(scene.mesh.file))
@@ -59,7 +59,7 @@ def wall_faces(scene: Scene, outside: Outside) -> NDArray[np.bool_]:
 
 
 def fewer(whole: Outside, most: int) -> Outside:
-    """A surface with at most this number of faces: the corners in one cell of a grid become their mean."""
+    """A surface with at most this number of faces; all corners in one cell of a grid are replaced by their mean."""
     found, cell = whole, FINEST * float(np.ptp(whole.corners, axis=0).max())
     while len(found.faces) > most:
         _, inverse = np.unique(np.round(whole.corners / cell).astype(int), axis=0, return_inverse=True)
@@ -72,6 +72,6 @@ def fewer(whole: Outside, most: int) -> Outside:
 
 
 def _outside(places: Floats, faces: NDArray[np.int64]) -> Outside:
-    """The surface of these faces; positions [m], (n, 3), that are not corners of a face are omitted."""
+    """The surface of these faces, without positions [m], (n, 3), that no face uses."""
     used, numbered = np.unique(faces, return_inverse=True)
     return Outside(places[used], numbered.reshape(-1, 3))

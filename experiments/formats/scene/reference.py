@@ -1,6 +1,6 @@
-"""Reference marks of a scene file: read from `[reference]`, and written to it.
+"""Reference marks of a scene file: reading and writing of `[reference]`.
 
-They are fixed in the world, on anchors or on the rig, and correct the pose of a camera or tracker.
+Reference marks do not move in the world. They correct the pose of a camera or tracker.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ from vision import PlaneCamera
 class ReferenceMark:
     """A reference mark, which does not move.
 
-    name: its name in tables and live marks; node: its anchor, None for a mark at position_m [m], (dim,)
-    look: its appearance in a film, as a `Mark` with this name in place of a node; None without a camera
+    name: its name in tables of marks and in marks of a live tracker; node: the anchor on which it lies, if any
+    position_m: its position if it does not lie on an anchor [m], (dim,)
+    look: its appearance in a film, a `Mark` whose node is this name; None without a camera
     """
 
     name: str
@@ -42,7 +43,7 @@ class ReferenceMark:
 class Reference:
     """Reference marks of a scene.
 
-    drift_sd_m: standard deviation of an undetected drift of the camera or tracker on each axis [m]; None: not stated
+    drift_sd_m: standard deviation of an undetected drift of the camera or tracker on each axis [m]; None if not stated
     position_sd_m: standard deviation of the error of each mark's stated position on each axis [m]
     """
 
@@ -52,7 +53,7 @@ class Reference:
 
     @property
     def looks(self) -> tuple[Mark, ...]:
-        """Looks of the marks that a film shows."""
+        """Appearance of the reference marks that a film shows."""
         return tuple(mark.look for mark in self.marks if mark.look is not None)
 
     def check(
@@ -111,7 +112,7 @@ def _mark_of(table: ReferenceMarkTable) -> ReferenceMark:
 
 
 def reference_lines(reference: Reference) -> list[str]:
-    """Lines of the file's table `[reference]`; none if the table would be empty."""
+    """Lines of `[reference]`; no lines if the table would be empty."""
     if not reference.marks and reference.drift_sd_m is None:
         return []
     keys = {"drift_sd_m": reference.drift_sd_m, "position_sd_m": reference.position_sd_m or None}

@@ -1,7 +1,7 @@
-"""Test whether a network rests near its drawing; if not, which key of its file is probably in another unit.
+"""Test whether a network's rest shape is near the drawn shape. If not, guess which key has a wrong unit.
 
-The rest shape depends on the ratio of weight to stiffness: masses in g change it as much as a stiffness in N/mm. The
-density, from masses and distances, shows which of the two is wrong.
+The rest shape depends on the ratio of weight to stiffness, which changes equally if masses are in g or if stiffnesses
+are in N/mm. The density, computed from masses and distances, shows which of them is wrong.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from experiments.errors import shown
 from experiments.formats.scene.schema import SceneError
 
 UNIT = 30.0
-"""Least factor between a number and a plausible one that suggests another unit; choice: units differ by 100 or 1000."""
+"""Least factor between a number and a plausible one if its unit is wrong; choice: units differ by 100 or 1000."""
 
 BALANCED = 0.05
-"""Share of the weight that springs of drawn length may leave unbalanced, because rest lengths are rounded; choice."""
+"""Largest share of the weight that springs at their drawn lengths may leave unbalanced; choice: lengths are rounded."""
 
 LONGEST = 2.0
-"""Least ratio of a spring's length in the rest shape to its unloaded length that shows a stretched body; choice."""
+"""Least ratio of a spring's length in the rest shape to its unloaded length that counts as stretched; choice."""
 
 DENSITY = 100.0
 """Plausible density, a node's mass divided by the cube of a spring's length [kg/m³]; choice: tissue has 1000, a phantom
@@ -42,16 +42,16 @@ UNITS = {
     ("position_mm", 3): "m",
     ("position_mm", -3): "µm",
 }
-"""The suspected unit, by the key and the power of ten by which the stiffness is too small."""
+"""Unit that the numbers of a key probably have, by key and by the power of ten by which springs are too soft."""
 
 
 NO_REST = "braces, stiffer springs or anchors would hold it"
 
 
 def check_rest(network: MassSpringNetwork) -> None:
-    """Raise SceneError, `network…: …`, if a network rests far from its drawing.
+    """Raise SceneError if a network's rest shape is far from the drawn shape.
 
-    NetworkError if it has no rest shape near its drawing and no unit is suspected. A continuum rests as drawn.
+    NetworkError if no rest shape is found and no key seems to have a wrong unit. A continuum rests as drawn.
     """
     if network.continuum is not None:
         return
@@ -79,7 +79,7 @@ def _is_unit(factor: float) -> bool:
 
 
 def _lacking(springs: Floats, weight: Floats) -> float:
-    """Factor on the stiffness with which springs of drawn length balance the weight, by least squares; 1 if none does.
+    """Factor on all stiffnesses with which springs at their drawn lengths would balance the weight; 1 if none would.
 
     springs, weight: forces on the free nodes [N], (n_free, dim)
     """
@@ -93,7 +93,7 @@ def _lacking(springs: Floats, weight: Floats) -> float:
 
 
 def _fault(network: MassSpringNetwork) -> ValueError | None:
-    """Reason why a network does not rest near its drawing; None if it does, or only turns without stretching."""
+    """Reason why a network does not rest near the drawn shape; None if it does, or if it only rotates."""
     try:
         with np.errstate(all="ignore"):  # overflow means no rest
             rest = rest_shape(network)
@@ -113,7 +113,7 @@ def _fault(network: MassSpringNetwork) -> ValueError | None:
 
 
 def _suspect(network: MassSpringNetwork, lacking: float) -> str:
-    """Message with the suspected key and its first value in the file; lacking: factor that the stiffness lacks."""
+    """Message with the key whose unit is probably wrong; lacking: factor by which the stiffness is too small."""
     first = int(network.free[0])
     length_m = np.median(spring_lengths(network.positions, network.springs))
     density, factor = np.median(network.masses[network.free]) / length_m**3, np.log(lacking)

@@ -41,17 +41,16 @@ POSE_REMEDY = "; check --square-mm and --plane of softaim calibrate"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Scene:
-    """A scene: tissue, marks on its free nodes, the target and the cameras; SceneError if they do not fit together.
+    """A scene: tissue, marks, target and cameras. Raises SceneError if they do not fit together.
 
     uncertainty: uncertainty of the tissue's constants; None for exact constants
-    settings: noise levels, pokes and led nodes (always pulled along) of the filter
-    spring_groups: name of each spring's group, whose constants are identified together, (n_springs,), empty for a
-    spring without a group; an empty tuple without groups
-    steps: processing steps done on the scene, in order
+    settings: settings of the filter
+    spring_groups: see the function `spring_groups`
+    steps: the processing steps that produced this scene, in order
     reference: fixed marks that correct the pose of the camera or tracker
-    lenses: cameras without a pose, whose pictures cannot be used
-    mesh: the mesh of the network, None for springs
-    space_cameras: cameras of a scene in space; those of a flat scene are `cameras`
+    lenses: cameras with a calibrated lens but no pose; their pictures cannot be used
+    mesh: the mesh from which the network was computed; None for a network of springs
+    cameras, space_cameras: cameras of a flat scene, cameras of a scene in space
     """
 
     network: MassSpringNetwork
@@ -123,15 +122,16 @@ class Scene:
 
     @property
     def n_cameras(self) -> str:
-        """Text for a message: the number of cameras, and which lens lacks a pose."""
+        """Text for a message: the number of cameras with a pose, and the names of the cameras without one."""
         lacking = "".join(f"; {lens.name} has a lens but no pose: {POSE}" for lens in self.lenses)
         return f"{len(self.cameras) + len(self.space_cameras)}{lacking}"
 
     @property
     def n_calibration(self) -> int:
-        """Number of uncertain directions of the calibration: of the first camera or, in space, of all cameras.
+        """Number of calibration errors that the filter estimates.
 
-        Reference marks add the directions of each camera's or the tracker's estimated pose at the end.
+        They are those of the first camera in the plane, or those of all cameras in space. If there are reference
+        marks, errors of the pose of each camera or of the tracker follow.
         """
         if self.space_cameras:
             return len(self.calibration_steps[0]) + self.n_pose * len(self.space_cameras)
@@ -139,18 +139,18 @@ class Scene:
 
     @property
     def n_pose(self) -> int:
-        """Number of coordinates of a pose that reference marks correct; 0 without such marks."""
+        """Number of coordinates of each pose that reference marks correct; 0 without reference marks."""
         return self.network.dim * (self.network.dim + 1) // 2 if self.reference.marks else 0
 
     @property
     def calibration_steps(self) -> list[Floats]:
-        """One sd along each uncertain direction of each camera's calibration, (n_calibration, 15) [px, 1, rad, m]."""
+        """For each camera in space, one standard deviation of each calibration error, (n, 15) [px, 1, rad, m]."""
         places = reference_places(self.reference, self.network)
         return principal_steps(self.space_cameras, np.vstack([self.network.positions, *places.values()]))
 
     @property
     def mark_names(self) -> tuple[str, ...]:
-        """Names by which another tracker sends marks: those of nodes with marks, and of reference marks."""
+        """Names of marks that another tracker may send: nodes with marks, and reference marks."""
         return (*(mark.node for mark in self.marks), *(mark.name for mark in self.reference.marks))
 
     @property
@@ -160,7 +160,7 @@ class Scene:
 
     @property
     def nodes_alike(self) -> tuple[tuple[str, ...], ...]:
-        """The measured nodes grouped by the hue of their marks; the filter may confuse marks of one group."""
+        """The measured nodes in groups with marks of the same hue. Marks of one group may be confused."""
         hues = dict.fromkeys(mark.hue_deg for mark in self.marks)
         return tuple(tuple(m.node for m in self.marks if m.measured and m.hue_deg == hue) for hue in hues)
 
@@ -171,9 +171,10 @@ def read_scene(path: FilePath) -> Scene:
 
 
 def usable_scene(path: Path, *, rests: bool = True) -> Scene:
-    """Read a scene file for simulation or estimation: its body must rest near its drawing. Raises InputError.
+    """Read a scene file for simulation or estimation; raises InputError.
 
-    rests: if False, accept a body without rest near its drawing, for inspection
+    The body must have a rest shape near the drawn shape.
+    rests: if False, accept a body without a rest shape near the drawn shape, for inspection
     """
     scene = read_scene(path)
     try:
@@ -208,7 +209,7 @@ def scene_of_tables(file: SceneFile, path: Path) -> Scene:
 
 
 def _body(file: SceneFile, folder: Path) -> tuple[SceneMesh | None, MassSpringNetwork]:
-    """The network of a file, and its mesh if it has one."""
+    """The mesh of a file, if it has one, and the network."""
     if file.network is not None:
         return None, network_of(file.network)
     if file.mesh is None:
@@ -234,9 +235,9 @@ def write_scene(scene: Scene, path: FilePath) -> None:
 
 
 def mesh_beside(scene: Scene, path: Path, *, force: bool = False) -> dict[Path, bytes]:
-    """The mesh file to write beside a scene's file; empty if it exists already, or the scene has no mesh.
+    """Path and content of the mesh file that belongs beside a scene's file; raises InputError.
 
-    force: replace another file of this name. Raises InputError.
+    The result is empty if the scene has no mesh, or if the file exists already. force: replace a different file
     """
     if scene.mesh is None:
         return {}
@@ -254,20 +255,21 @@ def scene_text(scene: Scene) -> str:
 
 
 def scene_digest(scene: Scene) -> str:
-    """SHA-256 of a scene's content, independent of its file's layout and of the steps done on it."""
+    """SHA-256 of a scene's content, which does not depend on its file's layout and on its list of steps."""
     return digest(_content(scene))
 
 
 def network_digest(scene: Scene) -> str:
-    """SHA-256 of the network alone."""
+    """SHA-256 of the scene's network or mesh alone."""
     return digest(_body_lines(scene))
 
 
 def with_step(
     scene: Scene, step: StepName, program: str, recording: str | None = None, kept: Sequence[str] = ()
 ) -> Scene:
-    """The scene with one more step in its list, done by this `program` version with the recording of this digest.
+    """The scene with one more step in its list, see `Step`.
 
+    program: version of the program; recording: digest of the recording that the step used
     kept: constants that the step did not change
     """
     done = Step(

@@ -16,7 +16,7 @@ class SceneError(ValueError):
 
 
 def check_own_names(key: str, names: Sequence[str]) -> None:
-    """Raise SceneError if two tables, `key[i]`, have the same name."""
+    """Raise SceneError if two of the tables `key[i]` have the same name."""
     for i, name in enumerate(names):
         if (first := names.index(name)) < i:
             raise SceneError(f"{key}[{i}].name: expected a unique name, found that of {key}[{first}]")
@@ -50,14 +50,14 @@ class SpringTable(Strict):
 
 
 NODE_KEYS = {"drag_N_s_m": ("drag", 1.0), "friction_N": ("friction", 1.0)}
-"""Constants of a node: by key of `[[network.node]]`, the field of `MassSpringNetwork` and the factor to SI units."""
+"""For each constant in `[[network.node]]`: its field in `MassSpringNetwork`, and the factor to SI units."""
 
 SPRING_KEYS = {
     "stiffness_N_m": ("stiffness", 1.0),
     "rest_length_mm": ("rest_lengths", 1e-3),
     "damping_N_s_m": ("damping", 1.0),
 }
-"""Constants of a spring: by key of `[[network.spring]]`, the field of `MassSpringNetwork` and the factor to SI."""
+"""For each constant in `[[network.spring]]`: its field in `MassSpringNetwork`, and the factor to SI units."""
 
 
 class NetworkTable(Strict):
@@ -69,7 +69,7 @@ class NetworkTable(Strict):
 
 
 class MeshTissueTable(Strict):
-    """`[[mesh.tissue]]`: tissue of the elements with this region number."""
+    """`[[mesh.tissue]]`: the tissue of all elements with one region number."""
 
     name: Name
     region: int
@@ -80,7 +80,7 @@ class MeshTissueTable(Strict):
 
 
 class MeshPointTable(Strict):
-    """`[[mesh.point]]`: position of a mark on the surface, or of the target inside."""
+    """`[[mesh.point]]`: a named point: a mark on the surface, or the target inside the body."""
 
     name: Name
     position_mm: Three
@@ -89,7 +89,7 @@ class MeshPointTable(Strict):
 class MeshTable(Strict):
     """`[mesh]`: a body of tetrahedra instead of a network of springs.
 
-    fixed: selection of the wall's nodes, see `held`; driven: whether the wall moves, as a rigid body
+    fixed: selection of the fixed nodes, the wall, see `held`; driven: whether the wall moves as a rigid body
     """
 
     file: Name
@@ -104,7 +104,7 @@ Hue = Annotated[float, Field(ge=0, lt=360)]
 
 
 class _LookTable(Strict):
-    """The look of a mark in a film, without hue and diameter."""
+    """Keys of a mark's appearance in a film, without hue and diameter, see `Mark`."""
 
     half_width_deg: Annotated[float, Field(ge=2, le=90)] = 18.0
     min_saturation: Annotated[float, Field(gt=0, lt=1)] = 0.4
@@ -123,7 +123,7 @@ class MarkTable(_LookTable):
 
 
 class ReferenceMarkTable(_LookTable):
-    """`[[reference.mark]]`: a fixed mark, on an anchor or at a position on the rig."""
+    """`[[reference.mark]]`: a fixed mark, either on an anchor of the tissue or at a position in the world."""
 
     name: Name
     node: Name | None = None
@@ -142,7 +142,7 @@ class ReferenceMarkTable(_LookTable):
 
 
 class ReferenceTable(Strict):
-    """`[reference]`: fixed marks that correct the pose of a camera or tracker; sd of drift, and of places."""
+    """`[reference]`: fixed marks that correct the pose of a camera or tracker, see `Reference`."""
 
     drift_sd_mm: NotNegative | None = None
     position_sd_mm: NotNegative = 0.0
@@ -159,9 +159,9 @@ class TargetTable(Strict):
 
 
 class CameraTable(Strict):
-    """`[[camera]]`: a homography (only in the plane), or a lens and its pose, or a file with both.
+    """`[[camera]]`: a homography (only in the plane), a lens with its pose, or a file that has lens and pose.
 
-    The pose of a lens may be missing. A ROS or OpenCV file has no pose; the table may add one.
+    The pose may be missing. A ROS or OpenCV file has no pose; the table may state one beside the file.
     """
 
     name: Name | None = None
@@ -202,14 +202,15 @@ class CameraTable(Strict):
 
 
 LogSd = Annotated[float, Field(gt=0, le=700)]
-"""Standard deviation of the log of a constant; the limit prevents overflow of the factor on the constant."""
+"""Standard deviation of the logarithm of a constant; the limit prevents an overflow of the exponential."""
 
 
 class UncertaintyTable(Strict):
-    """`[uncertainty]` of the constants: relative standard deviations.
+    """`[uncertainty]`: relative standard deviations of the tissue's constants.
 
-    They are stated either by kind, for each constant independently, or as directions: each row is one standard
-    deviation along one independent direction in the logs of the named parameters.
+    The table either has a number for each kind of constant, and all constants of that kind have independent errors. Or
+    it has `directions` for the logarithms of the named parameters: each row is one standard deviation of an independent
+    error, which changes several parameters together.
     """
 
     stiffness: LogSd | None = None
@@ -236,7 +237,7 @@ class UncertaintyTable(Strict):
 
 
 class FilterTable(Strict):
-    """`[filter]`: priors that replace the defaults; led_nodes: nodes that are always pulled along."""
+    """`[filter]`: settings that replace the defaults; led_nodes: nodes that a hand or robot always pulls along."""
 
     poke_m_s2: Positive | None = None
     poke_lasting_s: Positive | None = None
@@ -248,11 +249,11 @@ class FilterTable(Strict):
 
 
 StepName = Literal["simulate", "at-rest", "identify", "tune", "register"]
-"""Steps on a scene; simulate: the recording in the scene's folder was simulated with the scene's constants."""
+"""Steps done on a scene. `simulate`: the recording in the folder was simulated with the scene's constants."""
 
 
 class Step(Strict):
-    """`[[provenance]]`: a step done on the scene, written by the program.
+    """`[[provenance]]`: a processing step that produced the scene; the program writes this table.
 
     program: version of the program; recording_sha256: digest of the recording, None without one
     network_sha256, scene_sha256: digests of the network and of the whole scene after the step, see `scene_digest`

@@ -19,11 +19,11 @@ from experiments.formats.scene.scene import Scene
 from vision import SpaceCamera
 
 TOWARD = (0.0, 0.0, 1.0)
-"""Unit normal of reference marks: they are parallel to the board that defined the axes, and face the cameras."""
+"""Unit normal of reference marks: they are parallel to the calibration board that defined the axes."""
 
 
 def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
-    """Outward unit normals of these nodes' marks, (n, 3), from the mesh as drawn or, without one, the network."""
+    """Outward unit normals of the marks on these nodes, (n, 3), in the drawn shape of the mesh or network."""
     network = scene.network
     if scene.mesh is None:
         return _out_of_hull(network, nodes)
@@ -33,7 +33,7 @@ def outward(scene: Scene, nodes: Sequence[str]) -> Floats:
 
 @lru_cache(maxsize=8)
 def _out_of_mesh(content: bytes, file: str, places_m: tuple[tuple[float, ...], ...]) -> Floats:
-    """Normals of a mesh's surface near these positions, (n, 3), interpolated between the nodes of a face."""
+    """Unit normals of a mesh's surface near these positions [m], (n, 3), interpolated between the nodes of a face."""
     mesh = mesh_of(content, Path(file)).mesh
     skin, normals = surface(mesh), np.zeros((len(mesh.nodes), 3))
     normals[skin.nodes] = skin.normals
@@ -85,9 +85,10 @@ def across(normals: Floats) -> Floats:
 def mark_shapes_px(
     marks: Sequence[Mark], camera: SpaceCamera, places_m: Floats, discs: Floats, by_place: Floats
 ) -> Floats:
-    """Images of marks at these positions [m], (n, 3), as `Outline.shape_px`, (n, 2, 2) [px]: ellipses or circles.
+    """Shapes of the marks' images, as `Outline.shape_px` [px], (n, 2, 2).
 
-    discs: `across` of the marks' normals, (n, 3, 2); by_place: derivatives of the projections, (n, 2, 3) [px/m]
+    places_m: positions of the marks [m], (n, 3); discs: `across(normals)` for the normals of the marks, (n, 3, 2)
+    by_place: derivatives of the image points by the positions [px/m], (n, 2, 3)
     """
     are_balls = np.array([mark.ball for mark in marks])
     if are_balls.any():  # a ball looks like a disc perpendicular to the line of sight

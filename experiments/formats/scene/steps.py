@@ -1,6 +1,6 @@
-"""Steps done on a scene: written to `[[provenance]]`.
+"""Lines of `[[provenance]]`, the list of processing steps in a scene file.
 
-The scene file omits times of steps, so that the same steps give the same file; the times are in its provenance file.
+The list has no times, so that the same steps give the same file. The provenance file beside the scene has the times.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The target of a scene file: read from `[target]`, and written to it."""
+"""The target of a scene file: reading and writing of `[target]`."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from experiments.formats.toml_file import in_metres, in_millimetres, key_lines
 class Target:
     """The hidden target point: a node, or a point at an offset from it.
 
-    radius_m: distance within which a needle hits [m]; offset_m: constant offset from the node [m], (dim,); empty: none
-    position_sd_m: standard deviation of its position in the tissue on each axis, including registration [m]; None: not
-    stated
+    radius_m: largest distance of a needle that hits [m]; offset_m: constant offset from the node, empty if zero [m]
+    position_sd_m: standard deviation of its position in the tissue on each axis, including registration [m]; None if
+    not stated
     """
 
     node: str
@@ -25,7 +25,7 @@ class Target:
 
     @property
     def point(self) -> TargetPoint:
-        """The target for estimators. A position without stated accuracy is exact here; advice adds a default error."""
+        """The target for estimators. If position_sd_m is not stated, it is 0 here; advice uses a default instead."""
         return TargetPoint((self.node,), offset_m=self.offset_m, sd_m=self.position_sd_m or 0.0)
 
 

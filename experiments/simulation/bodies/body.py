@@ -17,10 +17,10 @@ MARK_SD_M = 0.5e-3
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Factors on a body's size, stiffness and mass; gravity, duration and frames do not change.
+    """Factors on a body's size, stiffness and mass. Gravity, duration and frame rate do not change.
 
-    A body of another size has the same shape under gravity: masses scale with the cube of the size, stiffnesses with
-    its square, so that the relative sag is the same. Dashpots scale so that damping ratios do not change.
+    If only the size changes, masses scale with its cube and spring constants with its square, so that the sag relative
+    to the size does not change. Dashpot constants scale so that damping ratios do not change.
     """
 
     size: float = 1.0
@@ -29,27 +29,27 @@ class Scale:
 
     @property
     def k(self) -> float:
-        """Factor on the stiffness of a spring [1]."""
+        """Factor by which spring constants change [1]."""
         return self.stiffness * self.size**2
 
     @property
     def m(self) -> float:
-        """Factor on a mass [1]."""
+        """Factor by which masses change [1]."""
         return self.mass * self.size**3
 
     @property
     def c(self) -> float:
-        """Factor on a dashpot [1]."""
+        """Factor by which dashpot constants change [1]."""
         return float(np.sqrt(self.k * self.m))
 
     @property
     def oscillation(self) -> float:
-        """Factor on the period of oscillations of the springs [1]."""
+        """Factor by which the period of elastic oscillations changes [1]."""
         return float(np.sqrt(self.m / self.k))
 
     @property
     def swing(self) -> float:
-        """Factor on the period of swings under gravity [1]."""
+        """Factor by which the period of a pendulum changes [1]."""
         return float(np.sqrt(self.size))
 
 
@@ -62,8 +62,8 @@ class Body:
     marked: names of the visible nodes; mark_sd_m: standard deviation of their marks on each axis [m]
     at_rest: whether the drawn shape is at rest, so that rest lengths follow from it
     in_line: whether the nodes form a line, in their order
-    led: marked nodes that are moved along a path
-    kinds: the kind of each spring; springs of one kind share one identified factor; if empty, each spring has its own
+    led: marked nodes that the simulation moves along a path
+    kinds: the kind of each spring; springs of one kind share an identified factor; if empty, each spring has its own
     """
 
     network: MassSpringNetwork
@@ -84,7 +84,7 @@ class Body:
 
     @property
     def size_m(self) -> float:
-        """Largest distance between two nodes as drawn [m]."""
+        """Largest distance between two nodes in the drawn shape [m]."""
         places = self.network.positions
         return float(np.linalg.norm(places[:, None] - places[None], axis=2).max())
 

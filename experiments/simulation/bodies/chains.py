@@ -1,4 +1,4 @@
-"""Chains of rigid links that start in motion, and cables with one fixed end and one end moved along a path."""
+"""Chains of rigid links that start in motion, and cables whose free end is moved along a path."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ BEND_N_M, BEND_N_M_S = 0.02, 0.0008
 """A ball joint's stiffness [N m/rad] and damping [N m s/rad]."""
 
 BEND_RAD = 0.2
-"""Bend [rad] at which a spring over two segments has the joint's energy; at smaller bends the spring has less. Value:
-root mean square of the bends of these cables, at both speeds."""
+"""Bend [rad] at which a user's spring over two segments stores as much energy as the true joint; at smaller bends it
+stores less. The value is the root mean square of the bends of these cables, at both speeds."""
 
 DRAG_N_S_M = 0.002
 HIDDEN_OF_CABLE = (5, 6, 7)
-"""Indices of the hidden nodes: adjacent, as if something covered the middle."""
+"""Indices of the hidden nodes: adjacent, as if an object covered the middle."""
 
 
 def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
-    """A pendulum of rigid links in the plane, whose outer end is visible at 100 Hz.
+    """A pendulum of rigid links in the plane; a camera sees its outer end at 100 Hz.
 
-    If mass or stiffness is scaled, true links are springs, because neither changes the motion of rigid links.
+    If mass or stiffness is scaled, the true links can stretch: the motion of rigid links would not depend on either.
     """
     rng = np.random.default_rng([seed, 0])
     lengths = scale.size * np.array(LINKS_M[:n_links])
@@ -70,7 +70,7 @@ def chain(n_links: int, seed: int, scale: Scale, seconds: float = 4.0) -> Body:
 
 
 def _stretch(axis: str, scale: Scale, stiffness: float, damping: float) -> str:
-    """XML of a joint along the link with this stiffness [N/m] and damping [N s/m]; empty if `scale` changes neither."""
+    """XML of a joint with which a link can stretch; empty if neither stiffness nor mass is scaled."""
     if scale.stiffness == scale.mass == 1.0:
         return ""
     return f'<joint type="slide" axis="{axis}" stiffness="{stiffness}" damping="{damping}" springref="0"/>'
@@ -90,11 +90,10 @@ def _chain_xml(lengths: Floats, masses: Floats, hinge: float, stretch: str) -> s
 
 
 def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
-    """A cable of twelve segments in space; one end is fixed, the other is led, and the middle is hidden.
+    """A cable of twelve segments in space; one end is fixed, one end is moved along a path, and the middle is hidden.
 
-    speed: factor on the led end's speed; with the factor 1 this end moves at up to 1 m/s
-    A user's springs against bending also resist stretching. True links that stretch therefore have the stiffness of
-    both kinds of springs.
+    speed: factor on the speed of the moved end; with the factor 1 this end moves at up to 1 m/s
+    A user's springs against bending also resist stretching. If true links can stretch, they have both stiffnesses.
     """
     rng = np.random.default_rng([seed, 0])
     n, length, mass = SEGMENTS, SEGMENT_M * scale.size, SEGMENT_KG * scale.m
@@ -144,9 +143,9 @@ def cable(seed: int, scale: Scale, speed: float, seconds: float = 5.0) -> Body:
 
 
 def _hand_path(rng: np.random.Generator, length_m: float, speed: float, rise_s: float) -> Callable[[float], Floats]:
-    """A smooth random path about a place where the cable is slack, reached from a straight cable within rise_s [s].
+    """A smooth random path of the cable's moved end: a function of the time that gives a position [m], (3,).
 
-    The function gives the position of the led end [m], (3,).
+    At time 0 the cable is straight. From time rise_s [s] the end moves about a point where the cable is slack.
     """
     waves = (6, 3)
     w, phase = 2.0 * np.pi * speed * rng.uniform(0.3, 1.0, waves), rng.uniform(0.0, 2.0 * np.pi, waves)

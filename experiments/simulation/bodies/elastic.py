@@ -1,4 +1,4 @@
-"""Elastic bodies by finite elements: blocks that are pressed and released, floating blocks, and pulled sheets."""
+"""Elastic bodies, simulated with finite elements: hanging blocks, floating blocks and sheets."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from experiments.simulation.bodies.simulate import compiled, motion, settled
 FRAMES_PER_S = 30
 BLOCK_M, BLOCK_PA, BLOCK_KG_M3 = 0.06, 30e3, 1000.0
 SHEET_M, SHEET_N_M, SHEET_KG_M2 = (0.20, 0.25), 100.0, 0.2
-"""A sheet's sides [m], Young's modulus times thickness [N/m], and mass per area [kg/m²]."""
+"""A sheet: its sides [m], its Young's modulus times its thickness [N/m], its mass per area [kg/m²]."""
 
 SHEET_NODES = (5, 6)
 THICKNESS_M = 1e-3
@@ -27,20 +27,21 @@ RAYLEIGH_S = 0.01
 """Ratio of damping to stiffness of all bodies [s]."""
 
 PRESS, FINGER = 0.05, 0.6
-"""Largest pressure on a block's lower face, in Young's moduli; radius of the pressed area, relative to a side."""
+"""Largest pressure on a block's lower face, relative to Young's modulus; pressed radius, relative to the side [1]."""
 
 PULL = 0.2
 """Largest force on a node of a sheet, relative to the sheet's weight."""
 
 
 Push = tuple[float, float, Floats]
-"""Start and end [s] of constant forces on nodes, and these forces [N], (n_nodes, 3)."""
+"""Constant forces on nodes: their start [s], their end [s], and their values [N], (n_nodes, 3)."""
 
 
 def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: float = PRESS) -> Body:
-    """A soft block that hangs from a plate, and is pressed from below and released; its surface is visible.
+    """A soft block that hangs from a plate; it is pressed from below and released. Marks on its surface are visible.
 
-    It hangs, because a standing block with a tenth of the stiffness would buckle under its weight. press: see `PRESS`
+    The block does not stand, because with a small stiffness factor it would buckle under its weight.
+    press: largest pressure relative to Young's modulus [1]
     """
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA * scale.k / scale.size
@@ -72,7 +73,7 @@ def block(per_side: int, seed: int, scale: Scale, seconds: float = 3.0, press: f
 
 
 def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A soft block without supports whose faces are moved by springs; its corners and face centres are visible."""
+    """A soft block without supports; moving springs pull its faces. Its corners and face centres are visible."""
     per_side = 3
     side, mass = BLOCK_M * scale.size, BLOCK_KG_M3 * BLOCK_M**3 * scale.m
     young = BLOCK_PA / 3.0 * scale.k / scale.size
@@ -100,7 +101,7 @@ def floating_block(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 
 def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
-    """A cloth that hangs from its upper edge, and is pulled at nodes of its rim and released; its inside is hidden."""
+    """A cloth that hangs from its upper edge; nodes of its rim are pulled and released. Only its rim is visible."""
     sides = scale.size * np.array(SHEET_M)
     mass = SHEET_KG_M2 * SHEET_M[0] * SHEET_M[1] * scale.m
     stretch = SHEET_N_M * scale.k
@@ -134,7 +135,7 @@ def sheet(seed: int, scale: Scale, seconds: float = 3.0) -> Body:
 
 
 def _material(young: float, scale: Scale) -> str:
-    """Attributes of a material with this Young's modulus [Pa]."""
+    """XML attributes of a material with this Young's modulus [Pa]."""
     return f'young="{young}" poisson="{POISSON}" damping="{RAYLEIGH_S * scale.oscillation}"'
 
 
@@ -199,7 +200,7 @@ def _pushing(model: Any, pushes: Sequence[Push]) -> Callable[[float, Any], None]
 def _leading(
     rng: np.random.Generator, model: Any, grid: Floats, nodes: NDArray[Any], *, stiffness: float, damping_s: float
 ) -> Callable[[float, Any], None]:
-    """Springs and dashpots that lead nodes along smooth random paths about their drawn positions."""
+    """Springs and dashpots that pull nodes towards points that move on smooth random paths."""
     amplitude = 0.12 * float(np.ptp(grid[:, 0]))
     w, phase = 2.0 * np.pi * rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 2.0 * np.pi, (len(nodes), 3))
     together = amplitude * rng.normal(size=3)
@@ -226,13 +227,16 @@ def _mostly_across(rng: np.random.Generator) -> Floats:
 
 
 def _on_hull(grid: Floats) -> NDArray[np.bool_]:
-    """Whether each node of a grid lies on its surface, (n,)."""
+    """Whether each node lies on the surface of a grid, (n,)."""
     near = 1e-6 * np.ptp(grid, axis=0)
     return ((grid < grid.min(axis=0) + near) | (grid > grid.max(axis=0) - near)).any(axis=1)
 
 
 def _lattice(grid: Floats, spacing: float) -> tuple[NDArray[np.int64], Floats]:
-    """Edges and face diagonals of a grid, (n_springs, 2); share of each spring's section in the body, (n_springs,)."""
+    """Springs along edges and face diagonals of a grid, (n_springs, 2), and a factor on each stiffness, (n_springs,).
+
+    The factor is the share of a spring's cross section that lies inside the body.
+    """
     pairs = np.array(list(combinations(range(len(grid)), 2)))
     lengths = spring_lengths(grid, pairs)
     pairs = pairs[lengths < 1.5 * spacing]

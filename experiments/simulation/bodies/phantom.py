@@ -1,4 +1,4 @@
-"""The four-mass phantom without its braces and with springs of 80 N/m; it hangs from its anchors and is poked."""
+"""The four-mass phantom without its braces, with springs of 80 N/m; it hangs from its anchors and is poked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FRAMES_PER_S = 30
 
 
 def unbraced_network(scale: Scale) -> MassSpringNetwork:
-    """The phantom's network without braces, drawn where it rests."""
+    """The phantom's network without braces, in its rest shape."""
     phantom = four_mass_phantom()
     drawn = scale.size * phantom.positions
     network = replace(
@@ -39,7 +39,7 @@ def unbraced_network(scale: Scale) -> MassSpringNetwork:
 
 
 def unbraced_phantom(seed: int, scale: Scale, seconds: float = 5.0) -> Body:
-    """The unbraced phantom; its outer masses are sometimes poked with up to 10 m/s², its inner mass is hidden."""
+    """The unbraced phantom. Random pokes accelerate its outer masses by up to 10 m/s². Its inner mass is hidden."""
     network = unbraced_network(scale)
     model, data = compiled(_xml(network))
     rng = np.random.default_rng([seed, 0])

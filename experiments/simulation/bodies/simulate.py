@@ -11,11 +11,11 @@ import numpy as np
 from experiments.arrays import Floats
 
 Act = Callable[[float, Any], None]
-"""Function that sets forces or led positions in MuJoCo's data for the step that begins at this time [s]."""
+"""Function of the time [s] and MuJoCo's data that sets forces or prescribed positions for the next step."""
 
 
 def compiled(xml: str) -> tuple[Any, Any]:
-    """MuJoCo's model from this XML, and its data, with positions computed."""
+    """MuJoCo's model and data from XML, with computed positions."""
     model = mujoco.MjModel.from_xml_string(xml)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -25,9 +25,9 @@ def compiled(xml: str) -> tuple[Any, Any]:
 def motion(
     model: Any, data: Any, read: Callable[[Any], Floats], *, times_s: Floats, longest_s: float, act: Act | None = None
 ) -> Floats:
-    """Results of `read` at each of these equally spaced times [s], (n_frames, ...), starting from the present `data`.
+    """Results of `read` at equally spaced times, (n_frames, ...); the motion starts from the present `data`.
 
-    longest_s: longest step [s]; steps divide the frame interval
+    times_s: times [s], (n_frames,); longest_s: longest step [s]; a whole number of steps fills a frame interval
     """
     interval = float(times_s[1] - times_s[0])
     n_steps = int(np.ceil(interval / longest_s - 1e-9))
@@ -44,7 +44,7 @@ def motion(
 
 
 def settled(model: Any, data: Any, *, seconds: float, step_s: float, kept: float) -> None:
-    """Let the model come to rest; `kept` multiplies its velocities in each step."""
+    """Let the model come to rest; after each step its velocities are multiplied by `kept`."""
     model.opt.timestep = step_s
     for _ in range(int(seconds / step_s)):
         mujoco.mj_step(model, data)
