@@ -1,6 +1,7 @@
 """Names of interchangeable marks: the cost of each assignment in a frame, and the plausible exchanges.
 
-Names are a tuple of node indices: entry j is the node that bears the mark named after the interchangeable node j.
+Each mark has the name of a node, but may be on another one. Names are a tuple of indices of interchangeable nodes:
+entry j is the index of the node that bears mark j, which has the name of node j.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ Names = tuple[int, ...]
 class InterchangeableMarks:
     """Groups of nodes whose marks are interchangeable; names are never exchanged between groups.
 
-    nodes: the nodes in groups of two or more; own: the names without exchanges
+    nodes: the nodes in groups of two or more; own: the names if each mark is on the node of its name
     """
 
     def __init__(self, tissue: TissueFilter, groups: Iterable[Collection[str]]) -> None:
@@ -34,13 +35,13 @@ class InterchangeableMarks:
         self._place = {node: i for i, node in enumerate(self.nodes)}
 
     def by_node(self, names: Names) -> dict[str, str]:
-        """For each node, the node that bears the mark named after it."""
+        """The node on which each mark is, by the name of the mark."""
         return {self.nodes[i]: self.nodes[new] for i, new in enumerate(names)}
 
     def costs(self, tissue: TissueFilter, marks: Sequence[MarkMeasurement], *, starting: bool = False) -> Floats:
-        """Cost (n, n) of the assumption that node i bears the mark named after node j, by the filter's prediction.
+        """Cost (n, n) of the assumption that the mark with the name of node j is on node i; 0 for an absent mark.
 
-        A cost is -log of a density; 0 for an absent mark. starting: use the distribution at a start.
+        A cost is -log of the density that the filter predicts or, if `starting`, of the density at the start.
         """
         costs = np.zeros((len(self.nodes), len(self.nodes)))
         seen = [mark for mark in marks if mark.node in self._place]
@@ -56,9 +57,9 @@ class InterchangeableMarks:
         return costs
 
     def others(self, names: Names, costs: Floats, worst: float, most: int) -> Mapping[Names, int]:
-        """Alternatives to these names that cost at most `worst` more in this frame, each with its number of exchanges.
+        """Alternatives to these names, the most probable first, each with its number of exchanges.
 
-        The most probable come first; there are at most `most`.
+        worst: largest additional cost of an alternative in this frame; most: largest number of alternatives
         """
         if names == self.own and not ambiguous_exchanges(costs, self._pairs, worst):
             return {}
@@ -84,7 +85,7 @@ class InterchangeableMarks:
 
 
 def seen_from(names: Names, new: Names) -> Names:
-    """The names after the mark named i is renamed to new[i], for every i; each mark stays on its node, names[i]."""
+    """The same names after each mark i has received the name new[i]; every mark stays on its node, names[i]."""
     seen = [0] * len(names)
     for i, node in enumerate(new):
         seen[node] = names[i]
@@ -92,7 +93,7 @@ def seen_from(names: Names, new: Names) -> Names:
 
 
 def renamed(marks: Iterable[MarkMeasurement], names: Mapping[str, str]) -> tuple[MarkMeasurement, ...]:
-    """The marks, each on the node that `names` gives for its name; a mark with any other name keeps its node."""
+    """The marks, each moved to the node that `names` gives for it; a mark that is not in `names` keeps its node."""
     return tuple(
         mark if (node := names.get(mark.node, mark.node)) == mark.node else replace(mark, node=node) for mark in marks
     )

@@ -1,4 +1,4 @@
-"""Identification of interchangeable marks: while their names are uncertain, each hypothesis on them has a filter."""
+"""Identification of interchangeable marks: while their names are uncertain, there is a filter for each hypothesis."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from estimators.tissue.estimate import MarkMeasurement, Status, TargetEstimate
 class IdentitySwap:
     """An exchange of marks that was detected and corrected.
 
-    time_s, since_s: when it was corrected, and when it began [s]; nodes: nodes of the exchanged marks
+    time_s: time of the correction [s]; since_s: time when the exchange began [s]; nodes: nodes of the exchanged marks
     """
 
     time_s: float
@@ -30,7 +30,7 @@ class IdentitySwap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AssociatedEstimate:
-    """Result of a frame: the estimate, the marks with their present names, and an exchange if one was corrected."""
+    """Result of a frame: estimate, marks with corrected names, and the exchange that this frame corrected, if any."""
 
     estimate: TargetEstimate
     marks: tuple[MarkMeasurement, ...]
@@ -41,8 +41,8 @@ class AssociatedEstimate:
 class Hypothesis:
     """Alternative names for the marks, and the filter's state with them.
 
-    ahead: log odds of these names against the present names, negative while they are less probable
-    since_s: time since which the names differ [s]
+    ahead: log odds of the alternative names against the present names
+    since_s: time when the alternative began [s]
     """
 
     names: Names
@@ -61,18 +61,19 @@ class AssociationFilter:
     This is a hidden Markov model of the names. In each frame, every exchange of two names that the frame does not
     exclude becomes an alternative: a copy of the filter with the exchanged names. If two paths lead to the same
     names, the more probable one is kept (Viterbi's algorithm). The probability of an alternative is the product of
-    its marks' likelihoods and of the odds against each exchange. A clearly worse alternative is dropped. If an
+    its marks' likelihoods and of the prior odds of each exchange. A clearly worse alternative is dropped. If an
     alternative is clearly better and TRACKING, its names and its filter replace the present ones.
 
-    Any names may be right while there is no estimate: at a start, after a divergence, and when marks are rejected.
-    Then a filter restarts with each of the assignments of names that best fit the rest shape. Since the tissue may be
-    turned or displaced, that fit adds at most `settings.decisive` to the log odds. One filter restarts with the present
-    names, and the others must be better than it: they could beat the running filter merely by a large covariance.
+    At a start, after a divergence, and when marks are rejected, any names may be right. Then several filters restart,
+    each with one of the assignments of names that best fit the rest shape. Since the tissue may be turned or displaced,
+    this fit changes the log odds by at most `settings.decisive`. Another filter restarts with the present names. An
+    alternative must also be better than this filter, because the large covariance after a restart alone may make a
+    filter more probable than the running one.
 
     tissue: the filter; predict it first, then call `update` here
     groups: groups of nodes with interchangeable marks; names are never exchanged between groups
-    State: node_of, the node of each named mark, where it differs from the name; alternatives, and same_names, the
-    restart with the present names; corrected swaps; next time for trying names from a start, and the pause after it.
+    State: node_of, node of each mark that is not on the node of its name; alternatives; same_names, the filter that
+    restarted with the present names; swaps, the corrected exchanges; time of the next restart, and pause after it.
     """
 
     def __init__(
@@ -88,13 +89,13 @@ class AssociationFilter:
         self._next_s, self._pause_s = -np.inf, self._shortest_pause_s
 
     def named(self, marks: Sequence[MarkMeasurement]) -> tuple[MarkMeasurement, ...]:
-        """Marks of another tracker, each assigned to the node of its present name."""
+        """Marks as the tracker names them, each assigned to its present node."""
         return renamed(marks, self.node_of)
 
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Update with a direct measurement of the target [m], (dim,), with its covariance [m²], (dim, dim).
 
-        Every alternative is updated, as by `TissueFilter.fix`.
+        It updates the filter and the filter of every alternative.
         """
         tissue = self.tissue
         estimate = tissue.fix(position, cov)
@@ -110,7 +111,7 @@ class AssociationFilter:
         return estimate
 
     def update(self, marks: Sequence[MarkMeasurement]) -> AssociatedEstimate:
-        """Update with marks at the filter's time, each on the node of its present name.
+        """Update with marks at the filter's time, as `named` returns them.
 
         Raises ValueError and CovarianceError as the filter does.
         """
@@ -145,7 +146,7 @@ class AssociationFilter:
 
     @property
     def _shortest_pause_s(self) -> float:
-        """Least time [s] between two starts with all possible names; by then a filter has excluded wrong names."""
+        """Shortest time between two restarts [s]; a filter with wrong names diverges within this time."""
         return 2.0 * self.tissue.settings.test_s
 
     @property
@@ -157,11 +158,11 @@ class AssociationFilter:
         return self.interchangeable.others(names, costs, worst, self.settings.max_hypotheses)
 
     def _changed(self, alternative: Hypothesis, names: Names, n_changes: int) -> Hypothesis:
-        """The alternative with other names, which differ by this many exchanges of two; its state is unchanged."""
+        """The alternative with other names; n_changes: number of exchanges of two names. The state is unchanged."""
         return replace(alternative, names=names, ahead=alternative.ahead - n_changes * self.settings.exchange)
 
     def _uncertain(self, estimate: TargetEstimate, marks: Sequence[MarkMeasurement]) -> bool:
-        """Whether the pause is over and marks are refused, so that any names may be right."""
+        """Whether any names may be right, because marks are rejected; False during the pause after a restart."""
         now_s, seen = estimate.time_s, {mark.node for mark in marks}.intersection(self.interchangeable.nodes)
         refuted = estimate.status is Status.DIVERGED or not seen <= estimate.information_share.keys()
         if now_s < self._next_s or not refuted:
@@ -175,7 +176,7 @@ class AssociationFilter:
     def _restart(
         self, hypotheses: Hypotheses, nothing: Hypothesis, marks: Sequence[MarkMeasurement], *, beside: bool
     ) -> None:
-        """Restart filters with other names, each with its log odds, and one with the present names."""
+        """Restart a filter with each plausible assignment of names and, if `beside`, one with the present names."""
         costs = self.interchangeable.costs(self.tissue, marks, starting=True)
         own = self.interchangeable.own
         others, most = self._others(own, costs, np.inf), self.settings.decisive
@@ -189,7 +190,7 @@ class AssociationFilter:
     def _follow(
         self, hypotheses: Hypotheses, alternative: Hypothesis, time_s: float, marks: Sequence[MarkMeasurement]
     ) -> None:
-        """Update an alternative with this frame, and add the exchanges that are plausible given its state."""
+        """Update an alternative with this frame, and add further exchanges that its state makes plausible."""
         predicted = self._predicted(alternative, time_s)
         if predicted is None:
             return
@@ -205,7 +206,7 @@ class AssociationFilter:
     def _predicted(
         self, alternative: Hypothesis, time_s: float, then: Callable[[], object] = lambda: None
     ) -> Hypothesis | None:
-        """The alternative predicted to a later time [s], after calling `then`; None if its filter fails."""
+        """The alternative after a prediction to a later time [s] and a call of `then`; None if its filter fails."""
         self.tissue.restore(alternative.state)
         try:
             self.tissue.predict(time_s)
@@ -217,8 +218,8 @@ class AssociationFilter:
     def _updated(self, alternative: Hypothesis, marks: Sequence[MarkMeasurement]) -> Hypothesis | None:
         """The alternative updated with the marks under its names; None if its filter fails.
 
-        It is also None if the predicted marks are clearly too improbable. This saves time: an update that would bend
-        the body by wrong names costs a hundred times more than one with the right names.
+        The result is also None if these marks are clearly too improbable. This saves time, because an update with wrong
+        names bends the body and takes a hundred times longer than an update with the right names.
         """
         self.tissue.restore(alternative.state)
         seen = renamed(marks, self.interchangeable.by_node(alternative.names))
@@ -266,6 +267,6 @@ def _best(hypotheses: Hypotheses) -> Hypothesis:
 
 
 def _keep(hypotheses: Hypotheses, one: Hypothesis | None) -> None:
-    """Keep the more probable of two paths to the same names."""
+    """Add a hypothesis, unless a more probable one has the same names."""
     if one is not None and (one.names not in hypotheses or one.ahead > hypotheses[one.names].ahead):
         hypotheses[one.names] = one

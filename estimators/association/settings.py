@@ -8,14 +8,13 @@ from math import factorial, log
 
 @dataclass(frozen=True, slots=True)
 class IdentitySettings:
-    """Settings of the association: when other names of interchangeable marks are followed and adopted.
+    """Settings of the association of interchangeable marks: when alternative names are tried and adopted.
 
-    If a mark is refused, filters restart with other names, at intervals of at least twice `FilterSettings.test_s`.
-
-    decisive: log odds at which names are ruled out or adopted [1]; choice
-    exchange: prior log odds against one exchange of two names [1]; choice
-    longest_s: longest time that undecided names are followed, and longest pause between failed restarts [s]; choice
-    max_hypotheses: largest number of alternatives [1]; source: 3! - 1, all for three interchangeable marks
+    decisive: log odds at which names are excluded or adopted [1]; choice
+    exchange: prior log odds against an exchange of two names [1]; choice
+    longest_s: longest time for which undecided names are followed, and longest pause between two attempts to restart
+    with other names [s]; choice
+    max_hypotheses: largest number of alternative names [1]; source: three interchangeable marks have 3! - 1
     """
 
     decisive: float = log(1e3)

@@ -1,8 +1,8 @@
-"""Fast predictions of the target for a live loop, with matrices of the motion about rest that are computed once.
+"""Fast predictions of the target for a live loop, with precomputed matrices of the motion about rest.
 
 All modes have the same transition T; only the variance of their noise differs. The mean m and covariance P of the
 whole mixture are therefore predicted directly: m <- T m, P <- T P T' + sum over sources of E[variance] N, with N the
-noise at variance 1. The chain of modes gives E[variance]. With H the map from the state to the target and G_k = H
+noise at variance 1. The mode probabilities give E[variance]. With H the map from the state to the target and G_k = H
 T^k, the target's covariance after k steps is G_k P G_k' + sum over j of G_(k-j) (noise of step j) G_(k-j)'.
 """
 
@@ -30,9 +30,9 @@ class AheadTables:
     by_state : (n_times, dim, n)
         Derivative of the target with respect to the present state.
     by_noise : (n_times, n_sources, dim, dim)
-        Covariance of the target due to unit noise of each source, for each number of steps since that noise.
+        Covariance of the target due to one step's noise of each source; first index: steps since the end of that step.
     by_push : (n_times, dim, n_free dim)
-        Shift of the target by a unit force on each free coordinate in one step, for each number of steps since [m/N].
+        Shift of the target due to a unit force in one step [m/N]; first index: steps since the start of that step.
     """
 
     cycle_s: float
@@ -46,7 +46,7 @@ class AheadTables:
 
     @classmethod
     def of(cls, tissue: TissuePosterior, n_times: int, cycle_s: float) -> AheadTables:
-        """Tables for a filter's model; they do not depend on the filter's posterior."""
+        """Tables for the model of a filter; they do not depend on the filter's state."""
         process, network = tissue.process, tissue.network
         rest = np.zeros(process.n)
         rest[process.parts["position"]] = process.coordinates(tissue.rest)
@@ -74,9 +74,9 @@ class AheadTables:
         )
 
     def shift(self, push: Floats) -> Floats:
-        """Displacement of the target [m], (k, dim), by a known force that is constant in each future step.
+        """Displacement of the target at each time [m], (k, dim), by a known force that is constant in each step.
 
-        push: the force on the free nodes [N], (k - 1, n_free, dim); raises ValueError for another shape
+        push: the force on the free nodes in each step [N], (k - 1, n_free, dim); raises ValueError for another shape
         """
         forces, shifts = np.asarray(push, dtype=float).reshape(len(push), -1), np.zeros(self.by_push.shape[:2])
         if forces.shape != (self.n_times - 1, self.by_push.shape[2]):
@@ -86,27 +86,27 @@ class AheadTables:
         return shifts
 
     def parts(self, tissue: TissuePosterior) -> list[tuple[Floats, Floats, Floats]]:
-        """For nested cases: probability (k,) that a case holds until each time; mean and covariance of the target then.
+        """For each nested case: probability (k,) that it holds until each time, and moments of the target if it does.
 
-        In the first case no short force acts, and no slow force becomes stronger than it is now. In the second case,
-        only for a network, no node is pulled along ("led"). The last case is certain.
+        First case: no short force acts, and no slow force becomes stronger than now. Second case, only for a network:
+        no node is dragged for longer (state "led"). The last case always holds.
         """
-        weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # after a step
+        weights, chain = tissue.filter.weights, expm(tissue.filter.rates * self.cycle_s)  # mode changes in a step
         n_short = tissue.process.disturbances.n_short
-        short, found = np.arange(len(weights)) % n_short, []  # modes of a slow force are in order of short forces
+        short, found = np.arange(len(weights)) % n_short, []  # state of the short forces in each mode
         for are_kept, changes in [(short == 0, np.tril(chain)), (short < 2, chain)][: max(1, n_short - 1)]:
             kept = np.where(np.outer(are_kept, are_kept), changes, 0.0)
             found.append(self._moments(tissue, np.where(are_kept, weights, 0.0), kept))
         return [*found, self._moments(tissue, weights, chain)]
 
     def times(self, tissue: TissuePosterior) -> Floats:
-        """Times of the tables [s], (k,), from the filter's time on; raises ValueError before its first frame."""
+        """Times of the tables [s], (k,), beginning with the filter's time; raises ValueError before its first frame."""
         if tissue.time_s is None:
             raise ValueError("ahead: expected a filter after its first frame, found no time")
         return tissue.time_s + self.cycle_s * np.arange(self.n_times, dtype=np.float64)
 
     def _moments(self, tissue: TissuePosterior, weights: Floats, chain: Floats) -> tuple[Floats, Floats, Floats]:
-        """Probability (k,) that only mode changes in `chain` occur; mean (k, dim) and covariance of the target then."""
+        """Probability (k,) that only mode changes in `chain` occur until each time; moments of the target if so."""
         odds = [weights]
         for _ in range(self.n_times - 1):
             odds.append(odds[-1] @ chain)

@@ -1,4 +1,4 @@
-"""The discrepancy: a random field of displacements that the model does not explain; its level and the marks' noise."""
+"""The discrepancy, a random field of displacements that the model does not explain, and estimation of its level."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from estimators.process.target import TargetPoint
 from estimators.tissue.settings import FilterSettings
 
 SOLID_LEVELS, SOLID_LEAST = (0.005, 0.015, 0.05), 5e-3
-"""Values of `Discrepancy.levels` and `Discrepancy.least` for continua, whose strains are small [1]; choice."""
+"""`Discrepancy.levels` and `Discrepancy.least` for a continuum, whose strains are small [1]; choice."""
 
 JITTER = 1e-6
 """Variance added at fixed places, relative to the field's variance [1]; numerical."""
@@ -35,13 +35,13 @@ def factor(cov: Floats, rank: int, least: float = 1e-3) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Discrepancy:
-    """Prior of the discrepancy: the sum of two fields, of long and short correlation length; 0 where the body is fixed.
+    """Prior of the discrepancy: a field of long plus a field of short correlation length; zero where the body is fixed.
 
     Attributes
     ----------
     levels : tuple of float
-        Possible standard deviations of the long field, relative to the body's extent, equally probable before any mark
-        [1]; choice.
+        Possible standard deviations of the long field, relative to the body's extent [1]; choice. Before any mark they
+        are equally probable.
     noises : tuple of (float, float)
         Factors, at least 1, on the stated standard deviation of marks, and their prior probabilities [1]; choice.
     short : float
@@ -53,7 +53,7 @@ class Discrepancy:
     memory_s : float
         Time constant with which the evidence for a level is forgotten [s]; choice.
     weight : float
-        Weight of the evidence of one frame, below 1 because frames are correlated [1]; choice.
+        Weight of the evidence of one frame [1]; choice. A weight below 1 allows for correlated frames.
     rank : int
         Largest number of basis functions of the field for each axis; numerical.
     least : float
@@ -72,12 +72,12 @@ class Discrepancy:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Discrepancy:
-        """Prior with the level that the settings state or, without one, with several; solid: for a continuum."""
+        """The prior. If the settings state a level, no other is possible. solid: whether the body is a continuum."""
         prior = cls(levels=SOLID_LEVELS, least=SOLID_LEAST) if solid else cls()
         return prior if settings.discrepancy is None else replace(prior, levels=(settings.discrepancy,))
 
     def field(self, places: Floats, held: Floats) -> tuple[Floats, Floats]:
-        """Basis functions at level 1 [m], (n, r), at places (n, dim), 0 at fixed ones; omitted variance [m²], (n,)."""
+        """Basis functions at level 1 [m], (n, r), at places (n, dim), zero at `held`; variance that they omit [m²]."""
         everything = np.vstack([places, held])
         extent = float(np.linalg.norm(np.ptp(everything, axis=0)))
         apart = np.linalg.norm(everything[:, None] - everything, axis=2)
@@ -95,13 +95,13 @@ class Discrepancy:
 
 
 class LevelPosterior:
-    """Posterior of the discrepancy's level and the marks' noise, from how well other marks predict each mark.
+    """Posterior of the discrepancy's level and the marks' noise, from how well each mark is predicted by other marks.
 
-    The joint likelihood of all marks is not used. It says little about the prediction of one place from others, which
-    matters for a hidden target. It also favours levels that are too small.
+    The joint likelihood of all marks is not used. It says little about how well marks predict another place, such as a
+    hidden target. It also favours levels that are too small.
 
-    State: log-probability of each pair of a level and a noise, (n,); log_withheld: log likelihood of the last frame's
-    marks, each given the marks that are not withheld with it.
+    State: log_weights, log probability of each pair of level and noise factor, (n,); log_withheld, sum of the log
+    likelihoods of the last frame's marks, each given the marks outside its group (`WithheldGroups`).
     """
 
     def __init__(self, prior: Discrepancy) -> None:
@@ -114,12 +114,12 @@ class LevelPosterior:
 
     @property
     def level(self) -> float:
-        """Root mean square of the level over its posterior [1]."""
+        """Posterior root mean square of the level [1]."""
         return self._rms(self.levels)
 
     @property
     def noise(self) -> float:
-        """Root mean square of the factor on the stated standard deviation of marks, over its posterior [1]."""
+        """Posterior root mean square of the factor on the marks' stated standard deviation [1]."""
         return self._rms(self.noises)
 
     def _rms(self, values: Floats) -> float:
@@ -127,24 +127,24 @@ class LevelPosterior:
         return float(np.sqrt(weights @ values**2 / weights.sum()))
 
     def forget(self, dt: float) -> None:
-        """Discount earlier evidence after dt [s]."""
+        """Reduce the weight of the earlier evidence, which is now dt [s] older."""
         kept = np.exp(-dt / self.prior.memory_s)
         self.log_weights = kept * self.log_weights + (1.0 - kept) * self.log_prior
 
     def update(
         self, innovation: Floats, S: Floats, fresh: Floats, R: Floats, groups: Sequence[NDArray[np.int64]]
     ) -> None:
-        """Update the probabilities of levels and noises with the marks of a frame.
+        """Update the probabilities of levels and noise factors with the marks of a frame.
 
         Parameters
         ----------
         innovation, S : (m,), (m, m)
             Innovation of all observations and its covariance, at the present level and noise.
         fresh, R : (m, m)
-            Covariance of the part of the discrepancy that is new in this frame, at level 1, and of the marks' own noise
-            at the present factor.
+            Covariance of the part of the discrepancy that is new in this frame, at level 1. Covariance of the marks'
+            own noise, at the present factor.
         groups : sequence of (k, dim) int
-            For each mark, the rows that are withheld with it, its own first; without groups the level does not change.
+            For each mark, its own rows, then the rows withheld with it. Without groups the level does not change.
         """
         self.log_withheld = 0.0
         if not groups:
@@ -161,21 +161,21 @@ class LevelPosterior:
 
 @dataclass(frozen=True, slots=True)
 class WithheldGroups:
-    """Groups of marks that are withheld together: marks nearer to each other than the target is to any mark.
+    """Groups of marks that are withheld together: marks nearer to each other than any mark is to the target.
 
-    No mark is so near to the target, and near marks would make the prediction of a withheld mark too easy.
+    Marks so near would predict a withheld mark better than any mark predicts the target.
 
     Attributes
     ----------
     near : mapping of str to tuple of str
-        For the node of each mark, the nodes of the other marks near it.
+        For each marked node, the other marked nodes near it.
     """
 
     near: Mapping[str, tuple[str, ...]]
 
     @classmethod
     def of(cls, network: MassSpringNetwork, marked: Sequence[str], point: TargetPoint) -> WithheldGroups:
-        """The groups for marks on these nodes of a network, and for this target."""
+        """The groups for these marked nodes of a network and this target."""
         places = {name: network.positions[network.index(name)] for name in marked}
         nodes = [network.positions[network.index(name)] for name in point.nodes]
         where = np.average(nodes, axis=0, weights=point.weights)
@@ -190,7 +190,7 @@ class WithheldGroups:
         )
 
     def __call__(self, names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-        """For each mark, the rows that are withheld with it, (k, dim), its own first."""
+        """For each mark, its own rows, then the rows withheld with it, (k, dim)."""
         rows = {name: np.arange(block.start, block.stop) for name, block in zip(names, blocks, strict=True)}
         return [
             np.array([rows[name], *(rows[other] for other in self.near[name] if other in rows)])

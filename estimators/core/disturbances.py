@@ -19,11 +19,11 @@ always loaded; at the greater strength its load changes faster."""
 class Disturbances:
     """Prior of the unknown forces, as accelerations.
 
-    Short forces act on each marked node independently; a node is calm, poked or led (pulled along for longer). A poke
-    pushes few nodes, so with many marks short forces are weaker, and the sum of their variances is limited. Slow
-    forces, such as breathing or leaning, are a smooth field over the nodes on which forces may act, plus a uniform
-    acceleration, as if gravity turned. Short and slow forces each follow a Markov chain; a mode is a pair of their
-    states. A continuum has only slow forces. For a stiff body, `raised` multiplies all strengths but calm and white.
+    Short forces act on each marked node independently. Their state is calm, poked (brief pushes) or led (a node is
+    dragged for longer). Since a poke pushes few nodes, the sum of the variances of short forces is limited. Slow
+    forces, such as breathing, are a smooth field over the nodes plus a uniform acceleration, like a change of gravity.
+    Short forces and slow forces each have a Markov chain of states; a mode is a pair of states. A continuum has only
+    slow forces. For a stiff body, all strengths except calm_m_s2 and white are multiplied by `raised`.
 
     Attributes
     ----------
@@ -37,19 +37,20 @@ class Disturbances:
         Correlation times of short and slow forces [s]; choice.
     smooth_s : float
         Time over which a slow force of a continuum is smooth [s]; choice.
-    calm_s, poked_s, led_each_s, led_s : float
-        Mean durations of calm and of a poke, mean time between periods of being led, mean duration of such a period
-        [s]; choice.
+    calm_s, poked_s, led_s : float
+        Mean duration of each state of the short forces [s]; choice.
+    led_each_s : float
+        Mean time until the next change to the led state [s]; choice.
     rise_s, fall_s : float
         Mean time until a slow force changes to a stronger state, and to a weaker state [s]; choice.
     smooth : float
         Correlation length of slow forces, relative to the body's extent [1]; choice.
     n_short : int
-        Number of states of short forces: three; 1 for a continuum.
+        Number of states of short forces: 3 for a network, 1 for a continuum.
     n_poked : int
-        Largest sum of the variances of short forces, in variances of one force at full strength; choice.
+        Largest sum of the variances of all short forces, divided by the variance of one force in its state; choice.
     bent : float
-        Share of its extent by which a poke bends a stiff body at rest [1]; choice.
+        Static displacement that a poke causes in a stiff body, relative to the body's extent [1]; choice.
     """
 
     calm_m_s2: float = 0.01
@@ -73,25 +74,25 @@ class Disturbances:
 
     @classmethod
     def of(cls, settings: FilterSettings, *, solid: bool = False) -> Disturbances:
-        """The prior with strength and duration of pokes from the settings. solid: whether the body is a continuum."""
+        """The prior with the pokes that the settings describe; solid: whether the body is a continuum."""
         pokes = cls(poke_m_s2=settings.poked.poke, short_s=settings.poked.lasting_s)
         by_poke = tuple(share * pokes.poke_m_s2 for share in SOLID)
         slow = replace(pokes, calm_m_s2=0.0, slow_m_s2=by_poke, slow_s=SOLID_S, rise_s=pokes.fall_s, n_short=1)
         return slow if solid else pokes
 
     def raised(self, returning_m_s2: float, least: float = 1.0) -> float:
-        """Factor on the strengths for a stiff body [1], at least `least`.
+        """Factor that adapts the strengths to a stiff body [1], at least `least`.
 
-        returning_m_s2: acceleration with which the body returns when it is bent by its extent
+        returning_m_s2: acceleration that the body's stiffness causes at a displacement as large as the body [m/s²]
         """
         return max(least, self.bent * returning_m_s2 / self.poke_m_s2)
 
     def fading_s(self, are_slow: NDArray[np.bool_]) -> Floats:
-        """Correlation time of each force (n_f,) [s], depending on whether it is slow."""
+        """Correlation time of each force [s], (n_f,); are_slow: whether each force is slow, (n_f,)."""
         return np.where(are_slow, self.slow_s, self.short_s)
 
     def by_mode(self, raised: float) -> list[tuple[float, float, float, float]]:
-        """Strengths of white, short, led and slow forces in each mode; raised: factor on all except white and calm."""
+        """Strengths in each mode: white noise, short forces, forces on led nodes, slow forces; raised: see `raised`."""
         calm, poke, led = self.short_m_s2
         shorts = (calm, raised * poke, raised * led)[: self.n_short]
         return [
@@ -100,11 +101,11 @@ class Disturbances:
 
     @property
     def strongest_mode(self) -> int:
-        """Index of the mode with the strongest slow force and, for networks, a poke."""
+        """Index of the mode with the strongest slow force; for a network, also with a poke."""
         return len(self.calm_modes) - max(1, self.n_short - 1)
 
     def strongest(self, raised: float) -> dict[str, float]:
-        """Strength of each source by name, in the strongest mode [m/s²]."""
+        """Strength of each source in the mode `strongest_mode` [m/s²], by the name of the source."""
         return dict(zip(("white", "short", "led", "slow"), self.by_mode(raised)[self.strongest_mode], strict=True))
 
     @property
@@ -114,12 +115,12 @@ class Disturbances:
 
     @property
     def calm_modes(self) -> NDArray[np.bool_]:
-        """Whether each mode is without a short force, (n_modes,)."""
+        """Whether the short forces are calm in each mode, (n_modes,)."""
         return np.tile(np.arange(self.n_short) == 0, len(self.slow_m_s2))
 
     @property
     def rates(self) -> Floats:
-        """Transition rates between the modes [1/s], (n_modes, n_modes); the modes of one slow state are adjacent."""
+        """Transition rates between the modes [1/s], (n_modes, n_modes); modes with the same slow state are adjacent."""
         short = np.zeros((3, 3))
         short[0, 1], short[1, 0] = 1.0 / self.calm_s, 1.0 / self.poked_s
         short[:2, 2], short[2, 1] = 1.0 / self.led_each_s, 1.0 / self.led_s

@@ -30,8 +30,8 @@ DISCREPANCY = "discrepancy"
 """Name of the part of a state whose variance is the square of the discrepancy's level."""
 
 LEAST_SHARE = 1e-3
-"""Least share with which a mode is mixed into another [1]; choice: smaller shares would only widen the other mode
-towards states that the marks refute."""
+"""Smallest share with which a mode is mixed into another [1]; choice: smaller shares would only widen the other mode
+towards states that the marks contradict."""
 
 REBORN = 0.05
 """A mode is omitted until the next prediction if its probability is below this share of the probability of a change
@@ -47,7 +47,8 @@ CURVED = 0.1
 """Largest accepted error of a linearised observation, in standard deviations of the observation [1]; numerical."""
 
 ONSET_SHAPE, ONSETS_S = 1.0, 60.0
-"""Shape of the gamma prior of the factor on rates of onsets [1]; time constant to forget past onsets [s]; choice."""
+"""An onset is a change to a later mode. Shape of the gamma prior of a factor on the rates of onsets [1], and
+time constant with which past onsets are forgotten [s]; choice."""
 
 STATE = ["means", "_covs", "weights", "log_likelihood", "outlying", "found"]
 STATE += ["onsets", "exposure", "_before", "_transition", "_reference", "_dt"]
@@ -59,8 +60,9 @@ Groups = Callable[[Sequence[str], Sequence[slice]], Sequence[NDArray[np.int64]]]
 class HypothesisFilter:
     """Filter with one Gaussian hypothesis of the state for each mode of the process.
 
-    They share one linearisation of the transition about their mean. If the marks refute this mean, the linearisation is
-    repeated about the smoothed mean: an iterated update. Sources: [blom1988], [garciafernandez2017] for the iteration.
+    The hypotheses share one linearisation of the transition about their common mean. If the observations contradict
+    this mean, the transition is linearised again about the smoothed mean (iterated update). Sources: [blom1988], and
+    [garciafernandez2017] for the iteration.
 
     Parameters
     ----------
@@ -68,26 +70,26 @@ class HypothesisFilter:
     level : LevelPosterior, optional
         Level of the discrepancy; default: 1.
     groups : callable, optional
-        Returns the rows that are withheld with each name, (k, dim), from all names and their blocks of rows.
+        Returns, for each name, its own rows and the rows withheld with it, (k, dim); arguments: names, rows of each.
     outliers : Outliers, optional
         Prior of outliers; default: no outliers.
     considered : (n_considered,) int
-        Indices of states that no observation corrects but whose error counts: Schmidt's filter [schmidt1966].
+        Indices of states that are not estimated but whose errors count: Schmidt-Kalman filter [schmidt1966].
 
     Attributes
     ----------
     means, covs, weights : (k, n), (k, n, n), (k,)
-        The hypotheses; covariances of those with weight 0 are zero after an update.
+        The hypotheses. After an update, a hypothesis with weight 0 has covariance 0.
     log_likelihood : float
         Log likelihood of the last observations.
     onsets, exposure : (k,), float
-        Number of onsets (changes to a later mode) so far: expected given the present mode; predicted from the rates.
+        Number of changes to a later mode so far, as expected given each present mode, and as the rates predict it.
     outlying : (n_names,) bool
-        Which of the last observations are outliers, by the most probable hypothesis.
+        Whether each of the last observations is an outlier in the most probable hypothesis.
     found : Innovations or None
         Innovations of the last update.
     trace : list of Move, or None
-        If a list, each prediction is appended to it, with its last linearisation.
+        If this is a list, the filter appends each prediction to it, with its last linearisation.
     """
 
     def __init__(
@@ -147,12 +149,12 @@ class HypothesisFilter:
 
     @property
     def variances(self) -> Floats:
-        """Present variance of each source of noise in each mode, (n_modes, n_sources)."""
+        """Variance of each source of noise in each mode at the present level, (n_modes, n_sources)."""
         return self.process.variances(self._level)
 
     @property
     def rates(self) -> Floats:
-        """Transition rates [1/s], (n_modes, n_modes); rates to later modes (onsets) include an estimated factor."""
+        """Transition rates [1/s], (n_modes, n_modes); rates to later modes are multiplied by an estimated factor."""
         factor = (ONSET_SHAPE + self.weights @ self.onsets) / (ONSET_SHAPE + self.exposure)
         found = np.tril(self.process.rates, -1) + factor * np.triu(self.process.rates, 1)
         return np.asarray(found - np.diag(found.sum(axis=1)))
@@ -163,17 +165,17 @@ class HypothesisFilter:
         return np.asarray(self.weights @ self.means)
 
     def moments(self, rows: Floats) -> tuple[Floats, Floats]:
-        """Mean (d,) and covariance (d, d) of a linear map of the state, (d, n)."""
+        """Mean (d,) and covariance (d, d) of rows @ state; rows: (d, n)."""
         live, seen = np.flatnonzero(self.weights), np.flatnonzero(rows.any(axis=0))
         covs = [rows[:, seen] @ self.covs[k][seen] @ rows.T for k in live]
         return mixed(self.weights[live], self.means[live] @ rows.T, covs)
 
     def moments_by(self, weights: Floats) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariance (n, n) of the state with other weights of the modes, (n_modes,)."""
+        """Mean (n,) and covariance (n, n) of the state if the modes had these weights, (n_modes,)."""
         return mixed(weights, self.means, self.covs)
 
     def predict(self, dt: float, kick: Floats | None = None) -> None:
-        """Predict all hypotheses over dt [s], more than 0.
+        """Predict all hypotheses over dt [s], which is positive.
 
         kick: change of the state by a known force, (n,)
         """
@@ -218,7 +220,7 @@ class HypothesisFilter:
         return 1.0 if self.level is None else self.level.level
 
     def innovations(self, observations: Sequence[Observation], points: Floats | None = None) -> Innovations:
-        """Innovations of each hypothesis, linearised at its mean or at points (k, n); raises CovarianceError."""
+        """Innovations of each hypothesis, linearised at its mean, or at points (k, n); raises CovarianceError."""
         if points is None and self._latest is not None and are_same(self._latest[0], observations):
             return self._latest[1]
         value, R = together(observations)
@@ -275,11 +277,11 @@ class HypothesisFilter:
         return float(found.nis.min())
 
     def _fitted(self, observations: Sequence[Observation]) -> Innovations:
-        """Innovations after linearising the transition about the previous state that fits prior and observations.
+        """Innovations with the transition linearised about the previous state that best fits prior and observations.
 
-        Gauss-Newton steps of the initially most probable hypothesis find that state; each is halved until the fit
-        improves. The linearisation error after the last step counts as process noise: its mean square over each part of
-        the state, because the error is known only at this one state.
+        Gauss-Newton steps find that state for the most probable hypothesis. A step that does not improve the fit is
+        halved. The error of the last linearisation is added as process noise. Because the error is known at one state
+        only, the variance of the noise is the mean square of the error over each part of the state.
         """
         found, before = self.innovations(observations), self._before
         if before is None or not np.isfinite(self.process.tolerance).any():
@@ -289,7 +291,7 @@ class HypothesisFilter:
         dual = np.zeros(len(prior))
 
         def misfit(start: Floats, dual: Floats, end: Floats, noise: Floats, counted: NDArray[np.bool_]) -> float:
-            """Twice the negative log posterior of start = prior + P dual, up to a constant; inf for an infinite end."""
+            """Twice the negative log posterior of the state `start`, up to a constant; inf if `end` is infinite."""
             if not np.isfinite(end).all():
                 return np.inf
             y = counted * (value - joined([one.linearize(end + before.kick)[0] for one in observations]))
@@ -321,7 +323,7 @@ class HypothesisFilter:
         return found
 
     def _is_linear(self, observations: Sequence[Observation], found: Innovations, means: Floats) -> bool:
-        """Whether the observations at the updated means agree with their linearisation."""
+        """Whether the linearised observations are accurate at the updated means."""
         best = int(np.argmax(found.logs))
         value, R = together(observations)
         there = joined([one.linearize(means[best])[0] for one in observations])

@@ -29,15 +29,15 @@ class Innovations:
     y, S : (k, m), (k, m, m)
         Innovation and its covariance.
     H, HP : (1, m, n) or (k, m, n), (k, m, n)
-        Jacobian of the observation, a single one if it is the same for all hypotheses; its product with P.
+        Jacobian of the observation, and its product with the covariance P. H is single if all hypotheses share it.
     root, white : (k, m, m), (k, m)
         Inverse of the lower Cholesky factor of S, and its product with the innovation.
     nis, logs : (k,)
-        Normalised innovation squared; logarithm of the weight after the update, up to a constant.
+        Normalised innovation squared, and logarithm of the weight after the update, up to a constant.
     outlying : (k, n_names) bool
-        Names that are outliers in each hypothesis; their innovation is set to zero and their variance is large.
+        Whether each name is an outlier in each hypothesis. If so, its innovation is zero and its variance is large.
     overall : (m,), (m, m)
-        Mean and covariance of the innovation over all hypotheses, outliers included.
+        Mean and covariance of the innovation over all hypotheses, before outliers are removed.
     """
 
     y: Floats
@@ -86,12 +86,12 @@ def named(observations: Sequence[Observation]) -> tuple[list[str], list[slice]]:
 
 
 def are_same(some: Sequence[object], others: Sequence[object]) -> bool:
-    """Whether two sequences have the same objects."""
+    """Whether two sequences have the same objects in the same order."""
     return len(some) == len(others) and all(map(operator.is_, some, others))
 
 
 def inverse_roots(S: Floats) -> Floats:
-    """Inverses of the lower Cholesky factors of covariances of innovations (k, m, m); raises CovarianceError."""
+    """Inverse of the lower Cholesky factor of each innovation covariance, (k, m, m); raises CovarianceError."""
     roots = np.empty_like(S)
     for own, root in zip(S, roots, strict=True):
         factor, failed = dpotrf(own.T)  # the transpose of a C array is a Fortran array: nothing is copied
@@ -102,7 +102,7 @@ def inverse_roots(S: Floats) -> Floats:
 
 
 def each_alone(names: Sequence[str], blocks: Sequence[slice]) -> Sequence[NDArray[np.int64]]:
-    """Groups with one name each: every name is withheld alone."""
+    """A group for each name, so that every name is withheld alone."""
     return [np.arange(block.start, block.stop)[None] for block in blocks]
 
 
@@ -125,7 +125,7 @@ class Outliers:
     reach_m: float
 
     def log_densities(self, names: Sequence[str], blocks: Sequence[slice]) -> Floats:
-        """Log of odds times density of each block as an outlier, (n_blocks,); -inf for names that never are."""
+        """Log of (odds times density) of each block as an outlier, (n_blocks,); -inf if it cannot be an outlier."""
         own = [
             np.log(self.odds) - (block.stop - block.start) * np.log(self.reach_m) if name in self.names else -np.inf
             for name, block in zip(names, blocks, strict=True)
@@ -141,7 +141,7 @@ class Outliers:
 def solved(
     found: tuple[Floats, ...], weights: Floats, observations: Sequence[Observation], outliers: Outliers | None
 ) -> Innovations:
-    """Innovations with these y, S, H, HP, without outliers, of hypotheses with weights (k,); raises CovarianceError."""
+    """Innovations without outliers; found: y, S, H, HP; weights: of the hypotheses, (k,). Raises CovarianceError."""
     y, S, H, HP = found
     overall = mixed(weights, y, S)
     with np.errstate(divide="ignore"):  # an omitted hypothesis stays omitted until the next prediction

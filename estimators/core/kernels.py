@@ -10,7 +10,7 @@ from estimators.filters.kernels import chol_lower
 
 @njit(cache=True, nogil=True)
 def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
-    """Write T P T' into moved, (n, n). T has rows (r, c), then zeros; below them only its diagonal, fading (n,)."""
+    """Write T P T' into moved (n, n). T is zero except for `rows` (r, c) at its top left and the diagonal `fading`."""
     r, c = rows.shape
     half = rows @ P[:c]
     corner = np.ascontiguousarray(half[:, :c]) @ rows.T
@@ -23,11 +23,12 @@ def move(P, rows, fading, moved):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def mixed_rows(modes, shares, left, apart, covs, variances, noises):  # type: ignore[no-untyped-def]
-    """Rows of covariances of mixtures of l Gaussians, plus noise, in some of k modes, else zeros, (k, m, n).
+    """H P for the covariance P of each of k modes, (k, m, n): a mixture of l Gaussians, plus noise.
 
-    modes (any,): which modes; shares (l, k): share of each Gaussian; covs (l, m, n): these rows of its covariance
-    apart (l, k, n): means of the Gaussians less the mixture's, times the root of the share; left (l, k, m): these rows
-    variances (k, n_sources), noises (n_sources, any, any): the same rows of each source's covariance, zero beyond
+    modes (any,): modes to compute, the others are zero; shares (l, k): share of each Gaussian in each mode
+    covs (l, m, n): H times the covariance of each Gaussian
+    apart (l, k, n): a Gaussian's mean less the mixture's, times the root of the share; left (l, k, m): H times apart
+    variances (k, n_sources): of the noise; noises (n_sources, any, any): H times the covariance at unit variance
     """
     n_mixed, m, n = covs.shape
     found = np.zeros((shares.shape[1], m, n))
@@ -60,12 +61,13 @@ def _whitened(A, b):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignore[no-untyped-def]
-    """For each S (k, m, m), the sum over groups of the log likelihood of some rows given the rows outside the group.
+    """Log likelihood of each mark given all rows outside its group, summed over the marks, for each S (k, m, m), (k,).
 
-    With W = S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1. With W_gg
-    = L L' and the counted rows last, the last block of L gives error and covariance.
+    With W = S^-1, the rows outside a group g predict y_g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
+    With W_gg = L L' and the mark's rows last, the last block of L gives the mark's error and covariance.
     roots (k, m, m): inverses of the lower Cholesky factors of S
-    rows (any,): rows of the groups in turn; ends (n_groups,): end of each; own (n_groups,): number of rows that count
+    rows (any,): rows of one group after the other, the mark's rows first in its group
+    ends (n_groups,): end of each group in `rows`; own (n_groups,): number of rows of the mark
     """
     totals = np.zeros(len(roots))
     for k in range(len(roots)):
@@ -82,15 +84,15 @@ def withheld_log_likelihoods(roots, innovation, rows, ends, own):  # type: ignor
 
 @njit(cache=True, nogil=True)
 def without_outliers(y, S, roots, ends, logs, far):  # type: ignore[no-untyped-def]
-    """Outlier blocks of each hypothesis, (k, n_blocks), and the sum of their log densities, (k,).
+    """Whether each block is an outlier in each hypothesis, (k, n_blocks), and sum of the outliers' log densities, (k,).
 
-    y (k, m), S (k, m, m): innovations and covariances; outliers get innovation zero and variance `far`
+    y (k, m), S (k, m, m): innovations and covariances; for outliers they become zero and the variance `far`
     roots (k, m, m): inverses of the lower Cholesky factors of S
     ends (n_blocks,): end of each block's rows; logs (n_blocks,): log density of each block as an outlier
 
-    The block that the others contradict most is removed first, until no block is more probable as an outlier. With W =
-    S^-1, the other rows predict rows g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
-    gain: log of the ratio of a block's densities, as an outlier and as predicted
+    The block with the largest gain is removed, and so on until no gain is positive. The gain is the log of a block's
+    density as an outlier, minus the log of its density given the other blocks. With W = S^-1, the other blocks predict
+    block g with the error W_gg^-1 (W y)_g, whose covariance is W_gg^-1.
     """
     n_blocks = len(ends)
     out, added = np.zeros((len(y), n_blocks), dtype=np.bool_), np.zeros(len(y))

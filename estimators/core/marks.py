@@ -21,14 +21,14 @@ class Places:
     maps : mapping of str to (dim, n)
         Map from the state to the position of each point.
     calibration : slice, optional
-        States of the errors that the marks share, if these errors are constant; default: new errors in each frame.
+        Place in the state of constant errors that the marks share; default: shared errors are new in each frame.
     noise : float
         Factor on the stated standard deviation of each mark's own noise [1].
 
     Attributes
     ----------
     value, cov, noise_cov : (m,), (m, m), (m, m)
-        Positions, concatenated [m], and the covariance of their errors and of their own noise alone [m²].
+        Concatenated positions [m], covariance of their errors [m²], and the part of it that is the marks' own noise.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Places:
 
 
 def _shared(marks: Sequence[MarkMeasurement]) -> Floats:
-    """Displacement of the marks by each error that they share, (m, n_shared); zero for marks without shared errors."""
+    """Displacement of the marks by each shared error, (m, n_shared); zero for marks without shared errors."""
     dim, n = len(marks[0].position), max(0 if mark.shared is None else mark.shared.shape[1] for mark in marks)
     columns = np.zeros((len(marks) * dim, n))
     for k, mark in enumerate(marks):

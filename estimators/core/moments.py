@@ -22,10 +22,7 @@ def mixed(weights: Floats, means: Floats, covs: Floats | Sequence[Floats]) -> tu
 
 
 def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
-    """Covariances T P T' for each of k covariances P (n, n).
-
-    To save time, trailing states that only decay are scaled, and trailing zero columns of other rows are skipped.
-    """
+    """Covariances T P T' for each of k covariances P (n, n); T: matrix."""
     acting, found = matrix != 0.0, np.empty((len(covs), *matrix.shape))
     np.fill_diagonal(acting, False)
     r = int(np.flatnonzero(acting.any(axis=1)).max(initial=-1)) + 1
@@ -37,7 +34,7 @@ def moved(covs: Floats | Sequence[Floats], matrix: Floats) -> Floats:
 
 
 def add_noise(covs: Floats, transition: Transition, variances: Floats) -> None:
-    """Add process noise, with a variance for each source, (k, n_sources), to covariances (k, n, n)."""
+    """Add process noise to covariances (k, n, n); variances: of each source, (k, n_sources)."""
     n_noises, m, _ = transition.noises.shape
     covs[:, :m, :m] += (variances[:, :n_noises] @ transition.noises.reshape(n_noises, m * m)).reshape(-1, m, m)
     if transition.spread is not None:
@@ -53,10 +50,11 @@ def of_each(matrices: Floats, vectors: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior:
-    """Hypotheses before a transition over dt [s].
+    """Hypotheses before a transition over dt [s] to k modes.
 
-    means (l, n), covs l times (n, n), weights (l,): of the hypotheses not omitted; shares (l, k): their shares in each
-    mode after dt; chain (k, k): mode probabilities after dt given the mode before; kick (n,): effect of a known force
+    means (l, n), covs l times (n, n), weights (l,): the hypotheses, without omitted ones
+    shares (l, k): share of each hypothesis in each mode after the transition; kick (n,): effect of a known force on it
+    chain (k, k): probability of each mode after the transition, given the mode before
     """
 
     means: Floats
@@ -68,19 +66,19 @@ class Prior:
     kick: Floats | float
 
     def born(self, weights: Floats) -> Floats:
-        """Probability (k,) of a change into each mode within dt from the other modes, which have weights (k,)."""
+        """Probability of a change from another mode into each mode, (k,); weights: of all modes before, (k,)."""
         return np.asarray(weights @ self.chain - weights * self.chain.diagonal())
 
     def mean(self, mode: int) -> Floats:
-        """Mean of a mode, (n,)."""
+        """Mean of the hypotheses mixed into a mode, (n,)."""
         return np.asarray(self.shares[:, mode] @ self.means)
 
     def cov(self, mode: int) -> Floats:
-        """Covariance of a mode, (n, n)."""
+        """Covariance of the hypotheses mixed into a mode, (n, n)."""
         return self.times(mode, np.eye(self.means.shape[1]))
 
     def times(self, mode: int, columns: Floats) -> Floats:
-        """Covariance of a mode times columns, (n,) or (n, any)."""
+        """Product of `cov` with columns, (n,) or (n, any)."""
         shares, apart = self.shares[:, mode], self.means - self.mean(mode)
         found = (apart.T * shares) @ (apart @ columns)
         for share, P in zip(shares, self.covs, strict=True):
@@ -91,10 +89,11 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """Covariances of k modes after a transition: mixtures of l moved Gaussians, plus noise. Each is computed on demand.
+    """Covariance of each of k modes after a transition, computed on demand: a mixture of l Gaussians, plus noise.
 
-    shares (l, k), apart (l, k, n): see `mixed_rows`; covs (l, n, n): of the moved Gaussians; variances (k, n_sources),
-    noises (n_sources, m, m): of the noise; added (k, n): variance of further independent noise in each state
+    shares (l, k), apart (l, k, n): see `mixed_rows`; covs (l, n, n): covariances of the Gaussians
+    variances (k, n_sources), noises (n_sources, m, m): see `ProcessModel` and `Transition`
+    added (k, n): variance of further noise in each state, independent between states
     """
 
     shares: Floats
@@ -106,7 +105,7 @@ class Predicted:
 
     @classmethod
     def of(cls, before: Prior, means: Floats, transition: Transition, variances: Floats, added: Floats) -> Predicted:
-        """Covariances, given the means of the moved Gaussians (l, n), and variances of further noise, added (n,)."""
+        """Covariances after a transition; means: of the moved Gaussians, (l, n); added: variances, (n,)."""
         shares, noises, n = before.shares, transition.noises, len(transition.noises)
         apart = np.sqrt(shares)[:, :, None] * (means[:, None] - shares.T @ means)
         covs = moved(before.covs, transition.matrix)

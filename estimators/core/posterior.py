@@ -27,11 +27,11 @@ from estimators.tissue.health import Health
 from estimators.tissue.settings import FilterSettings
 
 BESIDE = 10.0
-"""Factor on the covariance at the start for the search regions of the first marks, because the body may be displaced
-[1]; choice."""
+"""The covariance of a first mark's search region is that of the start times this factor, because the body may be
+displaced [1]; choice."""
 
 POSSIBLE = 1e-3
-"""Probability of a mode above which the search regions of marks allow for it [1]; choice."""
+"""Search regions of marks allow for each mode with at least this probability [1]; choice."""
 
 
 class TissuePosterior:
@@ -44,11 +44,11 @@ class TissuePosterior:
     health : Health
     filter : HypothesisFilter
     rejected, repairs : Counter
-        Number of outliers by node; number of restarts by reason.
+        Number of outliers for each node; number of restarts for each reason.
     log_likelihood : float
         Log likelihood of the last marks.
     residual_m : (n_free dim,)
-        Part of the free nodes' displacement by a known force that the modes of a continuum omit [m].
+        Displacement of the free nodes by a known force, as far as a continuum's modes do not describe it [m].
     """
 
     def __init__(
@@ -130,13 +130,13 @@ class TissuePosterior:
 
     @property
     def by_calibration(self) -> Floats:
-        """Displacement of the target by each calibration error of one standard deviation [m], (dim, n_calibration)."""
+        """Displacement of the target by one standard deviation of each calibration error [m], (dim, n_calibration)."""
         own = self.process.parts.get("calibration", slice(0, 0))
         return self.rows_of(self.target) @ self.filter.moments_by(self.filter.weights)[1][:, own]
 
     @property
     def may_be_led(self) -> bool:
-        """Whether a force may pull the body along for any time: in space, or with led nodes."""
+        """Whether an outside force may drag the body at any time: in space, or if the settings have `led_nodes`."""
         return bool(self.settings.led_nodes) or self.network.dim == 3
 
     def rows_of(self, point: TargetMap) -> Floats:
@@ -159,7 +159,7 @@ class TissuePosterior:
         return np.asarray(point.constant + point.matrix @ self.residual_m)
 
     def tissue_m2(self, cov: Floats) -> float:
-        """Trace of the target's covariance [m²], (dim, dim), without the error of its offset."""
+        """Trace of the target's covariance [m²] without the error of the target's offset; cov: (dim, dim) [m²]."""
         return float(np.trace(cov) - np.trace(self.offset_cov))
 
     @property
@@ -178,7 +178,7 @@ class TissuePosterior:
 
     @property
     def tissue_cov(self) -> Floats:
-        """Covariance of the target from the motion only [m²], (dim, dim), without the error of its offset."""
+        """Covariance of the target [m²], (dim, dim), without the error of its offset."""
         return self.filter.moments(self.process.places(self.target.matrix))[1]
 
     def check(self, marks: Sequence[MarkMeasurement]) -> None:
@@ -198,7 +198,7 @@ class TissuePosterior:
                 raise ValueError(f"mark {mark.node} shared: expected {self.n_calibration} directions, found {n_shared}")
 
     def places(self, marks: Sequence[MarkMeasurement]) -> Places:
-        """The marks, one or more, as a single observation, with the posterior factor on their noise."""
+        """One observation of all marks (there is at least one), with the estimated factor on their noise."""
         if self.residual_m.any():
             marks = [replace(mark, position=mark.position - self._residual(mark.node)) for mark in marks]
         found = Places(marks, self._maps, self.process.parts.get("calibration"), self.level.noise)
@@ -207,7 +207,7 @@ class TissuePosterior:
         return found
 
     def log_likelihood_of(self, marks: Sequence[MarkMeasurement]) -> float:
-        """Log density [m^-d] of marks given the prediction; 0 without marks, and when the filter starts or is lost."""
+        """Log of the predicted density of the marks; 0 without marks, and when the filter starts or is lost."""
         if not marks or self.health.since_s is None or self.health.status is Status.LOST:
             return 0.0
         found = self.filter.innovations([self.places(marks)])
@@ -219,9 +219,9 @@ class TissuePosterior:
         return CommonShift(len(y) // dim, *nis_left(y, root.T @ root, dim))
 
     def shares(self, marks: Sequence[MarkMeasurement], variance: float) -> dict[str, float]:
-        """For each node whose last mark is no outlier, relative increase of the target's variance without that mark.
+        """For each node whose mark is no outlier: relative increase of the target's variance without this mark.
 
-        The increase is computed for the most probable hypothesis. variance: trace of the target's covariance [m²]
+        The increase is that of the most probable hypothesis. variance: trace of the target's covariance [m²]
         """
         found, out = self.filter.found, self.filter.outlying
         if found is None:
@@ -235,8 +235,8 @@ class TissuePosterior:
     def expected(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
         """Centre of the search region for a free node's mark [m], (dim,), and its covariance [m²], (dim, dim).
 
-        Both come from the possible mode with the largest uncertainty.
-        shared: effect of the calibration errors on the mark, as `MarkMeasurement.shared`; None for the node itself
+        Among the modes with a probability above `POSSIBLE`, the most uncertain one determines centre and covariance.
+        shared: displacement of the mark by calibration errors, as in `MarkMeasurement`; None: the node's own position
         """
         rows, calibration = self._maps[node], self.process.parts.get("calibration")
         if shared is not None and calibration is not None:
@@ -256,9 +256,9 @@ class TissuePosterior:
         return [int(k) for k in np.flatnonzero(weights >= min(POSSIBLE, float(weights.max())))]
 
     def expected_after_impulse(self, node: str, shared: Floats | None = None) -> tuple[Floats, Floats]:
-        """The region of `expected`, [m] (dim,), [m²] (dim, dim), if an impulse hit the node just after its last mark.
+        """As `expected`, if an impulse may have hit the node just after its last mark: [m], (dim,), [m²], (dim, dim).
 
-        Before the first marks and after a reset, a node may be anywhere in the network's reach.
+        Before the first marks and after a divergence, the node may be anywhere within the extent of the network.
         """
         mean, cov = self.expected(node, shared)
         if self.seen_s is None or self.time_s is None or self.health.status is Status.DIVERGED:
@@ -269,7 +269,7 @@ class TissuePosterior:
         return mean, cov + reach**2 * np.eye(len(mean))
 
     def expected_at_rest(self, node: str) -> tuple[Floats, Floats]:
-        """The region of `expected`, [m] (dim,), [m²] (dim, dim), at rest without marks; the body may be displaced."""
+        """Search region of a node's first mark: centre [m], (dim,), and covariance [m²], (dim, dim)."""
         rows = self._maps[node]
         cov = rows @ self.process.prior(self.level.level)[1][0] @ rows.T
         return self.rest[self.network.index(node)].copy(), BESIDE * cov

@@ -22,9 +22,10 @@ class Transition:
     matrix : (n, n)
         Jacobian: derivative of the next state with respect to the previous state.
     noises : (n_noises, m, m)
-        Covariance of the process noise of each source at unit variance, in the first m states, m <= n.
+        Covariance of the noise from each source at unit variance. The noise affects only the first m states.
     independent : (n_independent, n)
-        Variance in each state due to each further source at unit variance; its noise is independent between states.
+        For each further source at unit variance, variance of its noise in each state. Its noise is independent between
+        states.
     spread : (s, s), optional
         Covariance of the linearisation error in the first s states, the same in all modes.
     """
@@ -42,11 +43,11 @@ class ProcessModel(Protocol):
     Attributes
     ----------
     parts : mapping of str to slice
-        Parts of the state by name; with a `LevelPosterior`, one part is named `discrepancy`.
+        Parts of the state by name. If the filter has a `LevelPosterior`, one part is named `discrepancy`.
     rates : (n_modes, n_modes)
         Transition rates between the modes [1/s]; rows sum to zero.
     tolerance : (n,)
-        Change of each state beyond which the filter linearises again.
+        Error of the linearisation above which the filter linearises again, for each state.
     """
 
     @property
@@ -59,7 +60,7 @@ class ProcessModel(Protocol):
 
     @property
     def tolerance(self) -> Floats:
-        """Change of each state beyond which the filter linearises again, (n,); infinite where the model is linear."""
+        """Linearisation error above which the filter linearises again, (n,); infinite where the model is linear."""
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
         """Mean (n,) and covariance in each mode (n_modes, n, n) before any observation.
@@ -68,7 +69,7 @@ class ProcessModel(Protocol):
         """
 
     def variances(self, level: float) -> Floats:
-        """Variance of each source of noise in each mode, (n_modes, n_sources): those of `Transition.noises` first.
+        """Variance of each source of noise in each mode, (n_modes, n_sources); those of `Transition.noises` come first.
 
         level: level of the discrepancy
         """
@@ -79,11 +80,11 @@ class ProcessModel(Protocol):
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
         """The model over dt [s], linearised about a state (n,).
 
-        cov: returns the covariance of the most probable hypothesis, (n, n), for models with sigma points
+        cov: function that returns the covariance of the most probable hypothesis, (n, n), for sigma points
         """
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is new after dt [s]; 0 without discrepancy."""
+        """Share of the discrepancy's variance that is independent of its value dt [s] ago; 0 without discrepancy."""
 
 
 class Observation(Protocol):
@@ -96,8 +97,8 @@ class Observation(Protocol):
     value : (m,)
         Observed value, in any unit.
     cov : (m, m)
-        Covariance of the value's error, positive definite; errors of different observations are independent. If only
-        a part of it is noise whose level is estimated, an attribute `noise_cov` has this part.
+        Covariance of the value's error, positive definite; errors of different observations are independent. The
+        optional attribute `noise_cov` is the part of it whose level the filter estimates; default: all of it.
     blocks : sequence of slice
         Rows of each name.
     """

@@ -1,4 +1,4 @@
-"""Constant errors as states: errors of model constants, calibration, fixes of the target, and the target's offset."""
+"""States for constant errors: of model constants, of the calibration, of target fixes, and of the target's offset."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Statics:
     fix_bias : FixBias, optional
         Common error of all fixes of the target; estimated.
     offset_sd_m : float
-        Standard deviation of the target's place in the tissue for each axis [m]; the offset is estimated.
+        Standard deviation of the error of the target's offset on each axis [m]; estimated.
     """
 
     uncertainty: ParameterUncertainty | None = None
@@ -34,7 +34,7 @@ class Statics:
     offset_sd_m: float = 0.0
 
     def parts(self, dim: int) -> dict[str, tuple[int, float, float]]:
-        """For each name: number of states, their standard deviation, and their correlation time [s]."""
+        """Number of states, their standard deviation, and their correlation time [s], by the name of the error."""
         n_constants = 0 if self.uncertainty is None else len(self.uncertainty.directions)
         bias, offset_sd_m = self.fix_bias, self.offset_sd_m
         return {
@@ -46,14 +46,16 @@ class Statics:
 
 
 class StaticStates:
-    """States of constant errors, in standard deviations or metres; in the state vector they come last.
+    """States of constant errors, in standard deviations or metres. They come last in the state vector.
 
     Attributes
     ----------
     n : int
+        Number of these states.
     parts : dict of str to slice
-        Parts by name, counted from the first of these states.
+        Slice of each error by its name; the first of these states has index 0.
     sd : (n,)
+        Standard deviation of each state before any observation.
     considered : (n,) bool
         Which states no observation corrects.
     """
@@ -73,5 +75,5 @@ class StaticStates:
         self.considered: NDArray[np.bool_] = np.array(considered, dtype=bool)
 
     def fading(self, dt: float) -> Floats:
-        """Remaining share of each state after dt [s], (n,)."""
+        """Decay factor of each state over dt [s], (n,)."""
         return np.exp(-dt / self._lasting_s)

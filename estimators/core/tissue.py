@@ -1,4 +1,4 @@
-"""Process model of a tissue: force elements under unknown forces, with a discrepancy of displacements."""
+"""Process model of a tissue: motion under unknown forces, a discrepancy of displacements, and constant errors."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ TOLERANCE = 1e-3
 """Largest linearisation error in a frame, relative to the body's extent [1]; numerical."""
 
 PUSHED_S = 1.0
-"""Time from rest to the start, during which the unknown forces act [s]; choice."""
+"""At the start, the unknown forces have acted for this time on a body at rest [s]; choice."""
 
 DISPLACED = 0.1
-"""Largest root mean square displacement at the start over nodes and axes, relative to the extent [1]; choice."""
+"""Largest standard deviation of the nodes' displacements at the start, relative to the extent [1]; choice."""
 
 START_SHARE = 0.001
-"""Independent displacement of each node at the start, relative to the extent, and its speed, relative to the extent per
-second [1]; choice."""
+"""Standard deviation of each node's independent displacement at the start, in extents [1]; choice. Its independent
+speed has the same value in extents per second."""
 
 
 class TissueProcess:
     """Process model of a network under unknown forces; its state includes a discrepancy and constant errors.
 
-    State: position, velocity, force, discrepancy at level 1 [1], constant errors. A force is the acceleration of a
-    marked node, or the coefficient of a basis function of the slow field. `places` gives positions of points, with the
-    discrepancy.
+    State: position, velocity, force, discrepancy, constant errors. A force is the acceleration of a marked node, or the
+    coefficient of a basis function of the slow field. The discrepancy is a coefficient for each basis function of its
+    field [1]. `places` maps the state to the position of a point, with the discrepancy.
 
     Parameters
     ----------
@@ -44,15 +44,15 @@ class TissueProcess:
     marked : sequence of str
         Free nodes on which short forces may act.
     led : sequence of str
-        The marked nodes that a force may pull along for any time.
+        Marked nodes that an outside force may drag at any time.
     disturbances, discrepancy
-        Priors.
+        Priors of the unknown forces and of the discrepancy.
     statics : Statics, optional
-        Constant errors of model constants, calibration, fixes, the target's offset; default: none.
+        Constant errors: of model constants, calibration, fixes, and the target's offset; default: none.
     elements : sequence of ForceElement
         Elements besides the network's own springs, resistance and weight.
     sigma_points : bool
-        Whether sigma points linearise the motion, in place of its derivative; only for a network without other
+        Whether the motion is linearised with sigma points, not with derivatives; only for a network without other
         elements.
     """
 
@@ -108,7 +108,7 @@ class TissueProcess:
         return self.motion.span
 
     def _prior_of_motion(self) -> Floats:
-        """Covariance of position and velocity at the start, a time `PUSHED_S` after rest, under all forces."""
+        """Covariance of position and velocity at the start: `PUSHED_S` after rest, in the strongest mode."""
         n, moving = self.parts["position"].stop, self.parts["velocity"].stop
         state = np.zeros(self.n)
         state[:n] = self.coordinates(self.network.positions)
@@ -135,7 +135,7 @@ class TissueProcess:
         return self.span.coordinates(positions[self.network.free].ravel())
 
     def at(self, coordinates: Floats) -> Floats:
-        """Positions [m] of the free nodes, (..., n_free dim), from coordinates (..., n); also for velocities."""
+        """Positions of the free nodes [m], (..., n_free dim), from coordinates (..., n); likewise velocities."""
         return np.asarray(coordinates @ self.span.matrix.T)
 
     def node(self, name: str) -> Floats:
@@ -145,14 +145,14 @@ class TissueProcess:
         return self.places(matrix)
 
     def places(self, matrix: Floats) -> Floats:
-        """Map from the state to a point [m], (dim, n), given its map from free coordinates, (dim, n_free dim)."""
+        """Map from the state to a point [m], (dim, n); matrix: map from the free coordinates, (dim, n_free dim)."""
         rows = np.zeros((len(matrix), self.n))
         rows[:, self.parts["position"]] = matrix @ self.span.matrix
         rows[:, self.parts["discrepancy"]] = matrix @ self._field
         return rows
 
     def prior(self, level: float) -> tuple[Floats, Floats]:
-        """Mean (n,) and covariances (n_modes, n, n) at the start: the drawn shape at rest, with each mode's forces."""
+        """Mean (n,) and covariance in each mode (n_modes, n, n) at the start; the mean is the drawn shape at rest."""
         mean = np.zeros(self.n)
         mean[self.parts["position"]] = self.coordinates(self.network.positions)
         moving = self.parts["velocity"].stop
@@ -172,7 +172,8 @@ class TissueProcess:
     def variances(self, level: float) -> Floats:
         """Variance of each source in each mode, (n_modes, n_sources).
 
-        White noise [(m/s²)²/Hz]; forces [(m/s²)²]; discrepancy: squared level [1]; constant errors: 1.
+        The unit is (m/s²)²/Hz for white noise and (m/s²)² for forces. The variance of the discrepancy is the squared
+        level, and that of constant errors is 1.
         """
         rows = [(*strengths, level, 1.0) for strengths in self.disturbances.by_mode(self.motion.raised)]
         return np.square(rows)
@@ -184,7 +185,7 @@ class TissueProcess:
         return np.concatenate([self.motion.moved(state[:start], dt), self._fading(dt) * state[start:behind], lasting])
 
     def pushed(self, state: Floats, dt: float, forces: Floats) -> Floats:
-        """Change of the next state (n, k) after dt [s] by constant forces on the free nodes [N], (n_free dim, k)."""
+        """Change of the state over dt [s], (n, k), due to constant forces on the free nodes [N], (n_free dim, k)."""
         masses = np.repeat(self.network.masses[self.network.free], self.network.dim)
         moving, found = self.parts["velocity"].stop, np.zeros((self.n, forces.shape[1]))
         accelerations = self.span.onto @ (forces / masses[:, None])
@@ -192,7 +193,7 @@ class TissueProcess:
         return found
 
     def linearize(self, state: Floats, dt: float, cov: Callable[[], Floats] | None = None) -> Transition:
-        """The motion over dt [s], linearised along its steps, or with sigma points of a covariance (n, n)."""
+        """The transition over dt [s], linearised along its steps, or with sigma points of a covariance (n, n)."""
         found = self._along(state, dt)
         by, m = self._by_points, self.parts["velocity"].stop
         if cov is None or by is None:
@@ -218,5 +219,5 @@ class TissueProcess:
         return float(np.exp(-dt / self.discrepancy.lasting_s))
 
     def fresh(self, dt: float) -> float:
-        """Share of the discrepancy's variance that is new after dt [s]."""
+        """Share of the discrepancy's variance that is independent of its value dt [s] ago."""
         return 1.0 - self._fading(dt) ** 2

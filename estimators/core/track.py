@@ -33,10 +33,10 @@ REFUTED_S = 0.5
 """The filter restarts if all n marks were outliers for this time divided by n [s]; choice."""
 
 MIX_S, PUSHED_S = 0.05, 1.0 / 120.0
-"""Longest steps of `predict_at` and `predict_modes`, and under a known force [s]; numerical. Others take one step."""
+"""Longest step of predictions ahead, and longest step under a known force [s]; numerical. `predict` takes one step."""
 
 UNMEASURED = 0.5
-"""Standard deviation beyond which a mark's coordinate counts as not measured, relative to the extent [1]; choice."""
+"""A coordinate of a mark is not measured if its standard deviation exceeds this share of the extent [1]; choice."""
 
 FIX = "fix"
 """Name of a direct measurement of the target."""
@@ -44,7 +44,7 @@ FIX = "fix"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterSnapshot:
-    """Complete state of a `TissueFilter` at one time; placed: coordinates (n,) when marks were last used."""
+    """Complete state of a `TissueFilter` at one time; placed: coordinates after the last marks, (n,)."""
 
     time_s: float | None
     filter: Mapping[str, Any] | None
@@ -74,20 +74,20 @@ class TissueFilter(TissuePosterior):
     ----------
     network : MassSpringNetwork
     target : str or TargetPoint
-        A node, whose place in the body is exact, or a point whose `sd_m` states how uncertain its place in the body is.
+        Name of a node, or a point. A node's place in the body is exact; `sd_m` states how uncertain a point's place is.
     marked : sequence of str
-        Nodes whose marks are measured; marks of other nodes are rejected.
+        Nodes whose marks are measured. A mark of another node raises ValueError.
     settings : FilterSettings, optional
     uncertainty : ParameterUncertainty, optional
-        Uncertainty of constants, which the filter considers; None: exact.
+        Uncertainty of the model's constants; considered, not estimated. None: the constants are exact.
     n_calibration : int
-        Number of columns of the marks' `shared`, if these calibration errors are the same in every frame.
+        Number of columns of the marks' `shared` if shared errors are constant; 0: they are new in each frame.
     disturbances, discrepancy
-        Priors of unknown forces and of the model's error; default: from the settings.
+        Priors of the unknown forces and of the model's error; default: those of the settings.
     """
 
     def _restart(self, repair: str, *, as_drawn: bool = False) -> None:
-        """Restart at the last positions that marks showed; keep a measured target offset unless the filter diverged."""
+        """Restart in the last or in the drawn shape; keep the target's offset unless the filter diverged."""
         own = np.arange(self.process.n)[self.process.parts.get("offset", slice(0, 0))]
         mean, cov = self.filter.moments(np.eye(self.process.n)[own])
         self.begin()
@@ -130,7 +130,7 @@ class TissueFilter(TissuePosterior):
         frames: Sequence[tuple[float, Sequence[MarkMeasurement]]],
         advance: Callable[[float], None] = lambda _share: None,
     ) -> Iterator[list[TargetEstimate]]:
-        """Estimates for frames, (time [s], marks) in order, one by one; advance: called with the completed share."""
+        """Yield the estimate of each frame (time [s], marks), in order; advance: called with the completed share."""
         for k, (time_s, marks) in enumerate(frames, start=1):
             self.predict(time_s)
             estimate = self.update(marks)
@@ -149,7 +149,7 @@ class TissueFilter(TissuePosterior):
             self.health = replace(self.health, status=Status.LOST)
 
     def _moved(self, time_s: float, push: ForceHistory | None, longest_s: float) -> bool:
-        """Predict the state at this time [s]; returns whether it was reset, after a gap longer than `forget_s`."""
+        """Predict the state at this time [s]; returns whether the state was reset, because the gap was too long."""
         dt = 0.0 if self.time_s is None or self.health.since_s is None else time_s - self.time_s
         if dt > 0.0:
             self.residual_m = np.zeros_like(self.residual_m)
@@ -193,7 +193,7 @@ class TissueFilter(TissuePosterior):
     def predict_at(self, time_s: float, push: ForceHistory | None = None) -> TargetEstimate:
         """Predict the target at a later time [s], such as a needle's arrival, from the marks until now.
 
-        push: known force; no state changes. Raises ValueError before the first frame, and for a past or infinite time.
+        push: known force. The state does not change. Raises ValueError before the first frame and for invalid times.
         """
         with self._unchanged():
             self._ahead(time_s, push)
@@ -227,8 +227,8 @@ class TissueFilter(TissuePosterior):
     def update(self, marks: Sequence[MarkMeasurement]) -> TargetEstimate:
         """Update with any number of marks at the state's time, and estimate the target.
 
-        Raises ValueError for a mark that is not on a marked node or has another dimension, CovarianceError if the
-        updated state is not finite.
+        Raises ValueError for a mark that is not on a marked node or has another dimension. Raises CovarianceError if
+        the updated state is not finite.
         """
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")
@@ -238,7 +238,7 @@ class TissueFilter(TissuePosterior):
         before = self.health.status
         starting = self.health.since_s is None or before is Status.LOST
         if marks and before is Status.LOST:
-            self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # the marks after a restart were refused
+            self._restart("restarted", as_drawn=self._refuted_s > -np.inf)  # all marks after a restart were outliers
         taken, nis, shift = self._taken(marks, starting=starting)
         self.health = after_frame(self.health, self.time_s, nis, self._measured(taken), self.settings)
         if self.health.status is Status.DIVERGED and not self.health.innovations and taken:
@@ -253,14 +253,14 @@ class TissueFilter(TissuePosterior):
         return replace(estimate, information_share=shares, shift=shift, measured=self._measured(taken))
 
     def _measured(self, marks: Sequence[MarkMeasurement]) -> int:
-        """Number of measured coordinates, along the axes of each mark's covariance."""
+        """Number of measured coordinates of the marks, counted along the axes of each mark's covariance."""
         variances = np.linalg.eigvalsh(np.reshape([mark.cov for mark in marks], (-1, *[self.network.dim] * 2)))
         return int((variances < (UNMEASURED * self.process.extent_m) ** 2).sum())
 
     def _taken(
         self, marks: Sequence[MarkMeasurement], *, starting: bool
     ) -> tuple[list[MarkMeasurement], float | None, CommonShift | None]:
-        """Update with the marks; returns those that are no outliers, their NIS, and what a common shift explains."""
+        """Update with the marks; returns the marks that are no outliers, their NIS, and the test for a common shift."""
         self.log_likelihood = 0.0
         if not marks or self.time_s is None:
             return [], None, None
@@ -282,7 +282,7 @@ class TissueFilter(TissuePosterior):
         return *self._again(marks, before), shift
 
     def _again(self, marks: Sequence[MarkMeasurement], before: Status) -> tuple[list[MarkMeasurement], float | None]:
-        """Restart (in the drawn shape after a recent restart) and update; returns the marks that fit, and their NIS."""
+        """Restart, as drawn if the last restart was recent, and update; returns the marks that fit, and their NIS."""
         self._restart("restarted", as_drawn=before in (Status.DIVERGED, Status.INITIALISING))
         nis = self._observed(self.places(marks))
         taken = self._inliers(marks)
@@ -304,7 +304,7 @@ class TissueFilter(TissuePosterior):
     def fix(self, position: Floats, cov: Floats) -> TargetEstimate:
         """Update with a direct measurement of the target at the state's time: position [m], (dim,), covariance [m²].
 
-        A fix beyond the gate is rejected; if the next fix is near the rejected one, it is used. Raises ValueError for
+        A fix beyond the gate is rejected. If the next fix is near the rejected one, it is used. Raises ValueError for
         another dimension, for numbers that are not finite, and for a matrix that is no covariance.
         """
         if self.time_s is None:

@@ -1,4 +1,4 @@
-"""Adaptive factor on a part of a covariance, estimated from innovations within bounds."""
+"""Adaptive factor on a part of a covariance, estimated from innovations and limited by bounds."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ class VarianceScale:
     the Fisher information of the last forget_s. An innovation that does not depend on the part leaves `scale` as it is.
     Source: [titterington1984].
 
-    bounds: bounds of the scale, a factor on variances; start_information: weight of the initial scale 1, as a number of
-    independent coordinates
-    State: scale; information of log scale that is not forgotten yet.
+    bounds: smallest and largest scale, which is a factor on variances
+    start_information: weight of the initial scale 1, as a number of independent coordinates
+    State: scale; information, the Fisher information of log scale that is not forgotten yet.
     """
 
     def __init__(self, bounds: tuple[float, float], forget_s: float = 10.0, start_information: float = 10.0) -> None:
@@ -29,7 +29,7 @@ class VarianceScale:
         self.information = self._start = 0.5 * start_information
 
     def learn(self, innovation: Floats, part: Floats, rest: Floats, dt: float) -> float:
-        """The scale after an innovation (m,), dt [s] after the last; part, rest: terms of its covariance, (m, m)."""
+        """Update with an innovation (m,), dt [s] after the last; returns the scale. part, rest: see above, (m, m)."""
         scaled = self.scale * part
         root = np.linalg.cholesky(rest + scaled)
         share = np.linalg.solve(root, np.linalg.solve(root, scaled).T)

@@ -123,11 +123,11 @@ def block_contributions(gain, S_inv, width):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def nis_left(y, S_inv, width):  # type: ignore[no-untyped-def]
-    """NIS left by the best common shift of all blocks of `width` measurements, and by the best shift of one block.
+    """NIS after the best common shift of all blocks of `width` measurements, and least NIS after a shift of one block.
 
     y (m,), S_inv (m, m): innovation and inverse of its covariance. With w = S^-1 y, and H a unit matrix for each
-    shifted block, the best shift removes w'H (H' S^-1 H)^-1 H'w: generalised least squares. A shift of one block is
-    equivalent to omitting it; the block with the least remainder counts.
+    shifted block, the best shift reduces the NIS by w'H (H' S^-1 H)^-1 H'w: generalised least squares. The best shift
+    of one block has the same effect as omitting the block.
     """
     w, n = np.dot(S_inv, y), len(y) // width
     together, information, most = np.zeros(width), np.zeros((width, width)), 0.0
@@ -172,7 +172,7 @@ def association_costs(means, covs, z, R):  # type: ignore[no-untyped-def]
 def ambiguous_exchanges(costs, pairs, limit):  # type: ignore[no-untyped-def]
     """Whether any pair of marks can exchange names at a cost of at most `limit`.
 
-    costs (n, n): cost of each name on each node, 0 for an absent mark; pairs (n, n): marks that may be exchanged
+    costs (n, n): cost of mark j on node i, 0 for an absent mark; pairs (n, n): whether two marks may be exchanged
     """
     n = len(costs)
     for i in range(n):

@@ -27,8 +27,8 @@ def positive_points(n: int) -> filterpy.MerweScaledSigmaPoints:
 class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
     """Unscented Kalman filter with filterpy's fields (x, P, Q, R, K, S, y) and these differences.
 
-    - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return rows;
-    - the length of a measurement may change, with hx, H and R;
+    - fx(points, dt) and hx(points) take all sigma points at once, (n_points, dim_x), and return a row for each;
+    - the length of a measurement, and with it hx and R, may change between updates;
     - P is exactly symmetric, and a P or S that is not positive definite raises CovarianceError;
     - the likelihood is kept as a logarithm, so that it cannot underflow.
 
@@ -53,9 +53,9 @@ class UnscentedKalmanFilter(filterpy.UnscentedKalmanFilter):
         self.x, self.P = moments(points, self.Wm, self.Wc, self.Q)
 
     def update(self, z: Floats | None, R: Floats | None = None, hx: Callable[[Floats], Floats] | None = None) -> None:
-        """Update with a measurement z (m,) of noise R (m, m) by hx, (n_points, dim_x) to (n_points, m).
+        """Update with a measurement z (m,) and its noise covariance R (m, m); if z is None, nothing changes.
 
-        If z is None, nothing changes. Raises CovarianceError.
+        hx: from sigma points (n_points, dim_x) to measurements (n_points, m). Raises CovarianceError.
         """
         if z is None:
             return

@@ -1,10 +1,10 @@
-"""Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis on when it was last moved.
+"""Filter for the pose error of a camera or tracker: a Kalman filter for each hypothesis about the last move.
 
 A reference mark at x + e is measured at p = R (x + e - c) + c + t + B k + n. The rigid motion (R, t) about the centre c
 is the pose error. The calibration errors k, of unit variance, and errors e of the stated places are considered, not
-estimated (Schmidt-Kalman filter); n is noise. For a camera in space the positions of p in its picture are measured. The
-motion drifts at a rate that is an Ornstein-Uhlenbeck process. At each frame a new hypothesis says that the camera was
-moved since the last frame. Hypotheses are weighted by their likelihoods, and pruned.
+estimated (Schmidt-Kalman filter); n is noise. A camera in space measures the projection of p into its image. The pose
+drifts; the rate of the drift is an Ornstein-Uhlenbeck process. In each frame a new hypothesis says that the camera was
+moved after the last frame. Hypotheses are weighted by their likelihoods, and pruned.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from estimators.pose.settings import PoseSettings
 from estimators.tissue.estimate import MarkMeasurement
 
 ITERATIONS, NEAR = 5, 1e-3
-"""Most iterations of an update, and change of the motion below which they end [m], [rad]: the error is about half its
-square; numerical."""
+"""Largest number of iterations of an update; they end when the motion changes by less than this [m], [rad]: the error
+is then about half the square of the change; numerical."""
 
 START_S = 1.0
 """Time before the first frame during which a camera may have been moved [s]; choice."""
 
 LEAST_SEEN = 3
-"""Fewest reference marks among which a wrong one can be found: with two, either may be wrong."""
+"""Smallest number of reference marks among which a wrong one can be found: of two, either may be wrong."""
 
 
 SURE = 10.0
-"""Squared change per degree of freedom, normalised by its covariance, above which a move is reported [1]; choice."""
+"""Squared Mahalanobis norm of a change, per degree of freedom, above which a move is reported [1]; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class CameraMove:
     """A reported change of a camera's pose.
 
-    time_s: time of the change [s]; distance_m: apparent shift of the reference marks' centre [m]; angle_rad: their
-    apparent rotation [rad]
+    time_s: time of the change [s]; distance_m: apparent shift of the reference marks' centre [m]
+    angle_rad: apparent rotation of the reference marks [rad]
     """
 
     time_s: float
@@ -52,9 +52,9 @@ class PoseEstimate:
     """Estimate of the pose error at one time.
 
     motion: rigid motion from the true positions of points to the measured ones
-    cov: covariance of the motion's error, first the translation [m], then the rotation [rad], (n, n)
-        errors of stated places count as such errors
-    columns: change of the motion by one standard deviation of each calibration error [m, rad], (n, n_calibration)
+    cov: covariance of the error of the translation [m] and of the rotation [rad], (n, n); it includes the effect of
+        errors of the stated places of reference marks
+    columns: change of the motion by one standard deviation of each calibration error [m], [rad], (n, n_calibration)
     """
 
     motion: RigidMotion
@@ -62,16 +62,17 @@ class PoseEstimate:
     columns: Floats
 
     def corrected(self, mark: MarkMeasurement) -> MarkMeasurement:
-        """The mark without the pose error; the directions of the pose's uncertainty come last in its `shared`."""
+        """The mark without the pose error; the last n columns of its `shared` are the uncertainty of the pose."""
         turned = self.motion.rotation.T
         shared = turned @ self.seen_shared(mark.position, mark.shared)
         place = self.motion.back(mark.position[None])[0]
         return MarkMeasurement(mark.node, place, _symmetric(turned @ mark.cov @ turned.T), shared)
 
     def seen_shared(self, seen_m: Floats, shared: Floats | None) -> Floats:
-        """Shift of a mark at a position [m], (dim,), by one sd of each error [m], (dim, n_calibration + n).
+        """Shift of a mark by one standard deviation of each error [m], (dim, n_calibration + n).
 
-        shared: shift by the calibration errors, (dim, n_calibration); the errors of the pose come last
+        The calibration errors come first, then the errors of the pose. seen_m: position of the mark [m], (dim,)
+        shared: direct effect of the calibration errors on the mark, as in `MarkMeasurement`, (dim, n_calibration)
         """
         J = self.motion.change_of(seen_m[None])[0]
         own = np.zeros((len(seen_m), self.columns.shape[1])) if shared is None else shared
@@ -80,10 +81,11 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Hypothesis:
-    """A Gaussian of the motion and its rates: cov P (2 n, 2 n), columns (2 n, n_errors); rate (n,); log weight.
+    """A Gaussian of the motion and of its rate (n,), with covariance P (2 n, 2 n).
 
-    columns: change by one standard deviation of each calibration error, then of each coordinate of each stated place
-    wrong: names of the reference marks that it rejects in this frame
+    columns: change by one standard deviation of each calibration error and of each coordinate of each stated place,
+        (2 n, n_errors)
+    wrong: names of the reference marks that the hypothesis rejects in this frame
     """
 
     motion: RigidMotion
@@ -95,19 +97,21 @@ class _Hypothesis:
 
 
 def _as_they_are(points: Floats) -> tuple[Floats, Floats]:
-    """Points [m], (k, dim), and their derivatives by themselves, (k, dim, dim)."""
+    """The points [m], (k, dim), as measured values, and their derivatives, which are unit matrices, (k, dim, dim)."""
     return points, np.broadcast_to(np.eye(points.shape[1]), (*points.shape, points.shape[1]))
 
 
 class PoseFilter:
     """Filter that estimates the pose error of a camera or tracker, frame by frame.
 
-    places: true positions of the reference marks [m], by name, (dim,) each; n_calibration: number of columns of
-    the marks' `shared`; place_sd_m: standard deviation of the error of `places` on each axis [m]
-    seen: measured values of points [m], (k, dim), as (k, m), and their derivatives, (k, m, dim), not finite where there
-    are none; the values should be in about the same unit as the marks' distances [m]. Default: the points themselves.
-    State: time_s, None before the first frame; hypotheses, the most probable first; time of the last mark; motion of
-    the last report; moves: reports that were not fetched yet; wrong: names of the marks not used in the last frame.
+    places: stated positions of the reference marks [m], (dim,) each, by name
+    n_calibration: number of columns of the marks' `shared`
+    place_sd_m: standard deviation of the error of `places` on each axis [m]
+    seen: measurement function; from points [m], (k, dim), it returns measured values, (k, m), and their derivatives,
+        (k, m, dim). A value that cannot be measured is not finite. Scale the values so that a shift of a point changes
+        the values by about the shift in metres. Default: the points themselves.
+    State: time_s, time of the state [s], None before the first frame; hypotheses, the most probable first; time of the
+    last mark; motion of the last report; wrong, names of the reference marks rejected in the last frame.
     """
 
     def __init__(
@@ -154,7 +158,7 @@ class PoseFilter:
 
     @property
     def after_move(self) -> PoseEstimate:
-        """Pose error under the hypothesis that the camera was just moved."""
+        """Estimate of the pose error under the hypothesis that the camera was just moved."""
         first, n = self._hypotheses[0], self.n
         return self._pose(first.motion, self._moved(first.P)[:n, :n], first.columns[:n])
 
@@ -186,7 +190,7 @@ class PoseFilter:
         ]
 
     def update(self, marks: Sequence[MarkMeasurement]) -> CameraMove | None:
-        """Update with the reference marks at the state's time; returns a move to report, or None."""
+        """Update with the reference marks at the state's time; returns a move of the camera to report, or None."""
         if self.time_s is None:
             raise ValueError("update: expected predict(time_s) first, found no time")
         self.wrong = frozenset()
@@ -210,13 +214,13 @@ class PoseFilter:
         return self._report(jumped=order[0] > 0)
 
     def _moved(self, P: Floats) -> Floats:
-        """The covariance after a move of the pose, which restarts the drift."""
+        """Covariance after a sudden move, which also resets the rate of the drift."""
         n = self.n
         pose = P[:n, :n] + np.diag(self._moved_var)
         return np.block([[pose, np.zeros((n, n))], [np.zeros((n, n)), np.diag(self._rate_var)]])
 
     def _updated(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> _Hypothesis:
-        """A hypothesis updated with marks, except those that are more probably something else."""
+        """A hypothesis updated with marks, except those that are more probably wrong than right."""
         s, dim = self.settings, len(marks[0].position)
         found, nis = self._with(one, marks)
         used = list(marks)
@@ -233,7 +237,7 @@ class PoseFilter:
         return found
 
     def _with(self, one: _Hypothesis, marks: Sequence[MarkMeasurement]) -> tuple[_Hypothesis, float]:
-        """A hypothesis updated with these marks, and their normalised innovation squared."""
+        """A hypothesis updated with all these marks, and their normalised innovation squared."""
         n, places = self.n, np.array([self.places[mark.node] for mark in marks])
         z = np.array([mark.position for mark in marks])
         dim, C = z.shape[1], one.columns
@@ -275,7 +279,7 @@ class PoseFilter:
         return after, nis
 
     def _report(self, *, jumped: bool) -> CameraMove | None:
-        """The change since the last report, if the camera was moved or its drift is large."""
+        """The change since the last report, if it is certain and the camera was moved or has drifted far."""
         s, first, n = self.settings, self._hypotheses[0], self.n
         change = self._reported.change_to(first.motion)
         dim = len(first.motion.centre)

@@ -1,9 +1,9 @@
-"""Registration: the rigid motion from drawn points to measured ones, and its errors.
+"""Registration: estimation of the rigid motion from drawn points to measured ones.
 
-Maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance. Newton's method
-starts from the rotation of [kabsch1976]; where the likelihood is not convex, Gauss-Newton steps are used instead. The
-covariance is that of the linearised motion. Terms of [fitzpatrick1998]: fiducial registration error for the residuals,
-target registration error for `Registration.error_cov`.
+The motion has maximum likelihood for independent Gaussian errors of the measured points, each with its own covariance.
+Newton's method starts from the rotation of [kabsch1976]. Where the likelihood is not convex, Gauss-Newton steps replace
+it. The covariance is that of the linearised motion. In the terms of [fitzpatrick1998], the residuals are fiducial
+registration errors, and `Registration.error_cov` is the covariance of target registration errors.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ LARGEST_RAD = 0.2
 """Largest standard deviation of the rotation about any axis [rad]; choice: the linearised covariance fails above it."""
 
 ITERATIONS, CONVERGED = 100, 1e-12
-"""Most Newton steps, and squared normalised step, divided by 1 + chi-square, below which they end; numerical."""
+"""Largest number of Newton steps; they end when the squared normalised step is below this share of 1 + chi-square;
+numerical."""
 
 ROUNDING = 1e-9
-"""Relative increase of chi-square that rounding explains; numerical: a step that increases it by more is halved."""
+"""Relative increase of chi-square that rounding explains; a step that increases it by more is halved; numerical."""
 
 
 class RegistrationError(ValueError):
@@ -35,8 +36,9 @@ class Registration:
     """Rigid motion fitted to measured points.
 
     motion: motion from the drawn to the measured points
-    cov: covariance of its error, first the translation [m], then the rotation [rad], (n, n)
-    residuals: measured less moved points [m], (k, dim); residual_covs: their expected covariance [m²], (k, dim, dim)
+    cov: covariance of the error of the translation [m] and of the rotation [rad], (n, n)
+    residuals: measured less moved points [m], (k, dim)
+    residual_covs: covariance of each residual, as the stated covariances predict it [m²], (k, dim, dim)
     chi_square: sum of the squared residuals, normalised by the covariances of the points [1]
     """
 
@@ -63,18 +65,19 @@ class Registration:
 
     @property
     def expected_rms_m(self) -> float:
-        """Root mean square of the residuals that the stated covariances predict [m]."""
+        """Root mean square of the residuals [m], as the stated covariances predict it."""
         return float(np.sqrt(np.trace(self.residual_covs, axis1=1, axis2=2).mean()))
 
     def error_cov(self, drawn: Floats) -> Floats:
-        """Covariances [m²], (n_places, dim, dim), of the registration error at drawn points [m], (n_places, dim)."""
+        """Covariance of the registration error at each drawn point [m²], (k, dim, dim); drawn: points [m], (k, dim)."""
         J = self.motion.change_of(self.motion.moved(drawn))
         return np.asarray(J @ self.cov @ J.transpose(0, 2, 1))
 
 
 def weighted_mean(places: Floats, covs: Floats) -> tuple[Floats, Floats]:
-    """Weighted mean of independent measurements of one position [m], (k, dim), with covariances [m²], (k, dim, dim).
+    """Weighted mean of independent measurements of one position.
 
+    places: measured positions [m], (k, dim); covs: their covariances [m²], (k, dim, dim)
     Returns the mean [m], (dim,), and its covariance [m²], (dim, dim).
     """
     information = np.linalg.inv(covs)
@@ -137,9 +140,9 @@ def register_points(drawn: Floats, measured: Floats, covs: Floats) -> Registrati
 
 
 def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registration | None, ...]:
-    """For each point, the registration from all other points, (k,); points [m], (k, dim), covs [m²], (k, dim, dim).
+    """For each of k points, the registration from the other points, or None if they do not determine a motion.
 
-    None where the other points do not determine a motion.
+    drawn, measured: positions of the points [m], (k, dim); covs: covariances of the measured ones [m²], (k, dim, dim)
     """
     found: list[Registration | None] = []
     for k in range(len(drawn)):
@@ -152,7 +155,7 @@ def without_each(drawn: Floats, measured: Floats, covs: Floats) -> tuple[Registr
 
 
 def _kabsch(drawn: Floats, measured: Floats, weights: Floats) -> RigidMotion:
-    """Rigid motion with the least weighted squared residuals, weights (k,). Source: [kabsch1976]."""
+    """Rigid motion with the smallest weighted sum of squared residuals; weights: (k,). Source: [kabsch1976]."""
     centre, middle = (np.average(places, axis=0, weights=weights) for places in (drawn, measured))
     left, _, right = np.linalg.svd((measured - middle).T @ (weights[:, None] * (drawn - centre)))
     left[:, -1] *= np.sign(np.linalg.det(left @ right))
@@ -169,7 +172,8 @@ def _turn_sd(A: Floats, dim: int) -> float:
 def _hessian(A: Floats, motion: RigidMotion, moved: Floats, pulls: Floats) -> Floats:
     """Half the second derivative of chi-square with respect to a change of the motion, (n, n).
 
-    A: its Gauss-Newton part, (n, n); moved: moved points; pulls: inverse covariances times residuals, (k, dim) each
+    A: Gauss-Newton approximation of the result, (n, n); moved: moved points, (k, dim)
+    pulls: inverse covariance times residual for each point, (k, dim)
     """
     dim, H = moved.shape[1], A.copy()
     G = GENERATORS[dim]

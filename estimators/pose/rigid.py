@@ -1,4 +1,4 @@
-"""Rigid motions in the plane and in space: p = R (x - c) + c + t, and small changes of one."""
+"""Rigid motions in the plane and in space, p = R (x - c) + c + t, and small changes of such a motion."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RigidMotion:
 
     @classmethod
     def none(cls, centre: Floats) -> RigidMotion:
-        """The identity; centre: centre of later rotations [m], (dim,)."""
+        """The identity; centre: centre of the rotations of later changes [m], (dim,)."""
         return cls(np.eye(len(centre)), np.zeros(len(centre)), centre)
 
     def moved(self, points_m: Floats) -> Floats:
@@ -43,11 +43,11 @@ class RigidMotion:
         return np.asarray((points_m - self.centre) @ self.rotation.T + self.centre + self.translation)
 
     def back(self, points_m: Floats) -> Floats:
-        """Points with these images [m], (k, dim): the inverse motion."""
+        """The points whose images are given [m], (k, dim): the inverse motion."""
         return np.asarray((points_m - self.centre - self.translation) @ self.rotation + self.centre)
 
     def change_of(self, moved_m: Floats) -> Floats:
-        """Shift of moved points [m], (k, dim), per unit of a small change of the motion, (k, dim, n)."""
+        """Derivative of moved points [m], (k, dim), with respect to a small change of the motion, (k, dim, n)."""
         arms = moved_m - self.centre - self.translation
         turned = np.einsum("aij,kj->kia", GENERATORS[len(self.centre)], arms)
         return np.concatenate([np.broadcast_to(np.eye(len(self.centre)), (len(arms), *self.rotation.shape)), turned], 2)
@@ -63,7 +63,7 @@ class RigidMotion:
         return RigidMotion(turn @ self.rotation, self.translation + change[:dim], self.centre)
 
     def change_to(self, other: RigidMotion) -> Floats:
-        """The change from this motion to another, (n,); exact in the plane and, below half a turn, in space."""
+        """The change from this motion to another, (n,); exact if the two differ by less than half a turn."""
         turn = other.rotation @ self.rotation.T
         skew = 0.5 * (turn - turn.T)
         axes = np.array([0.5 * np.sum(G * skew) for G in GENERATORS[len(self.centre)]])

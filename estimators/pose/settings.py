@@ -9,14 +9,16 @@ from dataclasses import dataclass
 class PoseSettings:
     """Settings of the pose filter: prior of the pose error of a camera or tracker, and of its motion.
 
-    start_m, start_rad: standard deviation of the error at the start, along each axis [m] and about it [rad]; choice
-    rate_m_s, rate_rad_s: standard deviation of drift speeds [m/s], [rad/s]; lasting_s: correlation time [s]; choice
-    moved_m, moved_rad: standard deviation of a sudden move [m], [rad]; moved_each_s: mean time between two moves
-        [s]; choice
-    wrong_share: share of reference marks that are confused with something else [1]; wrong_m: their distance from the
-    true position [m]; choice
+    start_m, start_rad: standard deviation of the pose error at the start, along and about each axis [m], [rad]; choice
+    rate_m_s, rate_rad_s: standard deviation of the drift's speed, along and about each axis [m/s], [rad/s]; choice
+    lasting_s: correlation time of the drift's speed [s]; choice
+    moved_m, moved_rad: standard deviation of a sudden move, along and about each axis [m], [rad]; choice
+    moved_each_s: mean time between two sudden moves [s]; choice
+    wrong_share: share of measurements of reference marks that show another object by mistake [1]; choice
+    wrong_m: distance of such an object from the reference mark on each axis, a standard deviation [m]; choice
     gate: normalised innovation squared per degree of freedom above which one of the marks may be wrong [1]; choice
-    n_hypotheses: largest number of hypotheses; least: probability below which a hypothesis is dropped [1]; choice
+    n_hypotheses: largest number of hypotheses [1]; choice
+    least: probability of a hypothesis, relative to the best one, below which it is dropped [1]; choice
     drifted_m, drifted_rad: change since the last report above which a drift is reported [m], [rad]; choice
     """
 

@@ -1,4 +1,4 @@
-"""Motion of a tissue under unknown and known forces; the target's map.
+"""Motion of a tissue under unknown and known forces; the target's position.
 
 Motion and noise belong here, marks do not.
 """

@@ -13,15 +13,15 @@ from estimators.arrays import Floats
 ForceHistory = ArrayLike | Callable[[float, Floats], ArrayLike]
 """Forces on the free nodes [N], (n_free, dim), constant over the prediction; or a function of time [s] and states.
 
-The function is called once per step of at most 1/120 s, with the middle of the step and the states (..., n_state) at
-its start; it returns (..., n_free, dim) or (n_free, dim), constant over the step. A friction that changes its sign
-within a step must not depend on the state: it would oscillate."""
+The function is called once per step of at most 1/120 s, with the time at the middle of the step and the states
+(..., n_state) at its start. It returns (..., n_free, dim) or (n_free, dim), constant over the step. A friction that
+changes its sign within a step must not depend on the state: it would oscillate."""
 
 
 class KnownForce:
     """Known force, evaluated step by step during a prediction.
 
-    State: time_s, at the end of the present step; dt, its length [s].
+    State: time_s, end of the present step [s]; dt, length of this step [s].
     """
 
     def __init__(self, push: ForceHistory, network: MassSpringNetwork, time_s: float) -> None:

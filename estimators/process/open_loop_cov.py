@@ -1,4 +1,4 @@
-"""Covariance of the paper's open loop: the marks drive the model, and their noise affects the hidden masses."""
+"""Covariance of the open loop: marks drive the model without a filter, and their noise affects the hidden masses."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from estimators.process.process_model import accumulated_noise
 from estimators.process.target import TargetPoint, target_map
 
 MOTIONS = 90
-"""Number of coordinates of hidden masses above which only this many slowest motions are used [1]; numerical."""
+"""Largest number of motions of the hidden masses; the slowest ones are used [1]; numerical."""
 
 KEPT = 64
-"""Largest number of frame kinds (interval and visible marks) whose matrices are cached; it bounds the memory."""
+"""Matrices are cached for at most this many combinations of frame interval and visible marks, to save memory."""
 
 
 class OpenLoopCovariance:
-    """Covariance of the open loop's target, linearised about rest; large bodies are reduced to their slowest motions.
+    """Covariance of the target in the open loop, linearised about rest. Large bodies are reduced to slow motions.
 
-    Between frames, a marked mass moves straight from one measured position to the next, each with the noise of its
-    mark. Hidden masses follow their equations of motion under unknown white force [m/s²/sqrt(Hz)]. A mass without a
-    visible mark stays at its last place.
+    Between frames, a marked mass moves straight from one measured position to the next. If its mark is not visible, it
+    stays at its last place. The error of this position is the mark's noise. Hidden masses follow their equations of
+    motion under unknown white acceleration [m/s²/sqrt(Hz)].
 
     State: cov, covariance of the hidden masses' positions and velocities and of the marked masses' errors.
     """
@@ -59,7 +59,7 @@ class OpenLoopCovariance:
         return np.asarray(self._target @ self.cov @ self._target.T)
 
     def take(self, dt: float, noise: Mapping[str, Floats]) -> None:
-        """Predict over dt [s] to a frame with marks; noise: covariance of each mark by node [m²], (dim, dim)."""
+        """Predict over dt [s] to a frame with marks; noise: covariance of each mark [m²], (dim, dim), by node."""
         dt = round(dt, 10)  # frames at one rate differ by rounding
         key = dt, frozenset(noise)
         if key not in self._frames:
@@ -81,8 +81,8 @@ class OpenLoopCovariance:
     def _matrices(self, dt: float, seen: Iterable[str]) -> tuple[Floats, Floats, Floats, Floats]:
         """F, kept, G and Q over dt [s] to a frame with these marks.
 
-        F (n, n + m): transition to the hidden masses; kept (m,): 1 for each error of a mark that remains, else 0;
-        G (n, m): effect of new errors on the hidden masses; Q (n, n): covariance from unknown force
+        F (n, n + m): effect of the state on the hidden masses; G (n, m): effect of the new marks' errors on them
+        kept (m,): 0 for the coordinates of the new marks, else 1; Q (n, n): covariance from unknown force
         """
         n = self._n
         if dt > 0.0:
@@ -96,7 +96,7 @@ class OpenLoopCovariance:
         return np.hstack([own, start + end * kept]), kept, end, noise_added
 
     def _step(self, dt: float) -> tuple[Floats, Floats, Floats, Floats]:
-        """Effects on the hidden masses of their own state, and of the marked masses' errors at start and end.
+        """Effect on the hidden masses over dt [s] of their own state, of the marks' errors before, and of those after.
 
         The last result is the covariance from unknown force.
         """
@@ -113,9 +113,9 @@ class OpenLoopCovariance:
 
 
 def _slowest(by_mass: Floats, network: MassSpringNetwork, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """Slowest motions of these free coordinates while all others are fixed, columns (n, r), and their inverse.
+    """The r slowest motions of some free coordinates while all others are fixed, as columns (n, r), and their inverse.
 
-    by_mass: -K / mass of these coordinates, (n, n); if n is small, all n coordinates are returned
+    by_mass: -K / mass, (n, n), for these n coordinates, whose indices are `rows`; if n is small, r is n
     """
     n = len(rows)
     if n <= MOTIONS:

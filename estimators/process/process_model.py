@@ -1,6 +1,6 @@
-"""Process model of a tissue: equations of motion of a network, with an unknown poke on each marked node.
+"""Process model of a tissue: equations of motion of a network, with an unknown brief force (poke) on each marked node.
 
-The state has the network's state (positions, then velocities of the free nodes), then the poke on each
+The state is the network's state (positions, then velocities of the free nodes), then the poke on each
 marked coordinate [N], node by node.
 """
 
@@ -23,11 +23,11 @@ from dynamics import (
 from estimators.arrays import Floats
 
 LONGEST_STEP = 1.0 / 120.0
-"""Longest time between two additions of noise [s]; choice: the error is 23 µm and 0.5 % of the covariance after 0.2 s;
-with 1/240 s the computation takes twice as long."""
+"""Longest time between two additions of noise [s]; choice. The errors after 0.2 s are 23 µm, and 0.5 % of the
+covariance; with 1/240 s the computation takes twice as long."""
 
 LOOSE = 1e-11
-"""Relative stiffness below which a motion counts as free, because rounding errors are as large."""
+"""Relative stiffness that is treated as zero, because rounding errors are as large."""
 
 LEGENDRE = np.polynomial.legendre.leggauss(12)
 """Quadrature nodes and weights on (-1, 1); for steps up to twice the correlation time only rounding errors remain."""
@@ -35,11 +35,11 @@ LEGENDRE = np.polynomial.legendre.leggauss(12)
 
 @dataclass(frozen=True, slots=True)
 class ForceMode:
-    """Unknown forces in one mode.
+    """Unknown forces in one mode: white noise, and pokes (brief forces on marked nodes, Gauss-Markov of first order).
 
-    white: acceleration noise on every free node, for errors of the model [m/s²/sqrt(Hz)]; choice
-    poke: standard deviation of the poke on each marked node, divided by its mass [m/s²]; choice
-    lasting_s: correlation time of the poke, a first-order Gauss-Markov process [s]; choice
+    white: density of acceleration noise on every free node, for errors of the model [m/s²/sqrt(Hz)]; choice
+    poke: standard deviation of the acceleration that a poke gives to its node [m/s²]; choice
+    lasting_s: correlation time of a poke [s]; choice
     """
 
     white: float
@@ -48,12 +48,12 @@ class ForceMode:
 
 
 QUIET = ForceMode(white=0.043, poke=0.043, lasting_s=0.05)
-"""Forces without pokes; choice."""
+"""Unknown forces while no poke acts; choice."""
 
 
 @dataclass(frozen=True, slots=True)
 class FixBias:
-    """Common error of all fixes of the target: sd [m] for each axis, with correlation time lasting_s [s]."""
+    """Common error of all fixes of the target: standard deviation on each axis [m], and correlation time [s]."""
 
     sd_m: float
     lasting_s: float = 60.0
@@ -63,7 +63,7 @@ class TissueModel:
     """Process model of a network with unknown forces on its marked nodes.
 
     uncertainty: directions in which the network's constants are uncertain
-    dim_x: number of states: the network's, and one poke for each coordinate of a poked node
+    dim_x: number of states, which are those of the network and a poke for each coordinate of a marked node
     """
 
     def __init__(
@@ -77,25 +77,22 @@ class TissueModel:
         self.mass = np.repeat(network.masses[network.free], network.dim)
 
     def propagate(self, points: Floats, dt: float, mode: ForceMode) -> Floats:
-        """Sigma points (n_points, dim_x) after dt [s], each with its own poke, which decays.
-
-        The states are in [m], [m/s] and [N].
-        """
+        """Sigma points (n_points, dim_x) after dt [s], in [m], [m/s] and [N]; the pokes in the state decay."""
         return self.propagate_each(points[None], dt, (mode,))[0]
 
     def propagate_each(self, points: Floats, dt: float, modes: Sequence[ForceMode]) -> Floats:
-        """Sigma points of each mode, (n_modes, n_points, dim_x), after dt [s], in [m], [m/s], [N]."""
+        """As `propagate`, for the points of each mode, (n_modes, n_points, dim_x), in [m], [m/s] and [N]."""
         n = self.network.n_state
         lasting = np.array([mode.lasting_s for mode in modes])[:, None, None]
         fade = np.exp(-dt / lasting)
         forces = np.zeros((*points.shape[:2], n // 2))
-        # mean share, over the step, of the poke at the start
+        # mean of the decaying poke over the step
         forces[:, :, self.poked_rows] = (1.0 - fade) * lasting / dt * points[:, :, n:]
         ahead = self.stepper.advance(points[:, :, :n].reshape(-1, n), dt, forces.reshape(-1, n // 2))
         return np.concatenate([ahead.reshape(*points.shape[:2], n), fade * points[:, :, n:]], axis=2)
 
     def resting_columns(self, shape: Floats) -> Floats:
-        """Change of a rest shape by an error of the constants along each direction, (dim_x, n_directions).
+        """Change of a rest shape due to a unit error along each of the uncertain directions, (dim_x, n_directions).
 
         shape: positions of all nodes [m], (n_nodes, dim)
         """
@@ -105,7 +102,7 @@ class TissueModel:
         forces = parameter_forces(self.network, self.uncertainty.parameters, shape, np.zeros_like(shape))
         forces = self.uncertainty.directions @ forces
         columns = np.zeros((self.dim_x, len(forces)))
-        # rigid motions without a fixed node have no resistance: errors of the constants cause none
+        # rigid motions of a body without a fixed node meet no stiffness and are left out
         columns[:half] = np.linalg.lstsq(stiffness_matrix(self.network, shape), forces.T, rcond=LOOSE)[0]
         return columns
 
@@ -113,7 +110,7 @@ class TissueModel:
         """Covariance of the noise of a step of dt [s], (dim_x, dim_x), by exact discretisation of each free coordinate.
 
         Springs and dashpots are ignored: over the longest step, 1/120 s, they change the variances of the phantom's
-        noise by up to 31 %. `LONGEST_STEP` states the resulting error of a prediction, at any frame rate.
+        noise by up to 31 %. See `LONGEST_STEP` for the resulting error of a prediction.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         Q = np.zeros((self.dim_x, self.dim_x))
@@ -121,17 +118,17 @@ class TissueModel:
         poke = np.array([_poke_noise(dt, mode.poke, mode.lasting_s)] * len(self.poked_rows))
         rows, mass = self.poked_rows, self.mass[self.poked_rows]
         places = (rows, half + rows, n + np.arange(len(rows)))
-        scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # acceleration to force in the third only
+        scales = (np.ones(len(rows)), np.ones(len(rows)), mass)  # only the third is a force, not an acceleration
         for a in range(3):
             for b in range(3):
                 Q[places[a], places[b]] += scales[a] * poke[:, a, b] * scales[b]
         return Q
 
     def linearised(self, shape: Floats, mode: ForceMode) -> tuple[Floats, Floats]:
-        """Matrix A and noise density of the augmented motion about a shape [m], (dim_x, dim_x); in [m], [m/s], [N].
+        """Matrix A and noise density, (dim_x, dim_x), of the motion about a shape [m]; the state is in [m], [m/s], [N].
 
-        Unstable motions, such as of a compressed link, keep their speed instead of growing: the real body moves
-        to another rest shape, while a linear motion would diverge.
+        An unstable motion, such as that of a compressed link, keeps its speed instead of growing: the real body moves
+        to another rest shape, but a linear motion would diverge.
         """
         n, half = self.network.n_state, self.network.n_state // 2
         A = np.zeros((self.dim_x, self.dim_x))
@@ -147,7 +144,7 @@ class TissueModel:
 
 
 def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
-    """Add the covariance of positions and velocities from accelerations of these densities, (half,), over dt [s]."""
+    """Add the covariance of positions and velocities due to white accelerations of these densities, (half,)."""
     q = np.arange(len(white))
     v = len(white) + q
     Q[q, q] += white * dt**3 / 3.0
@@ -157,7 +154,7 @@ def _add_flight(Q: Floats, white: Floats, dt: float) -> None:
 
 
 def _without_growth(by_mass: Floats, mass: Floats) -> Floats:
-    """Matrix -K / mass, (n, n), without the motions of negative stiffness; unchanged if there are none."""
+    """Matrix -K / mass, (n, n), without motions of negative stiffness; unchanged if there are none."""
     root = np.sqrt(mass)
     scaled = root[:, None] * by_mass / root
     values, vectors = np.linalg.eigh(0.5 * (scaled + scaled.T))
@@ -186,11 +183,10 @@ def accumulated_noise(A: Floats, density: Floats, seconds: float) -> Floats:
 
 
 def _poke_noise(dt: float, sd: float, tau: float) -> Floats:
-    """Covariance of position, velocity and poke per mass after dt [s] of a first-order Gauss-Markov force, (3, 3).
+    """Covariance of position, velocity and poke (an acceleration), (3, 3), due to the poke's own noise over dt [s].
 
-    sd: standard deviation of the force per mass [m/s²]; tau: its correlation time [s]
-
-    It is the Gauss-Legendre integral of g g' over the age of the noise, with g the response to noise of that age.
+    sd: standard deviation of the poke as acceleration [m/s²]; tau: its correlation time [s]
+    With the response g to noise of one age, the result is the Gauss-Legendre integral of g g' over all ages.
     """
     s = 0.5 * dt * (LEGENDRE[0] + 1.0)
     gone = -np.expm1(-s / tau)

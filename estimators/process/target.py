@@ -15,8 +15,8 @@ from estimators.arrays import Floats
 class TargetPoint:
     """A point of the tissue, position = sum_i weights_i x_i + offset; by default a node.
 
-    nodes: n names; weights: their weights, (n,), with sum 1; offset_m: offset of constant direction [m], (dim,),
-    zero if empty; sd_m: uncertainty of the offset, one standard deviation for each axis [m]
+    nodes: names of n nodes; weights: a weight for each node, (n,), with sum 1
+    offset_m: constant offset [m], (dim,), zero if empty; sd_m: standard deviation of its error on each axis [m]
     """
 
     nodes: tuple[str, ...]
@@ -37,7 +37,7 @@ class TargetPoint:
 class TargetMap:
     """Map from a state to the position of a target: matrix @ free coordinates + constant.
 
-    point: the mapped point; matrix [1], (dim, n_free dim); constant [m], (dim,): offset plus the anchors' share
+    point: the target; matrix: (dim, n_free dim) [1]; constant: offset, plus the weighted fixed nodes [m], (dim,)
     Every state begins with the free coordinates; any other states may follow.
     """
 
@@ -50,7 +50,7 @@ class TargetMap:
         return np.asarray(states[..., : self.matrix.shape[1]] @ self.matrix.T + self.constant)
 
     def linear(self, columns: Floats) -> Floats:
-        """Change of the target, (..., dim, r), for each column of changes of the state, (..., n, r)."""
+        """Change of the target, (..., dim, r), for changes of the state, (..., n, r)."""
         return np.asarray(self.matrix @ columns[..., : self.matrix.shape[1], :])
 
     def cov(self, covs: Floats) -> Floats:
@@ -60,7 +60,7 @@ class TargetMap:
 
 
 def target_map(network: MassSpringNetwork, target: str | TargetPoint) -> TargetMap:
-    """The map from a state to a target, a node's name or a point; raises NetworkError for unknown names.
+    """The map from a state to a target, which is a point or the name of a node; raises NetworkError for unknown names.
 
     Raises ValueError for an offset of another dimension and for a point that no free node moves.
     """

@@ -1,4 +1,4 @@
-"""Filter for frames that arrive late or out of order: it then repeats later frames from a bounded history."""
+"""Filter for frames that arrive late or out of order: it updates again with all later frames of its history."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from estimators.tissue.snapshot import all_or_nothing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Event:
-    """Measurement at one exposure time [s]: marks, or a fix of the target with its covariance [m, m²]."""
+    """Measurement at one exposure time [s]: marks, or a fix of the target (position [m] and covariance [m²])."""
 
     time_s: float
     marks: tuple[MarkMeasurement, ...] = ()
@@ -37,8 +37,8 @@ class Replay:
     events. The result equals, bit for bit, the result of the events in order.
 
     horizon_s: length of the history [s]
-    State: the filter; the events of the last horizon_s with the filter's state before each; late: number of events
-    out of order that were used, `fused`, and of events older than the history, `rejected`.
+    State: the filter; the events of the last horizon_s, and the filter's state before each of them.
+    late: numbers of events that arrived late; `fused` events were used, `rejected` events were older than the history
     """
 
     def __init__(self, tissue: TissueFilter, horizon_s: float = 0.5) -> None:
@@ -59,7 +59,7 @@ class Replay:
     def fix(self, time_s: float, position: Floats, cov: Floats) -> TargetEstimate | None:
         """The newest estimate after a fix of the target at this time [s]; None if it is older than the history.
 
-        position [m], (dim,), and its covariance [m²], (dim, dim)
+        position: measured position [m], (dim,); cov: its covariance [m²], (dim, dim)
         """
         return self._fused(Event(time_s, fix=(position, cov)))
 
@@ -77,7 +77,7 @@ class Replay:
         newest = self.tissue.time_s
         late = newest is not None and event.time_s < newest
         later = [kept for kept in self._kept if kept.event.time_s > event.time_s]
-        began = later[0].before.time_s if later else None  # None: no later event, the filter's own state
+        began = later[0].before.time_s if later else None  # None: there is no later event
         unkept = not later or (began is not None and began > event.time_s)
         if newest is not None and late and (unkept or event.time_s < newest - self.horizon_s):
             self.late["rejected"] += 1

@@ -1,7 +1,7 @@
 """Fixed-interval and fixed-lag smoothing: estimates of the target from earlier and later marks.
 
-The Rauch-Tung-Striebel smoother runs on the moments of the filter's mixture. All modes share the transition, so the
-mixture moves as one Gaussian with its mean and covariance. Source: [rauch1965].
+The Rauch-Tung-Striebel smoother treats the filter's mixture as one Gaussian with the same mean and covariance. This is
+possible because all modes have the same transition. Source: [rauch1965].
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from estimators.core.track import TissueFilter
 from estimators.tissue.estimate import MarkMeasurement, TargetEstimate
 
 SINGULAR = 1e-12
-"""Addition to the correlations of a prediction before their inversion [1]; numerical."""
+"""Addition to the diagonal of a predicted correlation matrix before its inversion [1]; numerical."""
 
 Frames = Iterable[tuple[float, Sequence[MarkMeasurement]]]
 
@@ -29,7 +29,7 @@ TimedFix = tuple[float, Floats, Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Step:
-    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the moves before it.
+    """A frame of the forward pass: mean (n,) and covariance (n, n) of the state, and the predictions (moves) to it.
 
     moves: empty if the filter started at this frame, so that its state has no information on earlier frames
     """
@@ -40,13 +40,13 @@ class Step:
 
 
 class ForwardPass:
-    """Filter that records what a smoother needs for each frame. State: the filter."""
+    """Filter that records for each frame what a smoother needs."""
 
     def __init__(self, tissue: TissueFilter) -> None:
         self.tissue = tissue
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> tuple[TargetEstimate, Step]:
-        """The filter's estimate at this time [s], and the step to it; raises ValueError as the filter does."""
+        """The filter's estimate at this time [s], and the recorded step; raises ValueError as the filter does."""
         return self._taken(time_s, lambda: self.tissue.update(marks))
 
     def fix(self, fix: TimedFix) -> tuple[TargetEstimate, Step]:
@@ -66,7 +66,7 @@ class ForwardPass:
         return estimate, Step(*own.moments_by(own.weights), moves if own is before and is_begun else [])
 
     def smoothed(self, steps: Iterable[Step]) -> Iterator[tuple[Floats, Floats]]:
-        """Mean (dim,) [m] and covariance [m²] of the target at each step given all steps, in reverse order."""
+        """Mean [m], (dim,), and covariance [m²] of the target at each step given all steps, in reverse order."""
         target = self.tissue.target
         rows = self.tissue.rows_of(target)
         for mean, cov in smooth(steps, self.tissue.process.considered):
@@ -80,14 +80,14 @@ def fixed_interval(
     *,
     fixes: Iterable[TimedFix] = (),
 ) -> list[TargetEstimate]:
-    """Smooth: estimate the target at each frame from all fixes and all frames, (time [s], marks) in order.
+    """Estimate the target at each frame from all frames and all fixes; frames: (time [s], marks) in order of time.
 
-    advance: called with the completed share, half of it forwards, half backwards. fixes: used at their times, except
-    those before the first marks or after the last frame.
+    advance: called with the completed share
+    fixes: used at their own times; those before the first marks and those after the last frame are ignored
     """
     passage, taken = ForwardPass(tissue), list(frames)
     waiting = deque(sorted(fixes, key=lambda fix: fix[0]))
-    passed: list[tuple[TargetEstimate | None, Step]] = []  # a fix has no output
+    passed: list[tuple[TargetEstimate | None, Step]] = []  # None: a fix, for which no estimate is returned
     for k, (time_s, marks) in enumerate(taken, start=1):
         while waiting and waiting[0][0] <= time_s:
             fix = waiting.popleft()
@@ -108,7 +108,7 @@ def fixed_interval(
 class FixedLag:
     """Smoother that estimates the target with a delay, given all marks until now.
 
-    lag_s: least delay [s]
+    lag_s: smallest delay [s]
     State: the forward pass, and the frames of the last lag_s.
     """
 
@@ -120,7 +120,7 @@ class FixedLag:
         self._passed: deque[tuple[TargetEstimate, Step]] = deque()
 
     def take(self, time_s: float, marks: Sequence[MarkMeasurement]) -> TargetEstimate | None:
-        """The target at the newest frame that is at least lag_s old; None if there is none."""
+        """The target at the newest frame that is at least lag_s old; None without such a frame."""
         self._passed.append(self._passage.take(time_s, marks))
         due_s = time_s - self.lag_s
         while len(self._passed) > 1 and self._passed[1][0].time_s <= due_s:
@@ -149,7 +149,7 @@ def smooth(steps: Iterable[Step], considered: NDArray[np.int64]) -> Iterator[tup
 
 
 def smoothed_before(mean: Floats, cov: Floats, move: Move, considered: NDArray[np.int64]) -> tuple[Floats, Floats]:
-    """Mean (n,) and covariance (n, n) before a move, given the smoothed ones after it.
+    """Smoothed mean (n,) and covariance (n, n) before a prediction (move); mean, cov: the smoothed ones after it.
 
     considered: states that no observation corrects
     """

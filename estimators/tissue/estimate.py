@@ -38,9 +38,10 @@ class Status(StrEnum):
 class MarkMeasurement:
     """Measured position of one mark, with its covariance.
 
-    node: node with the mark; position [m], (dim,); cov: of its own errors [m²], (dim, dim), positive definite
-    shared: shift by one standard deviation of each independent error that all marks of a frame share, such as those of
-        the camera's calibration [m], (dim, n_shared)
+    node: node with the mark; position: measured position [m], (dim,)
+    cov: covariance of the mark's own error [m²], (dim, dim), positive definite
+    shared: shift due to one standard deviation of each error that all marks of a frame share, such as calibration
+        errors [m], (dim, n_shared); these errors are independent of each other
 
     Arrays are copied and read-only, so that they stay valid after the check.
     """
@@ -99,7 +100,7 @@ class CommonShift:
     """Test whether one common shift of all marks in a frame, including rejected ones, explains their innovations.
 
     n_marks: number of marks; nis: normalised innovation squared that remains after the best common shift
-    nis_of_one: NIS that remains after the best shift of a single mark, which equals omitting this mark
+    nis_of_one: NIS that remains after the best shift of a single mark; such a shift equals omitting the mark
     """
 
     n_marks: int
@@ -116,15 +117,15 @@ class TargetEstimate:
         covariance
     status: see `Status`
     marks_used: number of marks used in this frame
-    nis: normalised innovation squared of those marks; None without marks, or if the method does not compute it
+    nis: normalised innovation squared of the used marks; None without marks, or if the method does not compute it
     poked: probability that a short external force acts; 0 for a continuum, None if the method does not compute it
     model_only: whether the marks contribute almost nothing, so that the estimate is a prediction by the model
-    gain: share of the open loop's variance of the target that the filter removes, at most 1; negative if the filter,
-    which considers pokes and wrong constants, is more uncertain than the open loop
-    information_share: for each node, relative increase of the target's variance without its mark in this frame
+    gain: 1 - variance of the filter / variance of the open loop (marks drive the model without a filter); it is
+    negative if the filter, which considers pokes and wrong constants, is more uncertain than the open loop
+    information_share: relative increase of the target's variance if a node's mark were not used, for each node
     shift: how well a common shift of all marks explains their innovations; None without marks, and for the first marks
-    noise: root mean square of the factor on the stated standard deviation of marks [1]; 1 if it is not estimated
-    measured: number of measured coordinates of the used marks, without depths for a single camera; None: all
+    noise: estimated factor on the marks' stated standard deviation [1]; 1 if it is not estimated
+    measured: number of measured coordinates of the used marks (a single camera measures no depth); None: all
     """
 
     time_s: float

@@ -10,7 +10,7 @@ from estimators.tissue.estimate import Status
 from estimators.tissue.settings import FilterSettings
 
 LEAST_FRAMES = 2
-"""Least number of frames whose innovations are tested together; the gate tests a single frame."""
+"""Smallest number of frames whose innovations are tested together; the gate tests a single frame."""
 
 MANY_DISTURBANCES = 2.5
 """Largest number of disturbances within test_s, as the sum of their probabilities; numerical: two are allowed; a third
@@ -22,9 +22,9 @@ class Health:
     """Health of the filter after a frame.
 
     status: see `Status`
-    since_s: time of the first mark since the start, the last loss or divergence [s]; None before the first
-    seen_s: time of the last mark that was used [s], -inf before the first
-    innovations: (time [s], NIS, degrees of freedom, probability of a disturbance) of the frames in the test
+    since_s: time of the first mark after the last start, loss or divergence [s]; None before the first mark
+    seen_s: time of the last mark that was used [s]; -inf before the first mark
+    innovations: time [s], NIS, degrees of freedom and probability of a disturbance of each frame in the test
     """
 
     status: Status = Status.INITIALISING
@@ -42,15 +42,15 @@ def after_frame(
     *,
     disturbance: float = 0.0,
 ) -> Health:
-    """Update a filter's health with a frame, whose marks have this NIS and number of coordinates; None: no marks.
+    """The health after a frame; nis: NIS of the used marks, None without marks; degrees: its degrees of freedom.
 
     disturbance: probability that a disturbance has just moved the tissue
 
     The status is INITIALISING until marks were used for confirm_s, because one frame shows no velocity. Then it is
-    TRACKING in each frame with marks, COASTING without marks, and LOST after lost_s without marks; new marks then lead
-    to INITIALISING. Frames with marks further apart than lost_s do not lose the target. Any status changes to DIVERGED
-    as soon as the sum of the NIS over test_s is too large, or only repeated disturbances explain it. The filter then
-    restarts, and is TRACKING again after test_s of marks that fit it.
+    TRACKING in each frame with marks, and COASTING in each frame without marks. After frames without marks for lost_s
+    it is LOST; new marks then lead to INITIALISING. Any status changes to DIVERGED as soon as the sum of the NIS over
+    test_s is too large, or too many disturbances are needed to explain it. The filter then restarts. If the marks agree
+    with it for test_s, it is TRACKING again.
     """
     if nis is None:
         return replace(health, status=_unseen(health, time_s, settings))
@@ -78,15 +78,15 @@ def _unseen(health: Health, time_s: float, settings: FilterSettings) -> Status:
 
 
 def diverged(innovations: Sequence[tuple[float, float, int, float]], sigmas: float) -> bool:
-    """Whether the sum of these NIS is more improbable than a normal variable above `sigmas` standard deviations."""
+    """Whether the sum of these NIS is above `largest_ratio` times the sum of their degrees of freedom."""
     degrees = sum(entry[2] for entry in innovations)
     return degrees > 0 and sum(entry[1] for entry in innovations) > degrees * largest_ratio(degrees, sigmas)
 
 
 def largest_ratio(degrees: int, sigmas: float) -> float:
-    """Chi-square quantile per degree of freedom, as improbable as `sigmas` standard deviations of a normal variable.
+    """Chi-square quantile per degree of freedom, for the probability of a standard normal variable below `sigmas`.
 
-    Sums of NIS are chi-square; Wilson and Hilferty's cube root makes them nearly normal [wilson1931].
+    A sum of NIS has a chi-square distribution. Wilson and Hilferty's cube root makes it nearly normal [wilson1931].
     """
     spread = 2.0 / (9.0 * degrees)
     return (1.0 - spread + sigmas * sqrt(spread)) ** 3

@@ -11,23 +11,22 @@ from estimators.process.process_model import FixBias, ForceMode
 class FilterSettings:
     """Settings of the filter: assumptions about unknown forces, and thresholds of its tests.
 
-    poked: forces of a poke; source: fields of `ForceMode`
-    led_nodes: marked nodes that an outside force may move all the time, at any speed; source: the scene
-    discrepancy: standard deviation of the model's error, relative to the body's extent; None: estimated [1]; source:
-    the scene
-    sigma_points: whether sigma points linearise the motion, in place of its derivative; source: the caller
-    fix_bias: common error of all fixes of the target; None without fixes; source: the scene
-    outlier_odds: prior odds that a mark is an outlier, anywhere in the tissue's reach [1]; choice
+    poked: strength and duration of pokes (brief forces on marked nodes); source: fields of `ForceMode`
+    led_nodes: marked nodes that an outside force, such as a gripper's, may drag at any time; source: the scene
+    discrepancy: standard deviation of the model's error, relative to the body's extent [1]; if None, it is estimated;
+    source: the scene
+    sigma_points: whether the motion is linearised with sigma points, not with derivatives; source: the caller
+    fix_bias: common error of all fixes (direct measurements) of the target, or None; source: the scene
+    outlier_odds: prior odds that a mark is an outlier [1]; choice. An outlier may be anywhere in the tissue's extent
     gate: squared Mahalanobis distance beyond which a fix is rejected [1]; source: chi-square, 2 dof, 99.999 %
     impulse_m_s: largest sudden change of a node's velocity [m/s]; choice
-    impulse_s: time for which the node moves at impulse_m_s before the springs pull it back; bounds the search region of
-    marks [s]; choice
-    confirm_s: time from the first marks of a start until the filter is TRACKING [s]; choice
+    impulse_s: time for which the node moves at impulse_m_s before the springs pull it back [s]; choice
+    confirm_s: time from the first used marks until the filter is TRACKING [s]; choice
     lost_s: time without marks after which the target is LOST [s]; choice
     forget_s: time without marks, at least lost_s, after which the state is reset [s]; choice
     test_s: time over which innovations are tested together for divergence [s]; choice
     test_sigmas: threshold of the test for divergence, in standard deviations of a normal variable [1]; choice
-    model_only_share: share of the variance without marks above which the estimate is `model_only` [1]; choice
+    model_only_share: share of the variance before any mark, above which the estimate is `model_only` [1]; choice
     """
 
     poked: ForceMode = ForceMode(white=0.043, poke=5.0, lasting_s=0.2)

@@ -1,8 +1,8 @@
 """Motion of a continuum in closed form: damped modes under smooth surface forces that decay.
 
 A mode with squared frequency w² and damping c follows x'' + c x' + w² x = f. Its responses to an impulse and to a force
-exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time: it is the difference of
-two states that decay at different rates and have the same noise.
+exp(-a t) are sums of exponentials, so a step of any length is exact. A force is smooth in time, because it is the
+difference of two states that decay at different rates and are driven by the same noise.
 """
 
 from __future__ import annotations
@@ -19,30 +19,30 @@ from estimators.core.motion.model import SOURCES, Along
 Exponents = NDArray[np.complex128]
 
 APART = 1e-3
-"""Least difference between the two roots of a mode, and between a force's rate and a root [1/s]; numerical."""
+"""Smallest difference between the two roots of a mode, and between a force's rate and a root [1/s]; numerical."""
 
 LEFT_OUT = 1e-4
 """Largest omitted share of the mean square displacement due to a source of forces [1]; numerical."""
 
 SIGNS = np.array([1.0, -1.0])
-"""Signs of the two states of a force: the lasting state, and the state that decays within the smooth time [1]."""
+"""A force is the sum of two states with these signs: a state that decays slowly, and one that decays quickly [1]."""
 
 SAME_S = 1e-9
 """Largest difference of frame intervals that counts as rounding [s]; numerical."""
 
 NODES, PANEL = 16, 8.0
-"""Nodes of a panel of Gauss quadrature, and the panel's length times the integrand's rate [1]; numerical."""
+"""Number of nodes in a panel of Gauss quadrature, and length of a panel times the integrand's rate [1]; numerical."""
 
 FIXED = 1e-6
-"""Relative standard deviation of the constant coordinate of the drawn shape [1]; numerical."""
+"""Standard deviation of the first coordinate, which is always 1 [1]; numerical."""
 
 
 class ContinuumSpan(Span):
-    """Positions of the points of a continuum: drawn positions times a constant coordinate, plus the modes."""
+    """Map from coordinates to positions in a continuum: first coordinate times drawn positions, plus modes."""
 
     @classmethod
     def of(cls, network: MassSpringNetwork) -> ContinuumSpan:
-        """The span of a network with a continuum; the first coordinate is always 1, the others are modes [m]."""
+        """The span of a network with a continuum; the first coordinate is always 1, the others are in [m]."""
         solid = network.continuum
         assert solid is not None  # the caller checks it
         drawn = network.positions[network.free].reshape(-1, 1)
@@ -54,12 +54,12 @@ class ContinuumSpan(Span):
         return cls(matrix, onto, np.r_[solid.mass, solid.masses], white)
 
     def coordinates(self, places: Floats) -> Floats:
-        """Coordinates (n,) that best fit positions of all nodes [m], (n_full,)."""
+        """Coordinates (n,) that best fit positions of the free nodes [m], (n_full,)."""
         return np.r_[1.0, np.linalg.lstsq(self.matrix[:, 1:], places - self.matrix[:, 0], rcond=None)[0]]
 
     @property
     def independent(self) -> Floats:
-        """Covariance of the coordinates (n, n) for independent displacements of unit variance in each mode."""
+        """Covariance of the coordinates (n, n) if the modes are independent, with standard deviations `white`."""
         return np.diag(np.r_[FIXED**2, self.white[1:] ** 2])
 
 
@@ -71,7 +71,7 @@ class ContinuumMotion:
     network : MassSpringNetwork
         Network with a continuum.
     disturbances : Disturbances
-        Strengths of surface forces, as accelerations of the whole mass.
+        Prior of the surface forces. A strength is the acceleration that a force gives to the whole mass.
     uncertainty : ParameterUncertainty, optional
         Uncertainty of the tissues' stiffness.
     """
@@ -111,7 +111,7 @@ class ContinuumMotion:
         return np.concatenate([motion @ state, fading * state[len(motion) :]])
 
     def along(self, state: Floats, dt: float) -> Along:
-        """Linearised motion from a state (2 n + n_f,) over dt [s]; it is exact."""
+        """Motion from a state (2 n + n_f,) over dt [s]; the linearisation is exact."""
         if self._last is None or abs(self._last[0] - dt) > SAME_S:
             self._last = dt, *self._motion(dt), self._noises(dt, len(state))
         _, motion, fading, noises = self._last
@@ -125,9 +125,9 @@ class ContinuumMotion:
         return ((grown[0] - grown[1]) / (one - other)).real, ((one * grown[0] - other * grown[1]) / (one - other)).real
 
     def _pushed(self, rate: float) -> tuple[Exponents, Exponents, Exponents]:
-        """Displacement [s²] and velocity [s] of each mode under exp(-rate t), as sums of three exponentials of t.
+        """Response of each mode to a force exp(-rate t) as a sum of three exponentials, sum_p factor_p exp(rate_p t).
 
-        Their factors and rates [1/s], (3, n_modes) each: sum_p factor_p exp(rate_p t)
+        Returns factors of the displacement [s²], factors of the velocity [s], rates [1/s], (3, n_modes) each.
         """
         one, other = self._roots
         a = np.where(np.minimum(np.abs(one + rate), np.abs(other + rate)) < APART, rate + 2.0 * APART, rate)
@@ -137,7 +137,7 @@ class ContinuumMotion:
         return moved, moved * rates, rates
 
     def _motion(self, dt: float) -> tuple[Floats, Floats]:
-        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay of the forces."""
+        """Jacobian of coordinates and velocities, (2 n, 2 n + n_f), and decay factor of each force, (n_f,)."""
         r, end = self._roots.shape[1], np.array([dt])
         n, x = 1 + r, np.arange(1, 1 + r)
         by_x, by_v = self._impulse(end)
@@ -155,12 +155,12 @@ class ContinuumMotion:
         return motion, np.exp(-dt / self.fading_s)
 
     def _states(self, first: int) -> list[slice]:
-        """Slices of the forces' two kinds of states in the state vector; first: where the forces begin."""
+        """Where the two kinds of force states are in the state vector; first: index of the first of them."""
         k = self._basis.shape[1]
         return [slice(first, first + k), slice(first + k, first + 2 * k)]
 
     def _noises(self, dt: float, n_state: int) -> Floats:
-        """Noise covariances of all `SOURCES` except the last two at unit variance, (4, n_state, n_state)."""
+        """Noise covariance from each of the first four `SOURCES` at unit variance, (4, n_state, n_state)."""
         n = 1 + self._roots.shape[1]
         noises = np.zeros((len(SOURCES) - 2, n_state, n_state))
         x, v = np.arange(1, n), n + np.arange(1, n)
@@ -172,7 +172,7 @@ class ContinuumMotion:
             for b, columns in ((moved, x), (rates * moved, v)):
                 noises[0, rows, columns] = np.einsum("pi,qi,pqi->i", a, b, grown).real
         t, weights = _ages(dt, float(np.abs(self._roots).min(axis=0).max()))
-        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # response to an impulse of noise of each age
+        answers = np.zeros((n_state, self._basis.shape[1], len(t)))  # response to a noise impulse of each age
         for rate, sign, force in zip(self._fading, SIGNS, self._states(2 * n), strict=True):
             *factors, rates = self._pushed(rate)
             grown = sign * np.exp(rates[..., None] * t)
@@ -184,7 +184,7 @@ class ContinuumMotion:
         return noises
 
     def _moved_by_constants(self, start: Floats, end: Floats, dt: float) -> Floats:
-        """Effect of an error of one standard deviation in each constant, (2 n, n_constants), by its mean force."""
+        """Effect of one standard deviation of each constant on the state at the end, (2 n, n_constants)."""
         n = 1 + self._roots.shape[1]
         if self._constants is None:
             return np.zeros((2 * n, 0))
@@ -192,7 +192,7 @@ class ContinuumMotion:
         return self.pushed(start, dt, np.vstack([np.zeros((1, pushes.shape[1])), pushes]))
 
     def pushed(self, _state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Coordinates and velocities after dt [s], (2 n, k), due to constant accelerations (n, k) [m/s²]."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
         n = 1 + self._roots.shape[1]
         columns = np.zeros((2 * n, accelerations.shape[1]))
         *answers, rates = self._pushed(0.0)
@@ -202,9 +202,9 @@ class ContinuumMotion:
 
 
 def _effective(push: Floats, by_force: Floats) -> Floats:
-    """The fewest columns of accelerations (n_modes, any) with the same displacements except for a share `LEFT_OUT`.
+    """As few columns as possible with the displacements of the given columns, except for a share `LEFT_OUT`.
 
-    by_force: displacement of each mode per unit of its acceleration [s²], (n_modes, 1)
+    push: accelerations, (n_modes, any); by_force: displacement of each mode per unit acceleration [s²], (n_modes, 1)
     """
     _, sizes, right = np.linalg.svd(by_force * push, full_matrices=False)
     kept = np.cumsum(sizes[::-1] ** 2)[::-1] > LEFT_OUT * (sizes**2).sum()
@@ -214,7 +214,7 @@ def _effective(push: Floats, by_force: Floats) -> Floats:
 def _ages(dt: float, rate: float) -> tuple[Floats, Floats]:
     """Nodes [s] and weights [s], (k,), of Gauss quadrature from 0 to dt [s] for rates of change up to `rate` [1/s].
 
-    Closed forms of the integrals lose precision for a free mode, whose variance grows with the fifth power of dt.
+    For a mode without stiffness, whose variance grows with the fifth power of dt, closed forms lose precision.
     """
     edges = np.linspace(0.0, dt, 1 + max(1, int(np.ceil(rate * dt / PANEL))))
     x, weights = np.polynomial.legendre.leggauss(NODES)

@@ -11,16 +11,17 @@ from dynamics.elements import Span
 from estimators.arrays import Floats
 
 SOURCES = ("white", "short", "led", "slow", "discrepancy", "lasting")
-"""Sources of noise, in the order of `Transition`; the last two are independent in each state."""
+"""Sources of noise, in the order of `Transition`; noise of the last two is independent between states."""
 
 
 class Along(NamedTuple):
-    """Linearised motion over an interval.
+    """Linearised motion over an interval; the state has n coordinates, n velocities and n_f forces.
 
-    The state has n coordinates, n velocities and n_f forces. mean (2 n + n_f,): state after it; motion (2 n, 2 n +
-    n_f): derivative of coordinates and velocities; fading (n_f,): remaining share of each force; noises (4, 2 n + n_f,
-    2 n + n_f): covariance from `SOURCES` except the last two, at unit variance; by_constants (2 n, n_constants): effect
-    of an error of one standard deviation in each constant
+    mean: state at the end, (2 n + n_f,)
+    motion: derivative of the coordinates and velocities at the end with respect to the start, (2 n, 2 n + n_f)
+    fading: decay factor of each force, (n_f,)
+    noises: covariance of the noise from each of the first four `SOURCES` at unit variance, (4, 2 n + n_f, 2 n + n_f)
+    by_constants: effect of one standard deviation of each constant on coordinates and velocities at the end, (2 n, any)
     """
 
     mean: Floats
@@ -40,7 +41,7 @@ class Motion(Protocol):
     extent_m : float
         Extent of the body [m].
     raised : float
-        Factor on the strengths of forces except calm ones, for a stiff body [1].
+        Factor that adapts the strengths of forces to the body's stiffness; calm forces are not changed [1].
     driving : (n_f,) int
         Index in `SOURCES` of the source that drives each force.
     fading_s : (n_f,)
@@ -63,7 +64,7 @@ class Motion(Protocol):
 
     @property
     def raised(self) -> float:
-        """Factor on the strengths of forces except calm ones [1]."""
+        """Factor that adapts the strengths of forces to the body's stiffness [1]."""
 
     @property
     def driving(self) -> NDArray[np.int64]:
@@ -84,4 +85,4 @@ class Motion(Protocol):
         """Linearised motion from a state (2 n + n_f,) over dt [s]."""
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""

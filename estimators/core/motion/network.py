@@ -35,22 +35,22 @@ STEP_TOLERANCE = 1e-4
 """Largest error of a step, relative to the body's extent [1]; numerical."""
 
 FLAT = 1e-3
-"""Relative extent in a direction below which a body is thin there [1]; choice."""
+"""A body is flat if its smallest extent, relative to its largest, is below this number [1]; choice."""
 
 RANK = 20
 """Largest number of basis functions of a slow force for each axis; numerical."""
 
 GROWING = (0.5, 5.0, 30.0)
-"""Growth rates of the forces whose responses are the shapes of a reduced body [1/s]; numerical."""
+"""The shapes of a reduced body are its responses to forces that grow at these rates [1/s]; numerical."""
 
 LEFT_OUT = 2e-3
-"""Largest displacement of an omitted shape, relative to the extent [1]; numerical: the least discrepancy is 3e-3."""
+"""Largest displacement of an omitted shape, relative to the extent [1]; numerical: below the default discrepancy."""
 
 WEAK = 1e-2
 """Largest omitted force of a source, relative to the source's largest force [1]; numerical."""
 
 LARGE, FEWER = 30, 0.75
-"""Number of nodes above which a body may be reduced; largest number of its shapes divided by its nodes [1]; choice."""
+"""Number of nodes above which a body may be reduced; largest number of shapes per node [1]; choice."""
 
 
 class NetworkMotion:
@@ -97,12 +97,12 @@ class NetworkMotion:
         self._by_constants = None if uncertainty is None else ParameterForces(network, uncertainty.parameters)
 
     def _span(self, assembly: Assembly, pushes: Mapping[str, Floats], disturbances: Disturbances) -> Span:
-        """Span of all coordinates or, for many nodes, of few shapes; pushes: accelerations by source, (n_free, any)."""
+        """The span: few shapes for many nodes, else all coordinates; pushes: accelerations by source, (n_free, any)."""
         free, dim, usual = self._network.free, self._network.dim, Disturbances()
         masses = self._network.masses[free]
         if len(free) <= LARGE:
             return Span.whole(np.repeat(masses, dim))
-        # At least the usual strengths: a needle's known force bends the body more than a weak prior expects
+        # A needle's known force may bend the body more than a weak prior expects: the default strengths are a minimum
         least = {"short": usual.poke_m_s2, "led": usual.led_m_s2, "slow": usual.slow_m_s2[-1]}
         own = disturbances.strongest(self.raised)
         sd = {name: max(own[name], self.raised * least[name]) for name in pushes}
@@ -116,7 +116,7 @@ class NetworkMotion:
         return Span.of_shapes(shapes, masses, dim)
 
     def _forces(self, pushes: Mapping[str, Floats]) -> tuple[Floats, NDArray[np.int64]]:
-        """Accelerations of the coordinates (n, n_f) by each force, and the source of each force, (n_f,)."""
+        """Acceleration of each coordinate by a unit of each force, (n, n_f), and the source of each force, (n_f,)."""
         dim, columns, sources = self._network.dim, [], []
         for name, push in pushes.items():
             columns.append(principal(self.span.onto[::dim, ::dim] @ push))
@@ -124,7 +124,7 @@ class NetworkMotion:
         return np.asarray(np.kron(np.hstack(columns), np.eye(dim))), np.repeat(sources, dim)
 
     def _may_be_pushed(self, marked: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Free nodes on which slow forces act: all nodes of a cable or cloth in space, else the marked nodes."""
+        """Whether slow forces act on each free node: on all nodes of a cable or cloth in space, else on marked ones."""
         network = self._network
         extents = np.linalg.svd(network.positions - network.positions.mean(axis=0), compute_uv=False)
         is_thin = network.dim == 3 and extents[-1] < FLAT * extents[0]
@@ -144,9 +144,9 @@ class NetworkMotion:
         return Along(moves[-1].state, motion, fading, noises, by_constants)
 
     def moved_each(self, states: Floats, dt: float) -> Floats:
-        """Coordinates and velocities of states (k, 2 n + n_f or more) after dt [s], (k, 2 n), by explicit steps.
+        """Coordinates and velocities after dt [s], (k, 2 n), from states (k, 2 n + n_f or more), by explicit steps.
 
-        Over dt each force is constant at its mean.
+        Each force is replaced by its mean over dt.
         """
         assert self._explicit is not None  # only sigma points call this
         moving, rates = 2 * len(self.span.masses), 1.0 / self.fading_s
@@ -155,9 +155,9 @@ class NetworkMotion:
         return self._explicit.advance(states[:, :moving], dt, forces @ self._basis.T)
 
     def _moved_by_constants(self, start: Floats, moves: Sequence[Move]) -> Floats:
-        """Effect of an error of one standard deviation in each constant on the end of the steps, (2 n, n_constants).
+        """Effect of one standard deviation of each constant on the state after all steps, (2 n, n_constants).
 
-        start: coordinates and velocities before the steps. Forces are those in the middle of a step.
+        start: coordinates and velocities before the first step
         """
         moving = len(start)
         if self._by_constants is None:
@@ -166,12 +166,12 @@ class NetworkMotion:
         return _pushed(moves, 0.5 * (pushes[:-1] + pushes[1:]))
 
     def pushed(self, state: Floats, dt: float, accelerations: Floats) -> Floats:
-        """Change of coordinates and velocities over dt [s], (2 n, k), by constant accelerations (n, k) [m/s²]."""
+        """Change of coordinates and velocities over dt [s], (2 n, k), due to constant accelerations [m/s²], (n, k)."""
         moves = self._stepper.moves(state, dt, LONGEST_S)
         return _pushed(moves, [accelerations] * len(moves))
 
     def _accelerations(self, states: Floats) -> Floats:
-        """Accelerations due to an error of one standard deviation in each constant [m/s²], (..., n, n_constants).
+        """Accelerations due to one standard deviation of each constant [m/s²], (..., n, n_constants).
 
         states: coordinates and velocities, (..., 2 n)
         """
@@ -184,7 +184,7 @@ class NetworkMotion:
 
 
 def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> Floats:
-    """Change of coordinates and velocities over steps, (2 n, k), by accelerations in each of them, (n, k) [m/s²]."""
+    """Change of coordinates and velocities over all steps, (2 n, k); accelerations: for each step [m/s²], (n, k)."""
     n, k = accelerations[0].shape
     columns = np.zeros((2 * n, k))
     for move, own in zip(moves, accelerations, strict=True):
@@ -193,9 +193,9 @@ def _pushed(moves: Sequence[Move], accelerations: Sequence[Floats] | Floats) -> 
 
 
 def principal(columns: Floats) -> Floats:
-    """The fewest columns L with nearly the same covariance L L' as these columns (n, any).
+    """As few columns as possible with nearly the same covariance L L' as the given columns L (n, any).
 
-    If all columns matter, they are returned unchanged.
+    If none can be omitted, the given columns are returned.
     """
     vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     kept = sizes > WEAK * sizes.max(initial=0.0)
@@ -203,7 +203,7 @@ def principal(columns: Floats) -> Floats:
 
 
 def _slowest(assembly: Assembly, masses: Floats, q: Floats) -> float:
-    """Square of the lowest angular frequency of the body, without its free motions [1/s²]."""
+    """Square of the body's lowest angular frequency [1/s²]; motions without stiffness are ignored."""
     K = assembly.tangents(q, np.zeros_like(q))[0].toarray()
     values = eigh(K, np.diag(masses), eigvals_only=True)
     return float(values[values > 1e-6 * values[-1]][0])

@@ -24,13 +24,13 @@ def by_sigma_points(
     Parameters
     ----------
     tangent : Transition
-        Linearisation by derivatives: gives the dependence on other states, and the noise.
+        Linearisation by derivatives. It supplies the dependence on the other states, and the noise.
     mean, cov : (n,), (n, n)
         Moments of the previous state.
     m : int
-        Number of first states whose motion is nonlinear.
+        Number of states whose motion is nonlinear. They come first in the state.
     moved : callable
-        Returns the next first m states, (k, m), from states (k, n); it may simplify forces, but equally for all states.
+        Returns the first m states after the step, (k, m), from states (k, n). An error common to all states cancels.
     """
     root = np.linalg.cholesky(cov[:m, :m])
     steps = np.sqrt(m) * root.T
